@@ -40,8 +40,8 @@ from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import painted_ground, painted_sides
-from facade_core.synth.street_truth import SyntheticStreet, hidden_points, synthetic_street
+from facade_core.synth.street_paint import ground_pattern, side_pattern
+from facade_core.synth.street_truth import SyntheticStreet, is_behind_cutout, synthetic_street
 
 # Of the charts that are measured; the fronts stay as they are painted.
 DENSITY = 12.0
@@ -53,10 +53,10 @@ def measure(
     *, seed: int = 3, buildings: int = 8, cameras: int = 5, width: int = 2048, pictures: Path | None = None
 ) -> dict[str, Any]:
     """A street of so many houses and cameras; pictures: a folder for those of its walls and roofs."""
-    street = synthetic_street(buildings, seed=seed, roofed=True)
-    paint = painted_sides(street)
+    street = synthetic_street(buildings, seed=seed, with_roofs=True)
+    paint = side_pattern(street)
     true, given, gains, images = photographed_street(
-        street, cameras, width, seed, ground=painted_ground(street), sides=paint
+        street, cameras, width, seed, ground=ground_pattern(street), sides=paint
     )
     scene = _coarser(street)
     start = time.perf_counter()
@@ -85,13 +85,13 @@ def _recovered(
     poses: Sequence[Pose],
     pictures: Path | None,
 ) -> dict[str, Any]:
-    paint = painted_sides(street)
+    paint = side_pattern(street)
     squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
         PanoramaCamera(image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own))
         for image, pose, mask, factor, own in zip(images, poses, hidden, exposure_factors(squares), squares, strict=True)
     ]
-    line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     seconds: dict[str, list[float]] = {"take": [], "finish": []}
     charts = [c for c in np.flatnonzero(is_main_surface(scene.charts)).tolist() if c not in street.charts]
@@ -152,7 +152,7 @@ def _recovered(
 
 def _before(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose, supposed: Pose) -> np.ndarray:
     """Where the raster of a chart shows a cut-out, (h, w) bool."""
-    return hidden_points(street, points, true, supposed=supposed)
+    return is_behind_cutout(street, points, true, assumed_pose=supposed)
 
 
 def _beside(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose, supposed: Pose) -> np.ndarray:

@@ -40,13 +40,13 @@ from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import painted_ground
+from facade_core.synth.street_paint import ground_pattern
 from facade_core.synth.street_truth import (
     GroundPaint,
     SidePaint,
     SyntheticStreet,
-    hidden_points,
-    panorama,
+    is_behind_cutout,
+    render_street_panorama,
     synthetic_street,
 )
 
@@ -60,7 +60,7 @@ def measure(
 ) -> dict[str, Any]:
     """A street of so many houses and cameras; pictures: a folder for those of its ground."""
     street = synthetic_street(buildings, seed=seed)
-    true, given, gains, images = photographed_street(street, cameras, width, seed, ground=painted_ground(street))
+    true, given, gains, images = photographed_street(street, cameras, width, seed, ground=ground_pattern(street))
     scene = _finer(street.scene)
     found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
     for name, poses in (("given", given), ("refined", None), ("true", true)):
@@ -83,7 +83,7 @@ def photographed_street(
     rng = np.random.default_rng(seed)
     true, given, gains, images = [], [], [], []
     for number in range(cameras):
-        x, y = street.place((number + 0.5) / cameras * street.length, (-1) ** number * 1.5)
+        x, y = street.world_point((number + 0.5) / cameras * street.length, (-1) ** number * 1.5)
         pose = Pose(float(x), float(y), 2.5, float(rng.uniform(0, 360)), *rng.normal(0, 0.5, 2).tolist())
         sideways, sign = rng.uniform(0, 2 * np.pi), rng.normal(0, 1, 3)
         true.append(pose)
@@ -98,7 +98,7 @@ def photographed_street(
             )
         )
         gains.append(float(rng.uniform(0.7, 1.0)))
-        images.append(panorama(street, pose, width, gain=gains[-1], seed=number, ground=ground, sides=sides))
+        images.append(render_street_panorama(street, pose, width, gain=gains[-1], seed=number, ground=ground, sides=sides))
     return true, given, gains, images
 
 
@@ -122,7 +122,7 @@ def _recovered(
     gains: Sequence[float],
     pictures: Path | None,
 ) -> dict[str, Any]:
-    paint = painted_ground(street)
+    paint = ground_pattern(street)
     seconds: dict[str, list[float]] = {"look": [], "mask": [], "ground": [], "finish": []}
     cameras, squares = [], []
     for image, pose in zip(images, poses, strict=True):
@@ -136,7 +136,7 @@ def _recovered(
     factor = exposure_factors(squares)
     cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
-    street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    street_line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (street_line,), seed=1)
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
     shown: dict[int, CameraView] = {}
@@ -161,7 +161,7 @@ def _recovered(
         ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
-        covered = np.stack([hidden_points(street, points, a, supposed=b) for a, b in zip(true, poses, strict=True)])
+        covered = np.stack([is_behind_cutout(street, points, a, assumed_pose=b) for a, b in zip(true, poses, strict=True)])
         camera = shown[chart].camera if chart in shown else np.full(size, -1, np.int8)
         rasters = {
             "truth": paint(points.reshape(-1, 3)[:, :2]).reshape(points.shape),

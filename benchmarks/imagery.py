@@ -31,7 +31,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
-from facade_core.synth.street_truth import SyntheticStreet, hidden, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 
 # Views of a wall that are compared or fused, and the least share of it that each shows.
 VIEWS, LEAST_SEEN = 3, 0.25
@@ -138,7 +138,7 @@ def street_with_cameras(
     rng = np.random.default_rng(seed)
     true, given, images = [], [], []
     for number in range(panoramas):
-        x, y = street.place((number + 0.5) / panoramas * street.length, (-1) ** number * 1.5)
+        x, y = street.world_point((number + 0.5) / panoramas * street.length, (-1) ** number * 1.5)
         pose = Pose(float(x), float(y), 2.5, float(rng.uniform(0, 360)), *rng.normal(0, 0.5, 2).tolist())
         off = rng.normal(0, 1, 3)
         true.append(pose)
@@ -151,7 +151,7 @@ def street_with_cameras(
             "roll": pose.roll + 0.3 * float(off[2]),
         }
         given.append(replace(pose, **noise))
-        images.append(panorama(street, pose, width, gain=float(rng.uniform(0.8, 1.0)), seed=number))
+        images.append(render_street_panorama(street, pose, width, gain=float(rng.uniform(0.8, 1.0)), seed=number))
     return street, true, given, images
 
 
@@ -211,13 +211,13 @@ def _recovered(
     """Means over facades: PSNR in dB of the best view alone and of the fused raster; the share of clear texels of each."""
     best, fused, covered, covered_by_best = [], [], [], []
     for facade, chart in enumerate(street.charts):
-        truth = street.painted[facade].image
+        truth = street.facades[facade].image
         size = truth.shape[:2]
         shown = find_sightings(street.scene, chart, poses, [image.shape[:2] for image in images])[:VIEWS]
         views = []
         for s in shown:
             view = rectify_view(street.scene, chart, images[s.panorama], poses[s.panorama], size)
-            before = hidden(street, facade, true[s.panorama], size, supposed=poses[s.panorama])
+            before = cutout_mask(street, facade, true[s.panorama], size, assumed_pose=poses[s.panorama])
             views.append(replace(view, occluded=before))
         if not views:
             continue

@@ -16,7 +16,7 @@ import numpy as np
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.parsing.occluder_labels import ground_floor_rows
 from facade_core.parsing.training_views import ANY_CLASS
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 
 # A seed of painted facades that neither the training nor the demo paints.
 PAINTED_SEED = 30_000
@@ -80,7 +80,7 @@ def false_masks(facades: Iterable[LabelledFacade], hidden: Hidden) -> dict[str, 
 
 def false_masks_painted(hidden: Hidden) -> dict[str, Any]:
     """The same of the whole of painted facades, which nothing stands in front of."""
-    return _shares([float(hidden(painted.image).mean()) for painted in exemplars(_PAINTED, seed=PAINTED_SEED)])
+    return _shares([float(hidden(painted.image).mean()) for painted in paint_exemplar_set(_PAINTED, seed=PAINTED_SEED)])
 
 
 def _shares(shares: Sequence[float]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from facade_core.facade.variation.patches import (
     wall_integrals,
 )
 from facade_core.facade.variation.rendering import drawing_depth
-from facade_core.synth.facade import facade
+from facade_core.synth.facade import paint_facade
 from facade_core.synth.styles import STYLES
 
 # Painted facades to learn from have seeds from here on; a window is told from so many pixels.
@@ -107,7 +107,7 @@ def painted(number: int) -> Iterator[Windows]:
         rng = np.random.default_rng(LEARNT + k)
         floors, columns = int(rng.integers(3, 7)), int(rng.integers(3, 9))
         size = 3.3 * floors + 3, float(rng.uniform(2.2, 3.6)) * columns + 1
-        made = facade(
+        made = paint_facade(
             size,
             floors=floors,
             columns=columns,
@@ -176,7 +176,7 @@ def main() -> None:
     unseen = []
     for seed in range(UNSEEN, UNSEEN + 3):
         for style in STYLES:
-            one = facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=seed)
+            one = paint_facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=seed)
             unseen.append(list(windows_of(one.image, one.elements, one.element_states)))
     known, real = json.loads(STATES.read_text())["windows"], []
     for name, image, labels in facades(folder, 1):

@@ -39,7 +39,7 @@ from facade_core.imagery.poses.panorama_camera import camera_position, is_in_vie
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
 from tasks.published.opened import Published, published
 from tasks.stages.shared.images import read_panorama
-from tasks.stages.shared.refined_poses import is_refused, select_pose
+from tasks.stages.shared.refined_poses import is_rejected, select_pose
 
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
 # What is farther is not compared, metres; nor a view that shows less than this share of a kind.
@@ -187,7 +187,7 @@ def _taken(block: Block, out: Path) -> dict[str, Taken]:
     found = {}
     with published(out / "run") as run:
         for panorama, pose, record in zip(block.panoramas, run.plan.poses, run.posed, strict=True):
-            if not is_refused(record):
+            if not is_rejected(record):
                 image = read_panorama(panorama.path)
                 at = select_pose(pose, record)
                 found[panorama.path.name] = Taken(image, at, mask_building_occluders(image, at))
@@ -200,7 +200,7 @@ def _placed(found: Published, names: Sequence[str], taken: dict[str, Taken]) -> 
     return {
         name: Taken(taken[name].image, select_pose(pose, record), taken[name].hidden)
         for name, pose, record in poses
-        if name in taken and not is_refused(record)
+        if name in taken and not is_rejected(record)
     }
 
 

@@ -21,7 +21,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.matching.finding import CANDIDATES, LEAST, SURE
 
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
@@ -37,7 +37,7 @@ def photo_of(street: SyntheticStreet, chart: int, rng: np.random.Generator) -> t
     toward = np.degrees(np.arctan2(foot[0] - place[0], foot[1] - place[1]))
     heading = float(toward + rng.uniform(-15, 15)) % 360
     pose = Pose(float(place[0]), float(place[1]), float(foot[2] + rng.uniform(1.5, 1.8)), heading)
-    whole = panorama(street, pose, PANORAMA, seed=int(rng.integers(2**31)))
+    whole = render_street_panorama(street, pose, PANORAMA, seed=int(rng.integers(2**31)))
     rise = (height / 2 - 1.6) / 16.0
     return perspective(whole, float(rise)), place[:2], heading
 

@@ -28,9 +28,9 @@ from benchmarks.look.photos import read_picture
 from benchmarks.look.views import FIELD_OF_VIEW, SIZE
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.stains import BANDS_M, wall_deviations
-from facade_core.synth.exemplars import exemplar
+from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import PaintedFacade
-from facade_core.synth.styles import NORDIC
+from facade_core.synth.styles import NORDIC_STYLES
 from tasks.examples.demo import EXEMPLAR_PIXELS_PER_METRE, EXEMPLARS, SEED
 
 DENSITIES = (64, 32, 16)
@@ -56,7 +56,7 @@ def main() -> None:
     facades, seconds = [], []
     for number in range(options.count):
         start = time.process_time()
-        facades.append(exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC))
+        facades.append(paint_exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES))
         seconds.append(time.process_time() - start)
     figures: dict[str, Any] = {
         "benchmark": "painting",

@@ -41,7 +41,7 @@ from facade_core.imagery.poses.joint_refinement import PriorPose, refine_jointly
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
-from facade_core.synth.street_truth import SyntheticStreet, hidden
+from facade_core.synth.street_truth import SyntheticStreet, cutout_mask
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_panorama
 
@@ -152,9 +152,9 @@ def _left_out_of(
     facade = {chart: number for number, chart in enumerate(street.charts)}
 
     def view(chart: int, n: int) -> ChartView:
-        size = street.painted[facade[chart]].image.shape[:2]
+        size = street.facades[facade[chart]].image.shape[:2]
         found = rectify_view(street.scene, chart, images[n], taken[n], size)
-        return replace(found, occluded=hidden(street, facade[chart], true[n], size, supposed=taken[n]))
+        return replace(found, occluded=cutout_mask(street, facade[chart], true[n], size, assumed_pose=taken[n]))
 
     return left_out(street.scene, street.charts, images, taken, view, street.scene.spec.texels_per_metre)
 

@@ -31,7 +31,7 @@ from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 
 _HEIGHTS_M = {"ppl": (1.2, 2.0), "car": (1.4, 1.7), "truck": (2.4, 3.2)}
 _STOREY_M = 3.5
@@ -114,7 +114,7 @@ def _with_things(
 def measure_second_opinion(facades: Sequence[LabelledFacade], pieces: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Faces and plates, by their height in pixels, before some of the facades, and on painted facades."""
     found = faces_and_plates.measure(facades[:_OF_EACH], pieces)
-    painted = exemplars(_PAINTED, seed=in_front.PAINTED_SEED)
+    painted = paint_exemplar_set(_PAINTED, seed=in_front.PAINTED_SEED)
     return found | {"painted": faces_and_plates.measure_clean([facade.image for facade in painted])}
 
 

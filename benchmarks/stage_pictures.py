@@ -35,9 +35,9 @@ from facade_core.imagery.rectify.photo import rectify
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.exemplars import exemplar
-from facade_core.synth.street_paint import painted_ground, painted_sides
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.exemplars import paint_exemplar
+from facade_core.synth.street_paint import ground_pattern, side_pattern
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.published.opened import Published, published
 
 PAPER, GAP = 255, 8
@@ -149,7 +149,7 @@ def publish(found: Published) -> np.ndarray:
 def rectified() -> np.ndarray:
     """A painted facade, as a known camera takes it, and as it is rectified without its focal length."""
     chance = np.random.default_rng(SEED)
-    facade = exemplar(0, seed=SEED).image
+    facade = paint_exemplar(0, seed=SEED).image
     height = 18.0
     width = height * facade.shape[1] / facade.shape[0]
     taken = photograph(facade, photographer(chance, width, height), width, height, chance)
@@ -163,7 +163,7 @@ def _street() -> tuple[SyntheticStreet, list[Pose], list[Pose], list[np.ndarray]
     chance = np.random.default_rng(SEED)
     true, given, images = [], [], []
     for number in range(3):
-        x, y = street.place((number + 0.5) / 3 * street.length, (-1) ** number * 1.5)
+        x, y = street.world_point((number + 0.5) / 3 * street.length, (-1) ** number * 1.5)
         true.append(Pose(float(x), float(y), 2.5, float(chance.uniform(0, 360))))
         angle = chance.uniform(0, 2 * np.pi)
         given.append(
@@ -175,7 +175,7 @@ def _street() -> tuple[SyntheticStreet, list[Pose], list[Pose], list[np.ndarray]
             )
         )
         gain = float(chance.uniform(0.7, 1.0))
-        images.append(panorama(street, true[-1], WIDTH, gain=gain, seed=number, ground=painted_ground(street)))
+        images.append(render_street_panorama(street, true[-1], WIDTH, gain=gain, seed=number, ground=ground_pattern(street)))
     return street, true, given, images
 
 
@@ -202,7 +202,7 @@ def ground() -> np.ndarray:
     shown = {c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
     chart = max(shown, key=lambda c: float(part.is_visible.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     material = materials.chart_raster(chart).reshape(*size, 3)
     pictured = {c: part for c, part in shown.items() if part is not None}
@@ -213,9 +213,9 @@ def ground() -> np.ndarray:
 
 def walls() -> np.ndarray:
     """A side wall beside a gap: of material, as cameras show it, finished, and as it is."""
-    street = synthetic_street(6, seed=SEED, roofed=True)
-    scene, paint = street.scene, painted_sides(street)
-    _, given, _, images = photographed_street(street, 3, WIDTH, SEED, ground=painted_ground(street), sides=paint)
+    street = synthetic_street(6, seed=SEED, with_roofs=True)
+    scene, paint = street.scene, side_pattern(street)
+    _, given, _, images = photographed_street(street, 3, WIDTH, SEED, ground=ground_pattern(street), sides=paint)
     poses = refined(scene, images, given)
     squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     seen = [
@@ -232,7 +232,7 @@ def walls() -> np.ndarray:
     shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}
     chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     without, known = KnownTexture(shown_reader(scene, {}), (), ()), KnownTexture(shown_reader(scene, shown), shown, (), shown)
     material, finished = (finish_chart(scene, materials, chart, one, is_neural=False)[0] for one in (without, known))

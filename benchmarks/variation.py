@@ -147,7 +147,7 @@ def run(folder: Path, *, every: int = 4, parsed: bool = False, others: bool = Tr
 
 def large() -> dict[str, object]:
     """Processor seconds of 15 floors of 30 windows: of relaxing matrices of so many types, and of encoding a painted facade."""
-    from facade_core.synth.facade import facade
+    from facade_core.synth.facade import paint_facade
 
     rng = np.random.default_rng(1)
     seconds: dict[str, object] = {}
@@ -159,7 +159,7 @@ def large() -> dict[str, object]:
         start = time.process_time()
         relax_structure(structure, cost / cost.max())
         seconds[f"relaxing 450 windows of {types} types, s"] = round(time.process_time() - start, 2)
-    painted = facade((90.0, 50.0), floors=15, columns=30, style="brick", metres_per_pixel=0.06, seed=3)
+    painted = paint_facade((90.0, 50.0), floors=15, columns=30, style="brick", metres_per_pixel=0.06, seed=3)
     encode(painted.image, painted.elements[:2])
     start = time.process_time()
     encode(painted.image, painted.elements)

@@ -54,13 +54,13 @@ def score(found: Told, *, groups: bool) -> float:
 
 def planted(seeds: int = 3) -> dict[str, object]:
     """Of windows of painted facades, with the states that were planted."""
-    from facade_core.synth.facade import facade
+    from facade_core.synth.facade import paint_facade
     from facade_core.synth.styles import STYLES
 
     found: dict[str, list[float]] = {}
     for seed in range(UNSEEN, UNSEEN + seeds):
         for style in STYLES:
-            painted = facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=seed)
+            painted = paint_facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=seed)
             known = {
                 i: state
                 for i, (e, state) in enumerate(zip(painted.elements, painted.element_states, strict=True))

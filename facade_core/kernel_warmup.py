@@ -27,7 +27,7 @@ from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import KnownTexture, finish_chart, paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
-from facade_core.synth.facade import facade
+from facade_core.synth.facade import paint_facade
 from facade_core.synth.styles import STYLES
 
 DENSITY = 10.0
@@ -42,7 +42,7 @@ def compile_layout_kernels() -> None:
 
 def compile_texture_kernels() -> None:
     """Retarget and inpaint an exemplar."""
-    painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
+    painted = paint_facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
     height, width = painted.labels.shape
     wall = FacadeWall.freestanding(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))

@@ -5,12 +5,12 @@ import os
 import sys
 from contextlib import suppress
 
-from flows.cli.interrupts import end_early
+from flows.cli.interrupts import exit_on_signal
 
 
 def main() -> None:
-    end_early()
-    from flows.cli.commands import main as commands
+    exit_on_signal()
+    from flows.cli.commands import command_line as commands
 
     code = 0
     try:

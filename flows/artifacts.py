@@ -27,7 +27,7 @@ from prefect.client.schemas.actions import ArtifactUpdate
 
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
-from flows.markdown import cells, code, plain
+from flows.markdown import escape_row, markdown_code, escape_markdown
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.account import Account, Ended
 from tasks.city.running import TIME_IS_UP
@@ -41,9 +41,9 @@ log = logging.getLogger(__name__)
 # Seconds between two updates of the progress shown.
 REFRESH_S = 2.0
 # Rows of the units' table at most, failed ones first; the catalogue has them all.
-ROWS = 1000
+MAX_TABLE_ROWS = 1000
 # States of a city's blocks in the order of their table; "done in part": published, with failed units; "left": its time was up.
-STATES = ("failed", "done in part", "left", "due", "done")
+BLOCK_STATES = ("failed", "done in part", "left", "due", "done")
 # Columns of the facades' table; the catalogue has more.
 FACADE_COLUMNS = (
     "id",
@@ -59,11 +59,11 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
-EXPECTED = {"ingest", "publish"} | {kind.stage for kind in STAGES_IN_ORDER if kind.in_every_block}
+STAGES_OF_EVERY_RUN = {"ingest", "publish"} | {kind.stage for kind in STAGES_IN_ORDER if kind.in_every_block}
 
 
 @contextmanager
-def _left_out() -> Iterator[None]:
+def _ignore_server_errors() -> Iterator[None]:
     """Leave out of the server's record what it does not take, and log that."""
     try:
         yield
@@ -72,13 +72,13 @@ def _left_out() -> Iterator[None]:
 
 
 @contextmanager
-def tell_progress(block: str) -> Iterator[None]:
+def track_progress(block: str) -> Iterator[None]:
     """Keep an artifact at the share of the work that is finished, until the block ends."""
     finished: dict[str, tuple[int, int]] = {}
     over = Event()
     key = f"{_slug(block)}-progress"
     artifact: UUID | None = None
-    with _left_out():
+    with _ignore_server_errors():
         artifact = cast(
             UUID, create_progress_artifact(0.0, key=key, description="percent of the work that is finished")
         )
@@ -88,12 +88,12 @@ def tell_progress(block: str) -> Iterator[None]:
 
     def percent() -> float:
         shares = [done / total if total else 1.0 for done, total in list(finished.values())]
-        return round(100 * sum(shares) / len(EXPECTED | finished.keys()), 1)
+        return round(100 * sum(shares) / len(STAGES_OF_EVERY_RUN | finished.keys()), 1)
 
     def refresh() -> None:
         told = 0.0
         # one client: each makes a TLS context, which costs as much as half a viewpoint
-        with _left_out(), get_client(sync_client=True) as client:
+        with _ignore_server_errors(), get_client(sync_client=True) as client:
             while not over.wait(REFRESH_S):
                 if (now := percent()) != told:
                     client.update_artifact(artifact, ArtifactUpdate(data=now))
@@ -108,24 +108,24 @@ def tell_progress(block: str) -> Iterator[None]:
         over.set()
         stop()
         thread.join()
-    with _left_out():
+    with _ignore_server_errors():
         update_progress_artifact(artifact, 100.0)
 
 
-@_left_out()
-def tell_viewer(run: Run) -> None:
+@_ignore_server_errors()
+def publish_viewer_link(run: Run) -> None:
     """A link to where the viewer of a run answers once somebody starts it, which may be while the run goes on."""
     command = shlex.join(["streetloom", "view", run.out])
     create_link_artifact(
         f"http://{VIEWER_HOST}:{VIEWER_PORT}/",
-        link_text=f"map, facades and 3D model of {plain(run.block)}",
+        link_text=f"map, facades and 3D model of {escape_markdown(run.block)}",
         key=f"{_slug(run.block)}-viewer",
-        description=f"{code(command)} on the run's machine serves it there, also while the run goes on",
+        description=f"{markdown_code(command)} on the run's machine serves it there, also while the run goes on",
     )
 
 
-@_left_out()
-def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
+@_ignore_server_errors()
+def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
     """Artifacts of a finished run: tables of the units and of the facades, the failures with their reasons, links to what was
     published."""
     slug = _slug(run.block)
@@ -154,48 +154,48 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
         if failure["unit"] not in recorded
     ]
     units.sort(key=lambda row: row["status"] == "done")
-    shown = f"{len(units)} units" if len(units) <= ROWS else f"{ROWS} of {len(units)} units, those not done first"
+    shown = f"{len(units)} units" if len(units) <= MAX_TABLE_ROWS else f"{MAX_TABLE_ROWS} of {len(units)} units, those not done first"
     counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(failures)} failed"
-    create_table_artifact([*map(cells, units[:ROWS])], key=f"{slug}-units", description=f"{shown}: {counts}")
-    why = f"{failed(summary)}, and why" if failures else "no unit failed or was set aside"
-    create_table_artifact([*map(cells, failures)], key=f"{slug}-failures", description=why)
+    create_table_artifact([*map(escape_row, units[:MAX_TABLE_ROWS])], key=f"{slug}-units", description=f"{shown}: {counts}")
+    why = f"{describe_failures(summary)}, and why" if failures else "no unit failed or was set aside"
+    create_table_artifact([*map(escape_row, failures)], key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
-    facades = _facades(folder_at(outputs["items"]))
+    facades = _read_facade_rows(folder_at(outputs["items"]))
     create_table_artifact(
-        [*map(cells, facades[:ROWS])],
+        [*map(escape_row, facades[:MAX_TABLE_ROWS])],
         key=f"{slug}-facades",
-        description=f"{len(facades)} facades, failed ones first; {code(f'streetloom query {run.out}')} finds what you look for",
+        description=f"{len(facades)} facades, failed ones first; {markdown_code(f'streetloom query {run.out}')} finds what you look for",
     )
     report = folder_at(outputs["report"]).resolve()
     # browsers do not follow links from a server's page to files, so every path is also there to be copied
     create_link_artifact(
-        _address(report),
-        link_text=f"report of {plain(run.block)}",
+        _file_address(report),
+        link_text=f"report of {escape_markdown(run.block)}",
         key=f"{slug}-report",
-        description=f"pictures and figures of every facade: open {plain(str(report))}",
+        description=f"pictures and figures of every facade: open {escape_markdown(str(report))}",
     )
     links = [("report", outputs["report"]), *(("model", path) for path in outputs["glb"]), ("items", outputs["items"])]
     files = [(name, folder_at(path).resolve()) for name, path in links]
-    lines = [f"- [{name}]({_address(path)}): {code(str(path))}" for name, path in files]
+    lines = [f"- [{name}]({_file_address(path)}): {markdown_code(str(path))}" for name, path in files]
     find = (
-        f"{code(f'streetloom view {run.out}')} serves the map, every facade stage by stage and the block in 3D at "
+        f"{markdown_code(f'streetloom view {run.out}')} serves the map, every facade stage by stage and the block in 3D at "
         f"[{VIEWER_HOST}:{VIEWER_PORT}](http://{VIEWER_HOST}:{VIEWER_PORT}/), also while a run goes on; "
-        f"{code(f'streetloom query {run.out}')} answers questions about the facades."
+        f"{markdown_code(f'streetloom query {run.out}')} answers questions about the facades."
     )
     create_markdown_artifact(
-        "\n".join([f"# {plain(run.block)}", "", *lines, "", find]),
+        "\n".join([f"# {escape_markdown(run.block)}", "", *lines, "", find]),
         key=f"{slug}-outputs",
-        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {plain(run.out)}",
+        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {escape_markdown(run.out)}",
     )
 
 
-@_left_out()
-def tell_blocks(account: Account) -> None:
+@_ignore_server_errors()
+def publish_block_table(account: Account) -> None:
     """A table of a city's blocks as they stand now, those that want somebody or something first."""
     rows = [
         {
             "block": name,
-            "state": _state(ended),
+            "state": _block_state(ended),
             "facades": ended.summary.get("facades_done"),
             "failed": ended.summary.get("facades_failed"),
             "viewpoints": ended.summary.get("viewpoints"),
@@ -204,24 +204,24 @@ def tell_blocks(account: Account) -> None:
         }
         for name, ended in account.blocks.items()
     ]
-    rows.sort(key=lambda row: STATES.index(row["state"]))
-    counts = {state: sum(row["state"] == state for row in rows) for state in STATES}
+    rows.sort(key=lambda row: BLOCK_STATES.index(row["state"]))
+    counts = {state: sum(row["state"] == state for row in rows) for state in BLOCK_STATES}
     said = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     create_table_artifact(
-        [*map(cells, rows[:ROWS])], key=f"{_slug(account.name)}-blocks", description=f"{len(rows)} blocks: {said}"
+        [*map(escape_row, rows[:MAX_TABLE_ROWS])], key=f"{_slug(account.name)}-blocks", description=f"{len(rows)} blocks: {said}"
     )
 
 
-def _state(ended: Ended) -> str:
+def _block_state(outcome: Ended) -> str:
     known = {None: "due", 0: "done", 1: "done in part", TIME_IS_UP: "left"}
-    return known.get(ended.code, "failed")
+    return known.get(outcome.code, "failed")
 
 
-def _address(path: Folder) -> str:
+def _file_address(path: Folder) -> str:
     return path.as_uri() if isinstance(path, Path) else str(path)
 
 
-def _facades(items: Folder) -> list[dict[str, Any]]:
+def _read_facade_rows(items: Folder) -> list[dict[str, Any]]:
     """The facades of a published table with a few of their columns, failed ones first."""
     import pyarrow.parquet as pq
     from pyarrow import BufferReader
@@ -235,7 +235,7 @@ def _facades(items: Folder) -> list[dict[str, Any]]:
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 
-def failed(summary: dict[str, Any]) -> str:
+def describe_failures(summary: dict[str, Any]) -> str:
     """How many units failed or were set aside, in words."""
     count = len(summary["failures"])
     return f"{count} unit{'' if count == 1 else 's'} failed or set aside"

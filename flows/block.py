@@ -24,11 +24,11 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import WithheldError
-from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
-from flows.cli.console import tell
-from flows.entry import Entry, entered, faults_told
-from flows.lock import locked
-from flows.log_file import told_to_prefect
+from flows.artifacts import describe_failures, publish_outcome, track_progress, publish_viewer_link
+from flows.console import print_status
+from flows.lock import lock_folder
+from flows.log_file import forward_to_prefect
+from flows.run_entry import OpenRun, open_run, mark_suspect_on_error
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
@@ -45,16 +45,16 @@ from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.memory import street_memory
-from tasks.stages.streets.redo import chosen_streets
-from tasks.stages.streets.task import note_partial, streets_done, texture_street
+from tasks.stages.streets.redo import select_streets
+from tasks.stages.streets.task import record_partial_run, find_finished_streets, texture_street
 
 log = logging.getLogger(__name__)
 
 # Tasks on their way at once; they only wait for workers, of which a cluster may have many.
-THREADS = 64
+MAX_CONCURRENT_TASKS = 64
 
 
-def flow_run_name() -> str:
+def block_run_name() -> str:
     """The block and the date for which the run was scheduled: what the UI lists runs by."""
     block_file = flow_run.parameters.get("block_file")
     name = NAME
@@ -73,8 +73,8 @@ Submit = Callable[..., Any]
 @flow(
     name="city-block",
     description="Texture a city block: facades, streets, atlas, model and catalogue. Resumes by itself.",
-    flow_run_name=flow_run_name,
-    task_runner=ThreadPoolTaskRunner(max_workers=THREADS),  # type: ignore[arg-type]
+    flow_run_name=block_run_name,
+    task_runner=ThreadPoolTaskRunner(max_workers=MAX_CONCURRENT_TASKS),  # type: ignore[arg-type]
 )
 def city_block(
     block_file: Path | None = None,
@@ -97,27 +97,27 @@ def city_block(
         keep: published snapshots to keep, the newest; all without.
     """
     place = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
-    with locked(place):
+    with lock_folder(place):
         source = block_file or write_demo(local_folder(place) / "input")
-        with entered(source, place, tell=tell) as entry, told_to_prefect():
-            tell_viewer(entry.run)
+        with open_run(source, place, notify=print_status) as entry, forward_to_prefect():
+            publish_viewer_link(entry.run)
             if entry.summary is None:
-                with tell_progress(entry.block.name):
-                    entry.summary = _texture(entry, workers, dask, only, _until(deadline), _recorded)
+                with track_progress(entry.block.name):
+                    entry.summary = _texture_block(entry, workers, dask, only, _deadline_clock(deadline), _submit_to_prefect)
             summary = entry.summary
             if keep is not None:
                 for line in pruned(place, keep):
-                    tell(line)
-            tell_outcome(entry.run, summary)
+                    print_status(line)
+            publish_outcome(entry.run, summary)
     if "withheld" in summary:
         raise WithheldError(summary["withheld"])
     if summary["failures"]:
         # not Failed: everything else is done and published, and a retry would change nothing
-        return Completed(name="UnitsFailed", message=failed(summary), data=summary)
+        return Completed(name="UnitsFailed", message=describe_failures(summary), data=summary)
     return summary
 
 
-def _until(deadline: float | None) -> float | None:
+def _deadline_clock(deadline: float | None) -> float | None:
     """When a run ends that may take so many hours, by time.monotonic(): counted anew by no retry."""
     if deadline is None:
         return None
@@ -125,30 +125,30 @@ def _until(deadline: float | None) -> float | None:
     return time.monotonic() + deadline * 3600 - gone.total_seconds()
 
 
-def unrecorded_block(
+def run_block_without_server(
     block_file: Path, out: Folder, workers: int = 2, dask: str | None = None, only: str | None = None
 ) -> dict[str, Any]:
     """What `city_block` does, without a Prefect server: nothing is recorded there, and all else is the same.
 
     In the process in which the server was lost to `city_block`, it goes on from there.
     """
-    with entered(block_file, out, tell=tell) as entry:
+    with open_run(block_file, out, notify=print_status) as entry:
         if entry.summary is None:
-            with ThreadPoolExecutor(THREADS, thread_name_prefix="tasks") as pool:
-                entry.summary = _texture(entry, workers, dask, only, None, partial(_unrecorded, pool))
+            with ThreadPoolExecutor(MAX_CONCURRENT_TASKS, thread_name_prefix="tasks") as pool:
+                entry.summary = _texture_block(entry, workers, dask, only, None, partial(_submit_to_pool, pool))
         return entry.summary
 
 
-def _recorded(task: Task, *arguments: Any, name: str | None = None) -> PrefectFuture:
+def _submit_to_prefect(task: Task, *arguments: Any, name: str | None = None) -> PrefectFuture:
     return (task.with_options(name=name) if name else task).submit(*arguments)
 
 
-def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any, name: str | None = None) -> Future:
+def _submit_to_pool(pool: ThreadPoolExecutor, task: Task, *arguments: Any, name: str | None = None) -> Future:
     return pool.submit(task.fn, *arguments)
 
 
-def _texture(
-    entry: Entry, workers: int, dask: str | None, only: str | None, until: float | None, submit: Submit
+def _texture_block(
+    entry: OpenRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
 ) -> dict[str, Any]:
     run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
@@ -156,25 +156,25 @@ def _texture(
     cast = partial(map_on_workers, ready)
     ingest = submit(ingest_block, run, block, cast) if dask is None else None
     # told here too, as the flow must end by it, whoever entered
-    with faults_told(run), _announced(connect(workers, dask, run.out, until), ready) as compute:
+    with mark_suspect_on_error(run), _publish_connection(connect(workers, dask, run.out, deadline), ready) as compute:
         outline = (ingest or submit(ingest_block, run, block, cast)).result()
         run = replace(run, ingested=outline.ingested)
         for line in describe_set_aside(outline):
-            tell(line)
+            print_status(line)
         ahead = forecast_work(run, block, outline)
         if ahead.said:
-            tell(ahead.said)
+            print_status(ahead.said)
         outcome = Outcome()
         changed: set[str] = set()
         for kind in STAGES_IN_ORDER:
             if kind.part_of is not None:  # done with the stage that it is part of
                 continue
             if kind.units is None:
-                ended = _streets(run, outline, compute, only, submit)
+                ended = _run_streets(run, outline, compute, only, submit)
             else:
                 # keys are computed once, unless something was done since that they stand on
                 known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
-                ended = _process(run, find_pending_units(run, block, kind, known), compute, submit)
+                ended = _run_stage(run, find_pending_units(run, block, kind, known), compute, submit)
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended
@@ -192,7 +192,7 @@ def _texture(
 
 
 @contextmanager
-def _announced(connecting: AbstractContextManager[Compute], ready: Future[Compute]) -> Iterator[Compute]:
+def _publish_connection(connecting: AbstractContextManager[Compute], ready: Future[Compute]) -> Iterator[Compute]:
     """Connect, and tell who waits for workers that they are there, or that there will be none."""
     try:
         with connecting as compute:
@@ -202,38 +202,38 @@ def _announced(connecting: AbstractContextManager[Compute], ready: Future[Comput
         ready.cancel()
 
 
-def _process(run: Run, due: PendingUnits, compute: Compute, submit: Submit) -> Outcome:
+def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> Outcome:
     """All batches of a stage, AT_ONCE on their way at a time."""
-    if not due.total:
+    if not pending.total:
         return Outcome()
     require_disk_space(run.local)
-    stage, function = due.stage.stage, due.stage.function
-    begin_stage(stage, due.total, len(due.done))
-    outcome = Outcome(skipped=len(due.done), refused=rejected_pictures(due.done))
-    waiting = list(make_batches(due.pieces, compute))
+    stage, function = pending.stage.stage, pending.stage.function
+    begin_stage(stage, pending.total, len(pending.done))
+    outcome = Outcome(skipped=len(pending.done), refused=rejected_pictures(pending.done))
+    waiting = list(make_batches(pending.pieces, compute))
     outcomes: dict[int, Outcome] = {}
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
     for number, batch in enumerate(waiting, 1):
         if number > BATCHES_AT_ONCE:
-            _take(ended, outcomes)
+            _take_next_result(ended, outcomes)
         future = submit(process_batch, run, stage, f"{number} of {len(waiting)}", function, batch, compute, name=stage)
         future.add_done_callback(lambda future, number=number: ended.put((number, future)))
     while len(outcomes) < len(waiting):
-        _take(ended, outcomes)
+        _take_next_result(ended, outcomes)
     outcome += sum((outcomes[number] for number in sorted(outcomes)), Outcome())
-    _log(stage, outcome)
+    _log_stage(stage, outcome)
     return outcome
 
 
-def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
+def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
     """Each street once those that it waits for are done, those of earlier waves first. No more are submitted than soon find a
     worker: what waits for others, or for room, is a number here and no task."""
-    chosen = chosen_streets(run, only)
+    chosen = select_streets(run, only)
     order = [street for wave in outline.waves for street in wave if chosen is None or street in chosen]
     begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
     network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
     waits = {street: set(outline.after[street]) & set(order) for street in order}
-    outcomes = streets_done(run, order, outline.after)
+    outcomes = find_finished_streets(run, order, outline.after)
     for street in outcomes:
         del waits[street]
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
@@ -247,19 +247,19 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
             future.add_done_callback(lambda future, street=street: ended.put((street, future)))
             del waits[street]
             under_way += 1
-        _take(ended, outcomes)
+        _take_next_result(ended, outcomes)
         under_way -= 1
-    note_partial(run, chosen is not None)
+    record_partial_run(run, chosen is not None)
     outcome = sum((outcomes[street] for street in order), Outcome())
-    _log("streets", outcome)
+    _log_stage("streets", outcome)
     return outcome
 
 
-def _take(ended: SimpleQueue[tuple[int, Any]], outcomes: dict[int, Outcome]) -> None:
+def _take_next_result(ended: SimpleQueue[tuple[int, Any]], outcomes: dict[int, Outcome]) -> None:
     """Take what ends next. What ends it ends the run, however long the others would go on."""
     number, future = ended.get()
     outcomes[number] = future.result()
 
 
-def _log(stage: str, outcome: Outcome) -> None:
+def _log_stage(stage: str, outcome: Outcome) -> None:
     log.info("%s: %d done, %d done before, %d failed", stage, outcome.done, outcome.skipped, len(outcome.failed))

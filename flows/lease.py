@@ -24,11 +24,11 @@ from facade_core.core.errors import FacadeError, InputError, MachineError
 
 log = logging.getLogger(__name__)
 
-LOCK = ".lock"
+LOCK_NAME = ".lock"
 # A lease is for so long, and is renewed so often, seconds.
-LASTS_S, RENEWED_S = 120.0, 30.0
+LEASE_S, RENEWAL_S = 120.0, 30.0
 # Whoever holds it commits nothing any more so long before it is over: clocks of machines may differ by that.
-MARGIN_S = 30.0
+CLOCK_MARGIN_S = 30.0
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Lease:
         """Raise MachineError where another run may be at work by now."""
         if self.taken_by is not None:
             raise MachineError(f"{self.out}: {self.taken_by} took its lock over; let that run end, and run again")
-        if time.monotonic() > self.renewed + LASTS_S - MARGIN_S:
+        if time.monotonic() > self.renewed + LEASE_S - CLOCK_MARGIN_S:
             raise MachineError(
                 f"{self.out}: its lock could not be renewed in time; see to the network, and run again: what is done is kept"
             )
@@ -54,16 +54,16 @@ class Lease:
     def renew(self) -> None:
         """Hold the folder for some more time, from now on."""
         began = time.monotonic()
-        tag = object_store.upload_if_unchanged(_path(self.out), _said(self.token), self.tag)
+        tag = object_store.upload_if_unchanged(_lock_path(self.out), _encode_lease(self.token), self.tag)
         if tag is None:
-            found = who_holds(self.out)
+            found = lease_holder(self.out)
             self.taken_by = found[0] if found else "another run"
         else:
             self.tag, self.renewed = tag, began
 
 
 @contextmanager
-def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
+def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
     """Hold a folder in a bucket. handle: of the file by which this process holds the folder's local side.
 
     Tokens are kept in that file: the lease of a process that held it and has ended is taken over at once, any other when it is
@@ -71,12 +71,12 @@ def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
     """
     token = uuid.uuid4().hex
     kept = os.pread(handle, 64, 0).decode(errors="replace")
-    tag = _taken(out, token, kept)
+    tag = _acquire_lease(out, token, kept)
     _require_conditions(out)
     os.ftruncate(handle, 0)
     os.pwrite(handle, token.encode(), 0)
     lease = Lease(out, token, tag, time.monotonic())
-    thread = Thread(target=_keep, args=(lease,), name="lease", daemon=True)
+    thread = Thread(target=_renew_until_released, args=(lease,), name="lease", daemon=True)
     thread.start()
     try:
         yield lease
@@ -85,31 +85,31 @@ def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
         thread.join()
         if lease.taken_by is None:
             try:  # nothing is lost by one that stays: it is over soon
-                object_store.delete_objects([_path(out)])
+                object_store.delete_objects([_lock_path(out)])
             except (FacadeError, OSError) as error:
                 log.warning("%s: its lock stays until it is over (%s)", out, error)
 
 
-def who_holds(out: S3Folder) -> tuple[str, datetime] | None:
+def lease_holder(out: S3Folder) -> tuple[str, datetime] | None:
     """Who holds a folder in a bucket, and until when; None where nobody does."""
-    found = object_store.download_object(_path(out))
-    held = _read(found[0]) if found else None
+    found = object_store.download_object(_lock_path(out))
+    held = _decode_lease(found[0]) if found else None
     return None if held is None or held[1] <= datetime.now(UTC) else held[:2]
 
 
-def _taken(out: S3Folder, token: str, kept: str) -> str:
+def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
     """Take the lease; the tag of what was written."""
     for _ in range(3):
-        found = object_store.download_object(_path(out))
-        held = _read(found[0]) if found else None
-        if held is not None and held[1] > datetime.now(UTC) and held[2] != kept:
+        found = object_store.download_object(_lock_path(out))
+        held = _decode_lease(found[0]) if found else None
+        if held is not None and held[1] > datetime.now(UTC) and held[2] != previous_token:
             owner, until, _ = held
             raise InputError(
                 f"{out}: another run is at work in it: {owner}, whose lock lasts until {until:%H:%M:%S} UTC unless renewed; "
                 "wait for it, or name another folder with --out"
             )
-        if (tag := object_store.upload_if_unchanged(_path(out), _said(token), found[1] if found else None)) is not None:
-            if held is not None and held[2] != kept:
+        if (tag := object_store.upload_if_unchanged(_lock_path(out), _encode_lease(token), found[1] if found else None)) is not None:
+            if held is not None and held[2] != previous_token:
                 log.warning("%s: took over the lock of %s, which was over at %s", out, held[0], held[1])
             return tag
     raise InputError(f"{out}: other runs begin in it at the same time; run again")
@@ -118,16 +118,16 @@ def _taken(out: S3Folder, token: str, kept: str) -> str:
 def _require_conditions(out: S3Folder) -> None:
     """Raise InputError where a bucket writes over what is there though the condition does not hold: runs would lose commits."""
     for condition in (None, f'"{"0" * 32}"'):
-        if object_store.upload_if_unchanged(_path(out), b"{}", condition) is not None:
-            object_store.delete_objects([_path(out)])
+        if object_store.upload_if_unchanged(_lock_path(out), b"{}", condition) is not None:
+            object_store.delete_objects([_lock_path(out)])
             raise InputError(
                 f"{out}: its bucket keeps no conditions on writing (If-Match, If-None-Match), by which runs keep apart; name "
                 "one that does, or a folder, and copy it there with `streetloom catalog FOLDER --to s3://...`"
             )
 
 
-def _keep(lease: Lease) -> None:
-    while not lease.over.wait(RENEWED_S) and lease.taken_by is None:
+def _renew_until_released(lease: Lease) -> None:
+    while not lease.over.wait(RENEWAL_S) and lease.taken_by is None:
         try:
             lease.renew()
         except (
@@ -137,13 +137,13 @@ def _keep(lease: Lease) -> None:
             log.warning("%s: its lock is not renewed (%s)", lease.out, error)
 
 
-def _said(token: str) -> bytes:
-    until = datetime.fromtimestamp(time.time() + LASTS_S, UTC)
+def _encode_lease(token: str) -> bytes:
+    until = datetime.fromtimestamp(time.time() + LEASE_S, UTC)
     held = {"host": socket.gethostname(), "pid": os.getpid(), "run": token, "until": until.isoformat()}
     return json.dumps(held).encode()
 
 
-def _read(data: bytes) -> tuple[str, datetime, str] | None:
+def _decode_lease(data: bytes) -> tuple[str, datetime, str] | None:
     """Owner, end and token; None of what is no lease, which holds nothing."""
     try:
         held = json.loads(data)
@@ -153,5 +153,5 @@ def _read(data: bytes) -> tuple[str, datetime, str] | None:
         return None
 
 
-def _path(out: S3Folder) -> str:
-    return f"{out.path}/{LOCK}"
+def _lock_path(out: S3Folder) -> str:
+    return f"{out.path}/{LOCK_NAME}"

@@ -13,15 +13,15 @@ from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import S3Folder
 from facade_core.atlas.store import guard_commits
 from facade_core.core.errors import InputError, MachineError
-from flows.lease import Lease, leased, who_holds
+from flows.lease import Lease, hold_lease, lease_holder
 
 # Folders that this process holds, and of those in buckets the lease: the command line locks before it starts a server, and the
 # flow locks for itself.
-_held: dict[Folder, Lease | None] = {}
+_held_folders: dict[Folder, Lease | None] = {}
 
 
 @contextmanager
-def locked(out: Folder) -> Iterator[None]:
+def lock_folder(out: Folder) -> Iterator[None]:
     """Make the folder `out` and hold it; the lock goes with the process, however it ends. It may be nested.
 
     In a bucket it is held by a lease, which is over some time after the process has ended, at once where the next run is on the
@@ -29,31 +29,31 @@ def locked(out: Folder) -> Iterator[None]:
     Raises InputError when the folder cannot be written, or another run is at work in it.
     """
     out = out.resolve()
-    if out in _held:
+    if out in _held_folders:
         yield
         return
     with ExitStack() as holds:
         local = local_folder(out)
-        lease, token = None, holds.enter_context(_locked_here(local, out))
+        lease, token = None, holds.enter_context(_lock_local_folder(local, out))
         if isinstance(out, S3Folder):
-            lease = holds.enter_context(leased(out, token))
+            lease = holds.enter_context(hold_lease(out, token))
             holds.enter_context(guard_commits(out / "store", lease.require))
-        _held[out] = lease
+        _held_folders[out] = lease
         try:
             yield
         finally:
-            del _held[out]
+            del _held_folders[out]
 
 
-def require_held(out: Folder) -> None:
+def require_lock(out: Folder) -> None:
     """Raise MachineError where this process may write no more into a folder in a bucket that it locked: another may be at work
     there by now."""
-    if (lease := _held[out.resolve()]) is not None:
+    if (lease := _held_folders[out.resolve()]) is not None:
         lease.require()
 
 
 @contextmanager
-def _locked_here(folder: Path, out: Folder) -> Iterator[int]:
+def _lock_local_folder(folder: Path, out: Folder) -> Iterator[int]:
     """Hold a folder of this machine, for a run in `out`; yields the descriptor of the file by which it is held."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -75,10 +75,10 @@ def _locked_here(folder: Path, out: Folder) -> Iterator[int]:
         os.close(handle)
 
 
-def is_held(out: Folder) -> bool:
+def is_locked(out: Folder) -> bool:
     """Whether a run, of this process or another, is at work in the folder `out`."""
     if isinstance(out, S3Folder):
-        return who_holds(out) is not None
+        return lease_holder(out) is not None
     try:
         with (out / ".lock").open() as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -12,37 +12,37 @@ from pathlib import Path
 from facade_core.core.errors import FacadeError
 
 # Every module logs under its own name, below one of these.
-PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
+LOGGED_PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
 
 log = logging.getLogger(__name__)
-_logging: set[Path] = set()
+_logged_folders: set[Path] = set()
 
 
-def log_of(error: Exception) -> Path | None:
+def find_log(error: Exception) -> Path | None:
     """The log in which the traceback of this error is; None where no run ended by it, or the log could not be written."""
     path: Path | None = getattr(error, "_log", None)
     return path if path is not None and path.is_file() else None
 
 
 @contextmanager
-def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
+def log_to(out: Path, *, file_only: bool = False) -> Iterator[None]:
     """Log to a new file in `out`/logs, which is made with the first line; what ends the block is in it with its traceback.
 
     alone: nothing of it goes to a terminal too. It may be nested: the outermost counts.
     """
     out = out.resolve()
-    if out in _logging:
+    if out in _logged_folders:
         yield
         return
     path = out / "logs" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.jsonl"
-    handler = _Lines(path)
-    loggers = [logging.getLogger(name) for name in PACKAGES]
+    handler = _JsonLineHandler(path)
+    loggers = [logging.getLogger(name) for name in LOGGED_PACKAGES]
     before = [(logger.level, logger.propagate) for logger in loggers]
     for logger in loggers:
         logger.addHandler(handler)
         logger.setLevel(logging.DEBUG)
-        logger.propagate = logger.propagate and not alone
-    _logging.add(out)
+        logger.propagate = logger.propagate and not file_only
+    _logged_folders.add(out)
     try:
         yield
     except FacadeError as error:
@@ -53,7 +53,7 @@ def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
         error._log = path  # type: ignore[attr-defined]
         raise
     finally:
-        _logging.discard(out)
+        _logged_folders.discard(out)
         for logger, (level, propagate) in zip(loggers, before, strict=True):
             logger.removeHandler(handler)
             logger.setLevel(level)
@@ -61,21 +61,21 @@ def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def told_to_prefect() -> Iterator[None]:
+def forward_to_prefect() -> Iterator[None]:
     """Within a flow: warnings and errors go to Prefect's server too, which shows them with the run and its tasks."""
     from prefect.logging.handlers import APILogHandler
 
     handler = APILogHandler(logging.WARNING)
-    for name in PACKAGES:
+    for name in LOGGED_PACKAGES:
         logging.getLogger(name).addHandler(handler)
     try:
         yield
     finally:
-        for name in PACKAGES:
+        for name in LOGGED_PACKAGES:
             logging.getLogger(name).removeHandler(handler)
 
 
-class _Lines(logging.Handler):
+class _JsonLineHandler(logging.Handler):
     """Writes each record as a line of JSON. The file is opened for each: others close all handlers when they set up theirs."""
 
     def __init__(self, path: Path) -> None:
@@ -84,7 +84,7 @@ class _Lines(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         try:
-            line = json.dumps(_fields(record), default=str)
+            line = json.dumps(_record_fields(record), default=str)
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
@@ -92,7 +92,7 @@ class _Lines(logging.Handler):
             pass
 
 
-def _fields(record: logging.LogRecord) -> dict[str, object]:
+def _record_fields(record: logging.LogRecord) -> dict[str, object]:
     fields: dict[str, object] = {
         "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
         "level": record.levelname.lower(),

@@ -15,18 +15,18 @@ _MARKUP = re.compile(
 )
 
 
-def plain(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """Markdown for the text itself."""
     return _MARKUP.sub(lambda found: f"{found[0][:-1]}\\{found[0][-1]}", escape_invisible(text))
 
 
-def code(text: str) -> str:
+def markdown_code(text: str) -> str:
     """Markdown for the text as code."""
     shown = escape_invisible(text)
     fence = "`" * (1 + max(map(len, re.findall("`+", shown)), default=0))
     return f"{fence} {shown} {fence}" if "`" in shown else f"`{shown}`"
 
 
-def cells(row: dict[str, Any]) -> dict[str, Any]:
+def escape_row(row: dict[str, Any]) -> dict[str, Any]:
     """A table's row with its texts as Markdown."""
-    return {name: plain(value) if isinstance(value, str) else value for name, value in row.items()}
+    return {name: escape_markdown(value) if isinstance(value, str) else value for name, value in row.items()}

@@ -15,8 +15,8 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
-from tasks.stages.shared.materials import field_of
-from tasks.stages.streets.worker import replay
+from tasks.stages.shared.materials import stored_material_field
+from tasks.stages.streets.worker import replay_street
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,8 +62,8 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
     if not group[journal_path("viewpoints")][own[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    field = field_of(group, plan)
-    window = replay(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
+    field = stored_material_field(group, plan)
+    window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
     if field is not None:
         paint_visible_texels(window, plan.scene.placement, field)
     return Moment(plan, window)

@@ -51,14 +51,14 @@ def here(undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: 
 
 
 def typed(words: list[str]) -> None:
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
-    command = main.commands[words[0]]
+    command = command_line.commands[words[0]]
     if words[0] in LONG:
         known = {option for one in command.params for option in one.opts}
         assert {word for word in words if word.startswith("--")} <= known, words
         return
-    done = CliRunner().invoke(main, words)
+    done = CliRunner().invoke(command_line, words)
     assert done.exit_code == 0, (words, done.output)
 
 

@@ -39,13 +39,13 @@ def add_photo(block: Path, out: Path) -> str:
     from facade_core.atlas.store import BRANCH, open_repository
     from facade_core.geometry.walls import WallRole
     from facade_core.plan.plan_tables import read_facades
-    from facade_core.synth.facade import facade
+    from facade_core.synth.facade import paint_facade
     from facade_core.synth.styles import STYLES
 
     facades = read_facades(open_repository(out / "store").readonly_session(BRANCH))
     chosen = next(i for i in range(len(facades)) if facades.role[i] == WallRole.STREET and 10 <= facades.width[i] <= 30)
     height, width, floors = float(facades.height[chosen]), float(facades.width[chosen]), int(facades.floors[chosen])
-    painted = facade(
+    painted = paint_facade(
         (height, width),
         floors=floors,
         columns=max(1, round(width / 3.4)),

@@ -39,7 +39,7 @@ from benchmarks.city.plot import plot
 from benchmarks.city.runs import Look, look_at
 from benchmarks.process_usage import add_used
 from benchmarks.timing import bytes_in, figures
-from flows.asked import Asked
+from flows.city_options import CityOptions
 from tasks.city.account import BLOCKS, read_account
 
 # Seconds between two looks.
@@ -64,7 +64,7 @@ class Life:
     looks: list[Look] = field(default_factory=list)
 
 
-def live(city: Path, out: Path, asked: Asked, kill_after: float | None = None) -> Life:
+def live(city: Path, out: Path, asked: CityOptions, kill_after: float | None = None) -> Life:
     """Run the city into a folder; where told to, until it is killed with all of its process group."""
     command = [sys.executable, "-m", "flows", "city", str(city), "--out", str(out), *_options(asked), "--json"]
     environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
@@ -96,7 +96,7 @@ def live(city: Path, out: Path, asked: Asked, kill_after: float | None = None) -
     return Life(code, ended - begun - gone, sum(seconds for _, seconds in used.values()), gone, loads, looks)
 
 
-def _options(asked: Asked) -> list[str]:
+def _options(asked: CityOptions) -> list[str]:
     until = [] if asked.until is None else ["--until", asked.until]
     return ["--workers", str(asked.workers), "--at-once", str(asked.at_once), *until]
 
@@ -121,7 +121,7 @@ def digests(out: Path) -> dict[str, str]:
     return {name: ended.summary["atlas_digest"] for name, ended in blocks if ended.code in (0, 1)}
 
 
-def undisturbed(city: Path, out: Path, asked: Asked) -> dict[str, Any]:
+def undisturbed(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """Figures of a run from nothing."""
     life = live(city, out, asked)
     account = read_account(out)
@@ -146,7 +146,7 @@ def undisturbed(city: Path, out: Path, asked: Asked) -> dict[str, Any]:
     }
 
 
-def killed(city: Path, out: Path, asked: Asked, kills: int, lasted: float, seed: int) -> dict[str, Any]:
+def killed(city: Path, out: Path, asked: CityOptions, kills: int, lasted: float, seed: int) -> dict[str, Any]:
     """Figures of a run that is killed so many times, at random times of those that it would take, and goes on."""
     random = np.random.default_rng(seed)
     lives, done = [], []
@@ -169,7 +169,7 @@ def killed(city: Path, out: Path, asked: Asked, kills: int, lasted: float, seed:
     }
 
 
-def again(city: Path, out: Path, asked: Asked) -> dict[str, Any]:
+def again(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """Figures of a run with nothing to do, or with what changed since."""
     before = read_account(out).blocks
     life = live(city, out, asked)
@@ -239,7 +239,7 @@ def main() -> None:
     }
     if not (asked.out / "input" / CITY).is_file():
         write_city(asked.out / "input", texture, asked.metres, asked.exemplars)
-    how = Asked(workers=asked.workers, at_once=asked.at_once, until=asked.until)
+    how = CityOptions(workers=asked.workers, at_once=asked.at_once, until=asked.until)
     city, whole, other = asked.out / "input" / CITY, asked.out / "undisturbed", asked.out / "killed"
 
     def part(name: str, measure: Callable[[], dict[str, Any]]) -> None:
@@ -278,7 +278,7 @@ def _look(held: Mapping[str, Any]) -> Look:
     return Look(**{**held, "workers": tuple(held["workers"])})
 
 
-def _one_photo(city: Path, out: Path, asked: Asked) -> dict[str, Any]:
+def _one_photo(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """A photo of one facade of the smallest block that has a street."""
     summaries = {name: ended.summary for name, ended in read_account(out).blocks.items()}
     block = min((n for n in summaries if summaries[n].get("viewpoints")), key=lambda n: summaries[n]["facades_done"])

@@ -167,11 +167,11 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
     from facade_core.facade.pipeline import build_facade_from_photo
     from facade_core.parsing.confidence import box_coverage
-    from facade_core.synth.facade import facade
+    from facade_core.synth.facade import paint_facade
 
     texels, counts = {}, np.zeros((3, 3))
     for style, seed in which:
-        truth = facade((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
+        truth = paint_facade((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
         made = build_facade_from_photo(truth.image, truth.occluded, clean=True, seed=1, front=True)
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)

@@ -31,7 +31,7 @@ from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator
-from facade_core.synth.street_truth import HALF_WIDTH, SyntheticStreet, synthetic_street
+from facade_core.synth.street_truth import STREET_HALF_WIDTH_M, SyntheticStreet, synthetic_street
 
 TEXELS_PER_METRE, WIDTH, SUPERSAMPLED, SPACING_M, HEIGHT_M = 20.0, 1024, 3, 5.0, 2.5
 LIMITS = (np.inf, 4.0, 2.0, 1.5)
@@ -81,7 +81,7 @@ def limited(views: list[View], footprints: list[np.ndarray], total: int, limit: 
 def _line(street: SyntheticStreet) -> Street:
     import shapely
 
-    return Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    return Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
 
 
 def _views(
@@ -104,7 +104,7 @@ def _views(
 
 def _cameras(street: SyntheticStreet) -> list[Viewpoint]:
     along = np.arange(SPACING_M / 2, street.length, SPACING_M)
-    places = [np.array([*street.place(float(at), 0.0), HEIGHT_M]) for at in along]
+    places = [np.array([*street.world_point(float(at), 0.0), HEIGHT_M]) for at in along]
     return [Viewpoint(number, 0, place, street.axis) for number, place in enumerate(places)]
 
 
@@ -182,9 +182,9 @@ def _scores(
         x, y = np.meshgrid(
             (np.arange(shape[1]) + 0.5) / TEXELS_PER_METRE, (np.arange(shape[0]) + 0.5) / TEXELS_PER_METRE
         )
-        points = scene.charts.points(chart, x, y)[..., :2] - street.place(0, 0)
+        points = scene.charts.points(chart, x, y)[..., :2] - street.world_point(0, 0)
         inside = (
-            (np.abs(points @ across) < HALF_WIDTH) & (points @ street.axis > 0) & (points @ street.axis < street.length)
+            (np.abs(points @ across) < STREET_HALF_WIDTH_M) & (points @ street.axis > 0) & (points @ street.axis < street.length)
         )
         inside &= known[held].reshape(shape)
         if not inside.any():

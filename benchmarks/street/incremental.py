@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 
@@ -88,7 +88,7 @@ def write_block(folder: Path, rows: int, columns: int) -> Path:
     _write(folder / "streets.geojson", lines)
     _write(folder / "buildings.geojson", houses)
     (folder / "exemplars").mkdir()
-    for number, painted in enumerate(exemplars(EXEMPLARS, seed=1, metres_per_pixel=1 / DENSITY)):
+    for number, painted in enumerate(paint_exemplar_set(EXEMPLARS, seed=1, metres_per_pixel=1 / DENSITY)):
         Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
     (folder / "photos").mkdir()
     shutil.copy(folder / "exemplars" / "0.png", folder / "photos" / f"{houses[1]['properties']['id']}-0.png")

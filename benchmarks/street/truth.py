@@ -14,8 +14,8 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.synth.street_paint import with_photos
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_paint import replace_front_images
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 TEXELS_PER_METRE = 20.0
 SPACING_M, HEIGHT_M = 5.0, 2.5
@@ -60,7 +60,7 @@ def street_of_photos(images: Path, seed: int) -> SyntheticStreet:
     street = synthetic_street(BUILDINGS, seed=seed, occluders=0, texels_per_metre=TEXELS_PER_METRE)
     files = sorted(images.iterdir())
     chosen = np.random.default_rng(seed).choice(len(files), BUILDINGS, replace=False)
-    return with_photos(street, [np.asarray(Image.open(files[index]).convert("RGB")) for index in chosen])
+    return replace_front_images(street, [np.asarray(Image.open(files[index]).convert("RGB")) for index in chosen])
 
 
 def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) -> dict[str, list[float]]:
@@ -70,14 +70,14 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
     scene, fronts = street.scene, list(street.charts)
     rng = np.random.default_rng(seed)
     window, views = _window(street), list[View]()
-    latest = [np.zeros((facade.image.shape[0], facade.image.shape[1], 3), np.uint8) for facade in street.painted]
+    latest = [np.zeros((facade.image.shape[0], facade.image.shape[1], 3), np.uint8) for facade in street.facades]
     forward = street.axis
     heading = float(np.degrees(np.arctan2(forward[0], forward[1])))
     for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
-        x, y = street.place(float(along), 0.0)
+        x, y = street.world_point(float(along), 0.0)
         off, turn = rng.normal(0, errors[0], 3), rng.normal(0, errors[1], 3)
         pose = Pose(x + off[0], y + off[1], HEIGHT_M + off[2], heading + turn[0], float(turn[1]), float(turn[2]))
-        fine = panorama(street, pose, WIDTH * SUPERSAMPLED, seed=number)
+        fine = render_street_panorama(street, pose, WIDTH * SUPERSAMPLED, seed=number)
         rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
         seen = scene.cast_panorama(viewpoint, WIDTH)[2]
@@ -93,7 +93,7 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
     }
     found: dict[str, list[float]] = {"no blending, the latest view": []}
     for index, front in enumerate(fronts):
-        truth = street.painted[index].image
+        truth = street.facades[index].image
         seen_at = _facade(street, window, by_reading[PINNED], front)[1] > 0
         found["no blending, the latest view"].append(psnr(latest[index], truth, seen_at))
         for name, result in by_reading.items():

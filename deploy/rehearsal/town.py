@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 # Each block has one house at the street that passes all of them; a block is a square of so many metres.
@@ -25,7 +25,7 @@ def write_town(folder: Path, blocks: int) -> Path:
     for name, features in (("buildings", houses), ("streets", [street])):
         (folder / f"{name}.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     (folder / "exemplars").mkdir()
-    for number, painted in enumerate(exemplars(2, seed=5, metres_per_pixel=0.2)):
+    for number, painted in enumerate(paint_exemplar_set(2, seed=5, metres_per_pixel=0.2)):
         Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
     keys = {
         "name": "town",

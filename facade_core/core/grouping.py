@@ -10,7 +10,7 @@ class RowIndex:
 
     def __init__(self, column: np.ndarray) -> None:
         self._order = np.argsort(column, kind="stable")
-        self._values = column[self._order].astype(np.int64)  # as asked for: nothing is converted at each question
+        self._values = column[self._order].astype(np.int64)  # the dtype of queries, so that none converts the column
 
     def rows_with(self, value: int) -> np.ndarray:
         """Return the rows (k,) with a value, ascending."""

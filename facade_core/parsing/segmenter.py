@@ -71,7 +71,7 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     Windows are made rectangular and aligned (`regularity`); then the class of highest confidence wins. The confidence
-    sums to 1 per pixel. Occluded pixels are those that alpha hides, and those with a tree, a car or the like in front
+    sums to 1 per pixel. Occluded pixels are hidden by alpha, or show a tree, a car or the like in front
     of the facade. Pixels that alpha hides take the confidence of the nearest visible place, except windows, which are
     drawn whole; their colours are ignored. Behind a tree the label is the segmenter's guess. Time and memory are
     bounded for images of any size, except for the returned arrays and a few maps of one byte per pixel.

@@ -136,7 +136,7 @@ def sample_view(
     Parameters
     ----------
     photo : labelled photo.
-    pieces : groups of cut-outs, drawn equally often whatever their size.
+    pieces : groups of cut-outs, drawn equally often at any size.
     rng : random generator.
     """
     image, possible, occluder, outside, place = _crop_view(photo, rng)
@@ -160,7 +160,7 @@ def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarr
     stretch = math.exp(rng.normal(0, 0.08))
     across, down = scale * stretch, scale / stretch
     wide, high = min(width, math.ceil(VIEW_SIDE / across)), min(height, math.ceil(VIEW_SIDE / down))
-    # A third of the views reach down to the photo's foot, where most things stand in front.
+    # A third of the views reach down to the photo's foot, where most occluders are.
     x0, y0 = int(rng.integers(width - wide + 1)), min(int(rng.integers(3 * (height - high) // 2 + 1)), height - high)
     size = (min(VIEW_SIDE, max(1, round(wide * across))), min(VIEW_SIDE, max(1, round(high * down))))
     smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR

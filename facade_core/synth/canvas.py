@@ -15,7 +15,7 @@ import numpy as np
 GAMMA = 2.2
 
 
-def linear(colour: str) -> np.ndarray:
+def hex_to_linear(colour: str) -> np.ndarray:
     """'#rrggbb' in display values -> (3,) float32 in linear light."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float32)
     return (rgb / 255) ** np.float32(GAMMA)
@@ -33,7 +33,7 @@ class Plate:
     y: int
     x: int
     depth: float
-    hinged: bool = False
+    is_hinged: bool = False
 
 
 @dataclass
@@ -130,7 +130,7 @@ class Canvas:
                 own[at][where] = new[where]
 
 
-def noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.random.Generator) -> np.ndarray:
     """Smooth noise of about unit deviation, (H, W) float32; cell = raster pixels per feature, or (rows, columns)."""
     steps = cell if isinstance(cell, tuple) else (cell, cell)
     rows, columns = (max(2, round(size / max(step, 1.0))) for size, step in zip(shape, steps, strict=True))
@@ -142,18 +142,18 @@ def noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.ran
     return cv2.resize(grid, shape[::-1], interpolation=cv2.INTER_CUBIC)
 
 
-def fractal(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> np.ndarray:
+def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> np.ndarray:
     """Octaves of noise, each half as large and 0.6 as strong; about unit deviation."""
     total = np.zeros(shape, np.float32)
     power = 0.0
     for octave in range(octaves):
         weight = 0.6**octave
-        total += np.float32(weight) * noise(shape, cell / 2**octave, rng)
+        total += np.float32(weight) * smooth_noise(shape, cell / 2**octave, rng)
         power += weight**2
     return total / np.float32(np.sqrt(power))
 
 
-def blur(array: np.ndarray, sigma: float) -> np.ndarray:
+def gaussian_blur(array: np.ndarray, sigma: float) -> np.ndarray:
     """Gaussian blur; a wide one works on a reduced copy, which no eye can tell and costs a tenth."""
     factor = max(1, int(sigma / 3))
     if factor == 1 or min(array.shape[:2]) < 4 * factor:

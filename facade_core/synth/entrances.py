@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, linear, noise
-from facade_core.synth.windows import mirrored
+from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
+from facade_core.synth.windows import glass_reflections
 
 
 def door_tile(
-    shape: tuple[int, int], scale: float, colour: np.ndarray, *, modern: bool, rng: np.random.Generator
+    shape: tuple[int, int], scale: float, colour: np.ndarray, *, is_modern: bool, rng: np.random.Generator
 ) -> Canvas:
     """A two-leaved door under a fanlight; modern ones are glazed from the knee up."""
     tile = Canvas.blank(*shape, scale)
     w, h = tile.width_m, tile.height_m
-    grain = 1 + 0.06 * noise(shape, (0.9 * scale, 0.02 * scale), rng)
+    grain = 1 + 0.06 * smooth_noise(shape, (0.9 * scale, 0.02 * scale), rng)
     tile.albedo[:] = colour * grain[..., None]
     tile.relief[:] = -0.24
     light, step = 0.24 * h, min(0.16, 0.06 * h)
-    glass = 0.6 * linear("#35353a") + mirrored(shape, rng, posts=[shape[1] // 2], sky=0.1)
+    glass = 0.6 * hex_to_linear("#35353a") + glass_reflections(shape, rng, posts=[shape[1] // 2], sky=0.1)
 
     def pane(x0: float, y0: float, x1: float, y1: float) -> None:
         at = tile.region(x0, y0, x1, y1)
@@ -31,20 +31,20 @@ def door_tile(
     for side in (0.0, w / 2):
         x0, x1 = side + 0.13, side + w / 2 - 0.13
         tall = h - light - step
-        cuts = ((0.10, 0.80),) if modern else ((0.08, 0.50), (0.57, 0.72), (0.78, 0.95))
+        cuts = ((0.10, 0.80),) if is_modern else ((0.08, 0.50), (0.57, 0.72), (0.78, 0.95))
         for number, (a, b) in enumerate(cuts):
             y0, y1 = light + a * tall, light + b * tall
-            if modern or number == 0:
+            if is_modern or number == 0:
                 pane(x0, y0, x1, y1)
-                if not modern:
+                if not is_modern:
                     tile.box((x0 + x1) / 2 - 0.02, y0, (x0 + x1) / 2 + 0.02, y1, colour * 1.1, -0.25)
             else:
                 tile.box(x0, y0, x1, y1, colour * 0.72, -0.28)
                 tile.box(x0 + 0.06, y0 + 0.06, x1 - 0.06, y1 - 0.06, colour * 1.12, -0.23)
     tile.box(w / 2 - 0.02, light, w / 2 + 0.02, h, colour * 0.45, -0.27)
     grip = light + 0.55 * (h - light)
-    tile.box(w / 2 + 0.06, grip, w / 2 + 0.095, grip + 0.22, linear("#9a8658"), -0.18)
+    tile.box(w / 2 + 0.06, grip, w / 2 + 0.095, grip + 0.22, hex_to_linear("#9a8658"), -0.18)
     tile.box(0, 0, 0.06, h, colour * 1.15, -0.18)
     tile.box(w - 0.06, 0, w, h, colour * 1.15, -0.18)
-    tile.moulding(0, h - step, w, h, linear("#9a958d"), (0.02, 0.02, 0.0))
+    tile.moulding(0, h - step, w, h, hex_to_linear("#9a958d"), (0.02, 0.02, 0.0))
     return tile

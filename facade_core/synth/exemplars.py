@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.errors import LayoutError
-from facade_core.synth.facade import PaintedFacade, facade
+from facade_core.synth.facade import PaintedFacade, paint_facade
 from facade_core.synth.facade_plan import GROUND_SHARE
-from facade_core.synth.styles import BY_NAME, STYLES
+from facade_core.synth.styles import STYLE_BY_NAME, STYLES
 
-STOREY = 3.2  # metres, upper storeys
+UPPER_FLOOR_HEIGHT_M = 3.2  # metres, upper storeys
 
 
-def exemplars(n: int, *, seed: int, metres_per_pixel: float = 0.05, occluded_share: float = 0.0) -> list[PaintedFacade]:
+def paint_exemplar_set(n: int, *, seed: int, metres_per_pixel: float = 0.05, occluded_share: float = 0.0) -> list[PaintedFacade]:
     """Paint n facades as `exemplar` does. occluded_share of them (rounded to whole facades, spread over the list) have one to
     three things in front. Raises LayoutError for a negative n or a share outside 0..1."""
     if not isinstance(n, int | np.integer) or n < 0:
@@ -25,10 +25,10 @@ def exemplars(n: int, *, seed: int, metres_per_pixel: float = 0.05, occluded_sha
         raise LayoutError(f"exemplars seed is {seed!r}; use a whole number of at least 0")
     # Bresenham's rule: occluded facades are evenly spread, and there are round(n * share) of them.
     busy = [round((i + 1) * occluded_share) > round(i * occluded_share) for i in range(n)]
-    return [exemplar(i, seed=seed, metres_per_pixel=metres_per_pixel, occluded=busy[i]) for i in range(n)]
+    return [paint_exemplar(i, seed=seed, metres_per_pixel=metres_per_pixel, occluded=busy[i]) for i in range(n)]
 
 
-def exemplar(
+def paint_exemplar(
     index: int,
     *,
     seed: int,
@@ -39,11 +39,11 @@ def exemplar(
     """Paint the facade of an index in a library: styles in turn, 3-7 floors, 3-8 columns, 10-26 m wide, storeys of about 3.2 m;
     with one to three things in front where it is occluded."""
     rng = np.random.default_rng([seed, index])
-    style = BY_NAME[styles[index % len(styles)]]
+    style = STYLE_BY_NAME[styles[index % len(styles)]]
     floors, columns = int(rng.integers(3, 8)), int(rng.integers(3, 9))
     width = float(np.clip(columns * rng.uniform(2.5, 3.4), 10, 26))
-    height = STOREY * rng.uniform(0.96, 1.05) * (floors - 1 + GROUND_SHARE) + style.crown + style.roof_height
-    return facade(
+    height = UPPER_FLOOR_HEIGHT_M * rng.uniform(0.96, 1.05) * (floors - 1 + GROUND_SHARE) + style.crown + style.roof_height
+    return paint_facade(
         (float(height), width),
         floors=floors,
         columns=columns,

@@ -11,20 +11,20 @@ import numpy as np
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
-from facade_core.synth.canvas import GAMMA, Canvas, linear
-from facade_core.synth.canvas_light import shade
-from facade_core.synth.facade_plan import Opening, Plan, plan
+from facade_core.synth.canvas import GAMMA, Canvas, hex_to_linear
+from facade_core.synth.canvas_light import light_canvas
+from facade_core.synth.facade_plan import PaintedOpening, FacadePlan, plan_facade
 from facade_core.synth.occluders import paint_occluders
-from facade_core.synth.styles import BY_NAME, STYLES
-from facade_core.synth.weather import weather
-from facade_core.synth.windows import SKY_HIGHEST, SKY_LOWEST, Fabrics, panes_differ, window_tile
+from facade_core.synth.styles import STYLE_BY_NAME, STYLES
+from facade_core.synth.weather import apply_weathering
+from facade_core.synth.windows import HIGH_FLOOR_SKY_PROBABILITY, LOW_FLOOR_SKY_PROBABILITY, WindowColours, vary_pane_brightness, window_tile
 
-LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
-FINEST, COARSEST = 0.01, 0.2  # metres per pixel
-MOST_PIXELS = 12_000_000
-ROOMS = 4
+MIN_FLOOR_HEIGHT_M, MIN_COLUMN_WIDTH_M = 2.4, 1.5  # metres
+MIN_METRES_PER_PIXEL, MAX_METRES_PER_PIXEL = 0.01, 0.2  # metres per pixel
+MAX_PIXELS = 12_000_000
+ROOM_VARIANTS = 4
 # Linear light that glass and air add to the darkest gap: 24 of 255. No texel of a wall is black.
-DARKEST = np.float32((24 / 255) ** GAMMA)
+MIN_LINEAR_LIGHT = np.float32((24 / 255) ** GAMMA)
 _CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
 _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 
@@ -49,7 +49,7 @@ class PaintedFacade:
     columns: int
 
 
-def facade(
+def paint_facade(
     size_m: tuple[float, float],
     *,
     floors: int,
@@ -65,23 +65,23 @@ def facade(
     occluders = how many trees, cars and lamp posts stand in front; those that would take the hidden share above
     40 % are left out. Raises LayoutError for a size, count or style that cannot be painted.
     """
-    height, width = _checked(size_m, floors, columns, style, metres_per_pixel, seed, occluders)
+    height, width = _validate_size(size_m, floors, columns, style, metres_per_pixel, seed, occluders)
     rng = np.random.default_rng([seed, STYLES.index(style), floors, columns])
-    laid = plan(
-        BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
+    laid = plan_facade(
+        STYLE_BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
     )
-    canvas = _paint(laid, rng)
-    small = cv2.resize(shade(canvas), (width, height), interpolation=cv2.INTER_AREA)
-    image = np.round(255 * np.clip(small, DARKEST, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
+    canvas = _paint_canvas(laid, rng)
+    small = cv2.resize(light_canvas(canvas), (width, height), interpolation=cv2.INTER_AREA)
+    image = np.round(255 * np.clip(small, MIN_LINEAR_LIGHT, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
     image, occluded = paint_occluders(image, metres_per_pixel, occluders, np.random.default_rng([seed, 0x0CC]))
-    states = [opening.truth for opening in laid.openings]
+    states = [opening.element_state for opening in laid.openings]
     return PaintedFacade(image, laid.labels(), laid.elements(), occluded, states, metres_per_pixel, floors, columns)
 
 
-def _checked(
+def _validate_size(
     size_m: tuple[float, float], floors: int, columns: int, style: str, mpp: float, seed: int, occluders: int
 ) -> tuple[int, int]:
-    if style not in BY_NAME:
+    if style not in STYLE_BY_NAME:
         raise LayoutError(f"facade style {style!r} is not known; use one of {', '.join(STYLES)}")
     if len(size_m) != 2 or not all(math.isfinite(s) and s > 0 for s in size_m):
         raise LayoutError(f"facade size_m {size_m!r} must be (height, width), two positive numbers of metres")
@@ -90,28 +90,28 @@ def _checked(
             raise LayoutError(f"facade {name} is {count!r}; use a whole number of at least {least}")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise LayoutError(f"facade seed is {seed!r}; use a whole number of at least 0")
-    if not FINEST <= mpp <= COARSEST:
-        raise LayoutError(f"facade metres_per_pixel is {mpp!r}; use a value from {FINEST} to {COARSEST}")
-    if size_m[0] < LOWEST_STOREY * floors:
-        raise LayoutError(f"facade of {size_m[0]:g} m has no room for {floors} floors; give {LOWEST_STOREY} m to each")
-    if size_m[1] < NARROWEST_COLUMN * columns:
+    if not MIN_METRES_PER_PIXEL <= mpp <= MAX_METRES_PER_PIXEL:
+        raise LayoutError(f"facade metres_per_pixel is {mpp!r}; use a value from {MIN_METRES_PER_PIXEL} to {MAX_METRES_PER_PIXEL}")
+    if size_m[0] < MIN_FLOOR_HEIGHT_M * floors:
+        raise LayoutError(f"facade of {size_m[0]:g} m has no room for {floors} floors; give {MIN_FLOOR_HEIGHT_M} m to each")
+    if size_m[1] < MIN_COLUMN_WIDTH_M * columns:
         raise LayoutError(
-            f"facade of {size_m[1]:g} m has no room for {columns} columns; give {NARROWEST_COLUMN} m to each"
+            f"facade of {size_m[1]:g} m has no room for {columns} columns; give {MIN_COLUMN_WIDTH_M} m to each"
         )
     height, width = round(size_m[0] / mpp), round(size_m[1] / mpp)
-    if height * width > MOST_PIXELS:
+    if height * width > MAX_PIXELS:
         raise LayoutError(f"facade of {height} x {width} pixels is too large to paint; use a coarser metres_per_pixel")
     return height, width
 
 
-def _paint(laid: Plan, rng: np.random.Generator) -> Canvas:
-    style, mpp = laid.style, laid.metres_per_pixel
+def _paint_canvas(plan: FacadePlan, rng: np.random.Generator) -> Canvas:
+    style, mpp = plan.style, plan.metres_per_pixel
     # Fine detail is drawn at about 1.7 cm, whatever the raster.
     factor = min(4, max(2 if mpp > 0.0167 else 1, round(mpp / 0.0167)))
-    canvas = Canvas.blank(laid.height * factor, laid.width * factor, factor / mpp)
-    palette = ornament.Palette(
+    canvas = Canvas.blank(plan.height * factor, plan.width * factor, factor / mpp)
+    palette = ornament.FacadePalette(
         *(
-            linear(str(rng.choice(colours))) if colours else linear("#888888")
+            hex_to_linear(str(rng.choice(colours))) if colours else hex_to_linear("#888888")
             for colours in (
                 style.wall_colours,
                 style.trim_colours,
@@ -121,109 +121,109 @@ def _paint(laid: Plan, rng: np.random.Generator) -> Canvas:
             )
         )
     )
-    frame, curtain, blind = (linear(str(rng.choice(c))) for c in (style.frame_colours, _CURTAINS, _BLINDS))
-    _walls(canvas, laid, palette, rng)
-    ledges = ornament.storeys(canvas, laid, palette)
-    ornament.crown(canvas, laid, palette)
-    _openings(canvas, laid, palette, Fabrics(frame, curtain, blind), rng)
+    frame, curtain, blind = (hex_to_linear(str(rng.choice(c))) for c in (style.frame_colours, _CURTAINS, _BLINDS))
+    _paint_walls(canvas, plan, palette, rng)
+    ledges = ornament.paint_floor_lines(canvas, plan, palette)
+    ornament.paint_crown(canvas, plan, palette)
+    _paint_openings(canvas, plan, palette, WindowColours(frame, curtain, blind), rng)
     sills = [
         (o.box[0] * mpp - 0.1, o.box[2] * mpp + 0.1, o.box[3] * mpp + 0.1)
-        for o in laid.openings
+        for o in plan.openings
         if o.label in ("window", "balcony")
     ]
-    weather(canvas, sills, [y + 0.12 for y in ledges], rng)
+    apply_weathering(canvas, sills, [y + 0.12 for y in ledges], rng)
     return canvas
 
 
-def _walls(canvas: Canvas, laid: Plan, palette: ornament.Palette, rng: np.random.Generator) -> None:
-    style, mpp, w = laid.style, laid.metres_per_pixel, canvas.width_m
-    top, ground, bottom = laid.roof * mpp, laid.lines[1] * mpp, laid.lines[0] * mpp
+def _paint_walls(canvas: Canvas, plan: FacadePlan, palette: ornament.FacadePalette, rng: np.random.Generator) -> None:
+    style, mpp, w = plan.style, plan.metres_per_pixel, canvas.width_m
+    top, ground, bottom = plan.roof * mpp, plan.lines[1] * mpp, plan.lines[0] * mpp
     # A course narrower than two and a half pixels would be lost, or beat against the raster.
     course = max(0.075, 2.5 * mpp)
     upper = (0.0, top, w, max(ground, top + mpp))
     if style.wall == "brick":
-        bond = materials.Bond(course, 3.33 * course, 0.14 * course, header=1.67 * course, spread=0.15)
-        materials.masonry(canvas, upper, palette.wall, linear("#a59380"), bond, rng)
+        bond = materials.MasonryBond(course, 3.33 * course, 0.14 * course, header=1.67 * course, spread=0.15)
+        materials.paint_masonry(canvas, upper, palette.wall, hex_to_linear("#a59380"), bond, rng)
     elif style.wall == "ashlar":
-        bond = materials.Bond(0.42, 1.0, 0.02, spread=0.035)
-        materials.masonry(canvas, upper, palette.wall, palette.wall * 0.62, bond, rng)
+        bond = materials.MasonryBond(0.42, 1.0, 0.02, spread=0.035)
+        materials.paint_masonry(canvas, upper, palette.wall, palette.wall * 0.62, bond, rng)
     else:
         rough = {"jugend": 0.9, "functionalist": 0.35, "classicism": 0.5, "post-war": 1.0}.get(style.name, 0.2)
-        materials.plaster(canvas, upper, palette.wall, rng, rough=rough)
+        materials.paint_plaster(canvas, upper, palette.wall, rng, rough=rough)
     lower = (0.0, ground, w, bottom)
     if style.base == "banded":
-        materials.banded(canvas, lower, palette.base, rng, course=0.46)
+        materials.paint_rustication(canvas, lower, palette.base, rng, course=0.46)
     elif style.base == "granite":
-        bond = materials.Bond(0.48, 1.0, 0.035, header=0.6, spread=0.09)
-        materials.masonry(
-            canvas, lower, palette.base, palette.base * 0.55, bond, rng, relief=0.06, groove=0.05, rock=0.035
+        bond = materials.MasonryBond(0.48, 1.0, 0.035, header=0.6, spread=0.09)
+        materials.paint_masonry(
+            canvas, lower, palette.base, palette.base * 0.55, bond, rng, relief=0.06, groove=0.05, rock_face=0.035
         )
     elif style.base == "tile":
-        bond = materials.Bond(max(0.10, 2.5 * mpp), max(0.2, 5 * mpp), 0.014, spread=0.07)
-        materials.masonry(canvas, lower, palette.base, palette.base * 1.6, bond, rng, relief=0.02)
+        bond = materials.MasonryBond(max(0.10, 2.5 * mpp), max(0.2, 5 * mpp), 0.014, spread=0.07)
+        materials.paint_masonry(canvas, lower, palette.base, palette.base * 1.6, bond, rng, relief=0.02)
     else:
-        bond = materials.Bond(0.50, 1.1, 0.025, spread=0.05)
-        materials.masonry(canvas, lower, palette.base, palette.base * 0.6, bond, rng, relief=0.04, groove=0.02)
+        bond = materials.MasonryBond(0.50, 1.1, 0.025, spread=0.05)
+        materials.paint_masonry(canvas, lower, palette.base, palette.base * 0.6, bond, rng, relief=0.04, groove=0.02)
     if style.roof == "mansard":
-        materials.slate(canvas, (0.0, 0.0, w, top), rng, max(0.2, 3 * mpp))
+        materials.paint_slate(canvas, (0.0, 0.0, w, top), rng, max(0.2, 3 * mpp))
         canvas.moulding(0, 0, w, 0.22, palette.roof * 0.8, (0.12, 0.16, 0.12, 0.04))
         canvas.moulding(0, top - 0.16, w, top, palette.roof * 0.9, (0.20, 0.30, 0.34))
     elif style.roof == "metal":
-        materials.sheet_metal(canvas, (0.0, 0.0, w, top), palette.roof, rng)
+        materials.paint_sheet_metal(canvas, (0.0, 0.0, w, top), palette.roof, rng)
         canvas.moulding(0, top - 0.14, w, top, palette.roof * 0.8, (0.35, 0.52, 0.55))
 
 
-def _openings(
-    canvas: Canvas, laid: Plan, palette: ornament.Palette, fabrics: Fabrics, rng: np.random.Generator
+def _paint_openings(
+    canvas: Canvas, plan: FacadePlan, palette: ornament.FacadePalette, fabrics: WindowColours, rng: np.random.Generator
 ) -> None:
-    mpp, style = laid.metres_per_pixel, laid.style
+    mpp, style = plan.metres_per_pixel, plan.style
     factor = round(canvas.scale * mpp)
     tiles: dict[tuple[str, str, tuple[int, int], bool, int], tuple[Canvas, np.ndarray | None]] = {}
 
-    def metres(o: Opening) -> ornament.Box:
+    def metres(o: PaintedOpening) -> ornament.Box:
         x0, y0, x1, y1 = o.box
         return x0 * mpp, y0 * mpp, x1 * mpp, y1 * mpp
 
-    def shape(o: Opening) -> tuple[int, int]:
+    def shape(o: PaintedOpening) -> tuple[int, int]:
         return (o.box[3] - o.box[1]) * factor, (o.box[2] - o.box[0]) * factor
 
-    by_label = {name: [o for o in laid.openings if o.label == name] for name in ("window", "balcony", "door", "shop")}
+    by_label = {name: [o for o in plan.openings if o.label == name] for name in ("window", "balcony", "door", "shop")}
     for o in by_label["window"]:
-        ornament.surround(canvas, laid, o, metres(o), palette)
+        ornament.paint_surround(canvas, plan, o, metres(o), palette)
     for o in by_label["window"]:
         # Of rooms in one state there are some: no two neighbours draw their curtains alike.
-        high = 2 * o.floor > laid.floors
-        key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOMS)))
+        high = 2 * o.floor > plan.floors
+        key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOM_VARIANTS)))
         if key not in tiles:
-            sky = SKY_HIGHEST if high else SKY_LOWEST
+            sky = HIGH_FLOOR_SKY_PROBABILITY if high else LOW_FLOOR_SKY_PROBABILITY
             tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, sky, rng)
         tile, opening = tiles[key]
-        canvas.paste(panes_differ(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
+        canvas.paste(vary_pane_brightness(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
     spacing = factor * max(2, round(0.13 / mpp))
-    parapet = 0.6 * palette.wall + 0.4 * linear("#e4e2dc")
+    parapet = 0.6 * palette.wall + 0.4 * hex_to_linear("#e4e2dc")
     for o in by_label["balcony"]:
         box = metres(o)
         if o.kind == "long":
-            railings.brackets(
-                canvas, np.arange(1, laid.width / laid.pitch - 0.5) * laid.pitch * mpp, box[3], palette.trim
+            railings.paint_brackets(
+                canvas, np.arange(1, plan.width / plan.pitch - 0.5) * plan.pitch * mpp, box[3], palette.trim
             )
         elif style.railing != "solid" and style.balconies != "parisian":
-            railings.brackets(canvas, np.array([box[0] + 0.2, box[2] - 0.2]), box[3], palette.trim)
-        railings.balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
+            railings.paint_brackets(canvas, np.array([box[0] + 0.2, box[2] - 0.2]), box[3], palette.trim)
+        railings.paint_balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
     for o in by_label["door"]:
-        ornament.doorway(canvas, laid, metres(o), palette)
-        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.modern, rng=rng)
+        ornament.paint_doorway(canvas, plan, metres(o), palette)
+        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, is_modern=style.is_modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
     bays = by_label["shop"]
-    ornament.piers(canvas, laid, [metres(o) for o in bays], palette)
-    numbers = sorted({o.unit for o in bays})
-    for number, shop in zip(numbers, shops.parade(len(numbers), rng), strict=True):
-        own = [o for o in bays if o.unit == number]
+    ornament.paint_piers(canvas, plan, [metres(o) for o in bays], palette)
+    numbers = sorted({o.shop_number for o in bays})
+    for number, shop in zip(numbers, shops.design_shops(len(numbers), rng), strict=True):
+        own = [o for o in bays if o.shop_number == number]
         for place, o in enumerate(own):
             # The name stands over the first bay, and the second has the door.
             named, door = place == 0, place == min(1, len(own) - 1)
             tile, awning = shops.shop_tile(
-                shape(o), canvas.scale, o.state, shop, named=named, door=door, stone=palette.base, rng=rng
+                shape(o), canvas.scale, o.state, shop, has_name=named, has_door=door, stone=palette.base, rng=rng
             )
             canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
             if awning is not None:

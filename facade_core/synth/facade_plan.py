@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
-from facade_core.synth.styles import Style
+from facade_core.synth.styles import FacadeStyle
 
 GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
@@ -18,12 +18,12 @@ BALCONY_ODDS = (0.85, 0.15)
 SHOP_STATES = ("plain", "awning")
 SHOP_ODDS = (0.65, 0.35)
 # Metres: what shops and balconies leave free at a facade's ends, the pier between two bays of shops, the widest such bay.
-CORNER, PIER, WIDEST_BAY = 0.5, 0.5, 4.2
-SMALLEST_ROOF_WITH_DORMERS = 1.7
+END_MARGIN_M, PIER_WIDTH_M, MAX_BAY_WIDTH_M = 0.5, 0.5, 4.2
+MIN_DORMER_ROOF_M = 1.7
 
 
 @dataclass(frozen=True, slots=True)
-class Opening:
+class PaintedOpening:
     """A window, balcony, door or shop; box in whole pixels (x0, y0, x1, y1), half-open; unit: of which shop it is a bay."""
 
     label: str
@@ -32,19 +32,19 @@ class Opening:
     box: tuple[int, int, int, int]
     floor: int
     column: int
-    unit: int = 0
+    shop_number: int = 0
 
     @property
-    def truth(self) -> str:
+    def element_state(self) -> str:
         """The planted type: 'window:blind-half', or 'window:dormer-blind-half' for another kind of window."""
         return f"{self.label}:{self.state}" if self.kind == "plain" else f"{self.label}:{self.kind}-{self.state}"
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class FacadePlan:
     """height, width, roof and crown in pixels; lines[f] is the floor line of storey f, lines[floors] the top one's ceiling."""
 
-    style: Style
+    style: FacadeStyle
     height: int
     width: int
     metres_per_pixel: float
@@ -52,7 +52,7 @@ class Plan:
     crown: int
     lines: tuple[int, ...]
     pitch: float
-    openings: tuple[Opening, ...]
+    openings: tuple[PaintedOpening, ...]
 
     @property
     def floors(self) -> int:
@@ -76,8 +76,8 @@ class Plan:
         return [Element(o.label, *map(float, o.box)) for o in self.openings]
 
 
-def plan(
-    style: Style,
+def plan_facade(
+    style: FacadeStyle,
     height: int,
     width: int,
     *,
@@ -85,7 +85,7 @@ def plan(
     columns: int,
     metres_per_pixel: float,
     rng: np.random.Generator,
-) -> Plan:
+) -> FacadePlan:
     """Lay out a facade of height x width pixels."""
     mpp = metres_per_pixel
 
@@ -101,8 +101,8 @@ def plan(
     lines = (height, *(roof + crown + rise * (floors - 1 - f) for f in range(floors)))
     pitch = width / columns
 
-    openings: list[Opening] = []
-    with_balcony = _balcony_places(style, floors, columns, rng)
+    openings: list[PaintedOpening] = []
+    with_balcony = _choose_balconies(style, floors, columns, rng)
     window_w = px(min(style.window_share * pitch * mpp, style.window_widest))
     for floor in range(1, floors):
         for column in range(columns):
@@ -112,30 +112,30 @@ def plan(
             bottom = lines[floor] - (px(0.08) if door else round(style.sill_share * rise))
             kind = "door" if door else "arched" if style.name == "jugend" and floor == floors - 1 else "plain"
             openings.append(
-                Opening("window", kind, state, _centred(column, pitch, window_w, top, bottom), floor, column)
+                PaintedOpening("window", kind, state, _centred_box(column, pitch, window_w, top, bottom), floor, column)
             )
-    openings += _balconies(style, with_balcony, lines, width, pitch, window_w, mpp, rng)
-    openings += _ground_floor(style, height, lines[1], columns, pitch, window_w, mpp, rng)
-    if roof * mpp >= SMALLEST_ROOF_WITH_DORMERS and style.roof == "mansard":
+    openings += _place_balconies(style, with_balcony, lines, width, pitch, window_w, mpp, rng)
+    openings += _place_ground_floor(style, height, lines[1], columns, pitch, window_w, mpp, rng)
+    if roof * mpp >= MIN_DORMER_ROOF_M and style.roof == "mansard":
         dormer_w = px(min(0.34 * pitch * mpp, 1.05))
         for column in range(columns):
             state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
-            box = _centred(column, pitch, dormer_w, round(0.30 * roof), round(0.84 * roof))
-            openings.append(Opening("window", "dormer", state, box, floors, column))
-    return Plan(style, height, width, mpp, roof, crown, lines, pitch, tuple(openings))
+            box = _centred_box(column, pitch, dormer_w, round(0.30 * roof), round(0.84 * roof))
+            openings.append(PaintedOpening("window", "dormer", state, box, floors, column))
+    return FacadePlan(style, height, width, mpp, roof, crown, lines, pitch, tuple(openings))
 
 
-def _centred(column: float, pitch: float, width: int, top: int, bottom: int) -> tuple[int, int, int, int]:
+def _centred_box(column: float, pitch: float, width: int, top: int, bottom: int) -> tuple[int, int, int, int]:
     left = round((column + 0.5) * pitch - width / 2)
     return left, top, left + width, max(bottom, top + 2)
 
 
-def _corner(width: int, mpp: float) -> int:
+def _end_margin(width: int, mpp: float) -> int:
     """Pixels that shops and balconies leave free at either end of a facade."""
-    return round(min(CORNER / mpp, 0.12 * width))
+    return round(min(END_MARGIN_M / mpp, 0.12 * width))
 
 
-def _balcony_places(style: Style, floors: int, columns: int, rng: np.random.Generator) -> set[tuple[int, int]]:
+def _choose_balconies(style: FacadeStyle, floors: int, columns: int, rng: np.random.Generator) -> set[tuple[int, int]]:
     upper = range(1, floors)
     if floors == 1 or style.balconies == "none":
         return set()
@@ -152,8 +152,8 @@ def _balcony_places(style: Style, floors: int, columns: int, rng: np.random.Gene
     return {(f, c) for f in range(lowest, max(floors - 1, lowest + 1)) for c in chosen}
 
 
-def _balconies(
-    style: Style,
+def _place_balconies(
+    style: FacadeStyle,
     places: set[tuple[int, int]],
     lines: tuple[int, ...],
     width: int,
@@ -161,9 +161,9 @@ def _balconies(
     window_w: int,
     mpp: float,
     rng: np.random.Generator,
-) -> list[Opening]:
+) -> list[PaintedOpening]:
     floors = len(lines) - 1
-    above, below, edge = round(0.95 / mpp), round(0.16 / mpp), _corner(width, mpp)
+    above, below, edge = round(0.95 / mpp), round(0.16 / mpp), _end_margin(width, mpp)
     found = []
     parisian = style.balconies == "parisian"
     long_floors = {min(2, floors - 1), floors - 1} if parisian and floors >= 4 else {floors - 1} if parisian else set()
@@ -174,7 +174,7 @@ def _balconies(
             if column == 0:
                 margin = max(1, round(0.12 * pitch), edge)
                 box = (margin, top, width - margin, bottom)
-                found.append(Opening("balcony", "long", state, box, floor, 0))
+                found.append(PaintedOpening("balcony", "long", state, box, floor, 0))
             continue
         share = {"solid": 0.90, "stone": 0.86}.get(style.railing, 0.0)
         margin_m = 0.12 if parisian else 0.42
@@ -183,12 +183,12 @@ def _balconies(
             wide = min(wide, round(3.4 / mpp))
         if column in (0, round(width / pitch) - 1):
             wide = max(min(wide, round(pitch) - 2 * edge), min(wide, window_w))
-        found.append(Opening("balcony", "plain", state, _centred(column, pitch, wide, top, bottom), floor, column))
+        found.append(PaintedOpening("balcony", "plain", state, _centred_box(column, pitch, wide, top, bottom), floor, column))
     return found
 
 
-def _ground_floor(
-    style: Style,
+def _place_ground_floor(
+    style: FacadeStyle,
     height: int,
     ceiling: int,
     columns: int,
@@ -196,36 +196,36 @@ def _ground_floor(
     window_w: int,
     mpp: float,
     rng: np.random.Generator,
-) -> list[Opening]:
+) -> list[PaintedOpening]:
     tall = height - ceiling
     shops = rng.random() < style.shops and tall * mpp >= 2.8 and pitch * mpp >= 1.9
     doorway = columns // 2 if style.balconies == "centre" else int(rng.integers(columns))
     door_w = max(2, round(min(0.52 * pitch * mpp, 1.7) / mpp))
     found = []
-    units = _shops(columns, doorway, rng) if shops else {}
+    units = _assign_shops(columns, doorway, rng) if shops else {}
     states = rng.choice(SHOP_STATES, columns, p=SHOP_ODDS)
-    edge, pier = _corner(round(columns * pitch), mpp), PIER / mpp
+    edge, pier = _end_margin(round(columns * pitch), mpp), PIER_WIDTH_M / mpp
     for column in range(columns):
         if column == doorway:
             top = ceiling + round(0.20 * tall)
-            found.append(Opening("door", "plain", "leaf", _centred(column, pitch, door_w, top, height), 0, column))
+            found.append(PaintedOpening("door", "plain", "leaf", _centred_box(column, pitch, door_w, top, height), 0, column))
         elif column in units:
-            wide = min(pitch - pier, WIDEST_BAY / mpp)
+            wide = min(pitch - pier, MAX_BAY_WIDTH_M / mpp)
             left = max(round((column + 0.5) * pitch - wide / 2), edge if column == 0 else 0)
             right = round((column + 0.5) * pitch + wide / 2)
             if column == columns - 1:
                 right = min(right, round(columns * pitch) - edge)
             box = (left, ceiling + round(0.11 * tall), right, height)
             unit = units[column]
-            found.append(Opening("shop", "plain", str(states[unit]), box, 0, column, unit))
+            found.append(PaintedOpening("shop", "plain", str(states[unit]), box, 0, column, unit))
         else:
             state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
             top, bottom = ceiling + round(0.22 * tall), ceiling + round(0.70 * tall)
-            found.append(Opening("window", "ground", state, _centred(column, pitch, window_w, top, bottom), 0, column))
+            found.append(PaintedOpening("window", "ground", state, _centred_box(column, pitch, window_w, top, bottom), 0, column))
     return found
 
 
-def _shops(columns: int, doorway: int, rng: np.random.Generator) -> dict[int, int]:
+def _assign_shops(columns: int, doorway: int, rng: np.random.Generator) -> dict[int, int]:
     """The number of its shop by column: shops are two or three bays wide where the door leaves room, and on long fronts one
     place in three is none."""
     runs: list[list[int]] = []

@@ -10,9 +10,9 @@ import shapely
 from facade_core.geometry.charts import Mesh
 
 # Metres from the centreline, on either side.
-CARS_M, TREES_M, PEOPLE_M = 4.6, 6.2, (5.0, 7.5)
+CAR_OFFSET_M, TREE_OFFSET_M, PERSON_OFFSET_RANGE_M = 4.6, 6.2, (5.0, 7.5)
 # Metres along the street per car, tree and person, on average.
-PER_CAR, PER_TREE, PER_PERSON = 9.0, 14.0, 11.0
+METRES_PER_CAR, METRES_PER_TREE, METRES_PER_PERSON = 9.0, 14.0, 11.0
 
 
 def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np.ndarray], *, seed: int) -> Mesh | None:
@@ -22,10 +22,10 @@ def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np
     """
     rng = np.random.default_rng(seed)
     bodies: list[tuple[np.ndarray, np.ndarray]] = []
-    for spacing, make in ((PER_CAR, _car), (PER_TREE, _tree), (PER_PERSON, _person)):
+    for spacing, make in ((METRES_PER_CAR, _car_bodies), (METRES_PER_TREE, _tree_bodies), (METRES_PER_PERSON, _person_bodies)):
         for along in rng.uniform(0, line.length, int(line.length / spacing)):
             aside, body = make(rng)
-            place, ahead = _frame(line, float(along))
+            place, ahead = _point_and_direction(line, float(along))
             left = np.array([-ahead[1], ahead[0]])
             at = place + (1 if rng.random() < 0.5 else -1) * aside * left
             turn = np.array([[ahead[0], -ahead[1], 0], [ahead[1], ahead[0], 0], [0, 0, 1]])
@@ -40,14 +40,14 @@ def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np
     return Mesh(vertices, triangles.astype(np.int32), each, np.zeros(len(vertices), np.int32))
 
 
-def _frame(line: shapely.LineString, along: float) -> tuple[np.ndarray, np.ndarray]:
+def _point_and_direction(line: shapely.LineString, along: float) -> tuple[np.ndarray, np.ndarray]:
     """A point of the line and its unit direction there."""
     a, b = (np.array(line.interpolate(d).coords[0][:2]) for d in (max(along - 0.5, 0), min(along + 0.5, line.length)))
     step = b - a
     return (a + b) / 2, step / max(float(np.linalg.norm(step)), 1e-9)
 
 
-def _car(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _car_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
     length, width, height = rng.uniform(3.6, 5.0), rng.uniform(1.7, 1.95), rng.uniform(1.4, 1.9)
     body = _box((length, width, 0.55 * height), 0.3)
     cabin = _box((0.55 * length, 0.85 * width, 0.45 * height), 0.3 + 0.55 * height)
@@ -56,22 +56,22 @@ def _car(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.nda
         for x in (-0.3 * length, 0.3 * length)
         for y in (-0.5 * width, 0.5 * width)
     ]
-    return CARS_M, [body, cabin, *wheels]
+    return CAR_OFFSET_M, [body, cabin, *wheels]
 
 
-def _tree(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _tree_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
     trunk, crown = rng.uniform(2.0, 3.5), rng.uniform(1.2, 2.4)
     parts = [_box((0.3, 0.3, trunk + crown), 0.0)]
     for _ in range(5):
         off = rng.normal(0, 0.45 * crown, 3)
         parts.append(_ball((0.75 * crown,) * 3, (off[0], off[1], trunk + crown + off[2])))
-    return TREES_M, parts
+    return TREE_OFFSET_M, parts
 
 
-def _person(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _person_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
     tall = rng.uniform(1.5, 1.9)
     parts = [_ball((0.16, 0.24, 0.42 * tall), (0, 0, 0.42 * tall)), _ball((0.11, 0.1, 0.13), (0, 0, 0.93 * tall))]
-    return float(rng.uniform(*PEOPLE_M)), parts
+    return float(rng.uniform(*PERSON_OFFSET_RANGE_M)), parts
 
 
 def _box(size: tuple[float, float, float], bottom: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,16 +11,16 @@ from facade_core.street.materials.grain import (
     add_grain,
 )
 from facade_core.street.materials.grain_file import load_shipped_grains
-from facade_core.synth.canvas import Canvas, fractal, linear, noise
+from facade_core.synth.canvas import Canvas, fractal_noise, hex_to_linear, smooth_noise
 
 # Pixels whose grain is worked out together.
-AT_ONCE = 1 << 18
+PIXELS_PER_BATCH = 1 << 18
 # How much of the photographed grain walls have: of plaster, from trowelled to roughcast, and of bricks and stones.
-PLASTERED, LAID = (1.0, 1.6), 1.3
+PLASTER_GRAIN_WEIGHTS, MASONRY_GRAIN_WEIGHT = (1.0, 1.6), 1.3
 
 
 @dataclass(frozen=True)
-class Bond:
+class MasonryBond:
     """How stones are laid, in metres; header > 0 puts a short stone after every long one (Flemish bond)."""
 
     course: float
@@ -30,7 +30,7 @@ class Bond:
     spread: float = 0.05
 
 
-def plaster(
+def paint_plaster(
     canvas: Canvas,
     box: tuple[float, float, float, float],
     colour: np.ndarray,
@@ -41,31 +41,31 @@ def plaster(
     """Rendered wall; rough in 0..1 goes from trowelled smooth to roughcast."""
     at = canvas.region(*box)
     shape = canvas.relief[at].shape
-    grain = noise(shape, 0.022 * canvas.scale, rng)
+    grain = smooth_noise(shape, 0.022 * canvas.scale, rng)
     # Grain, the strokes of the trowel, and patches as far as an arm reaches.
-    weight = PLASTERED[0] + (PLASTERED[1] - PLASTERED[0]) * rough
-    tone = photographed(
+    weight = PLASTER_GRAIN_WEIGHTS[0] + (PLASTER_GRAIN_WEIGHTS[1] - PLASTER_GRAIN_WEIGHTS[0]) * rough
+    tone = photographic_grain(
         shape, canvas.scale, GrainKind.PLASTER_ROUGH if rough > 0.4 else GrainKind.PLASTER_FINE, weight, rng
     )
-    tone += np.float32(0.02 + 0.03 * rough) * grain + 0.022 * noise(shape, 0.35 * canvas.scale, rng)
-    tone += np.float32(0.010) * noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
-    tone += np.float32(0.014) * noise(shape, 1.7 * canvas.scale, rng)
+    tone += np.float32(0.02 + 0.03 * rough) * grain + 0.022 * smooth_noise(shape, 0.35 * canvas.scale, rng)
+    tone += np.float32(0.010) * smooth_noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
+    tone += np.float32(0.014) * smooth_noise(shape, 1.7 * canvas.scale, rng)
     canvas.albedo[at] = colour * tone[..., None]
     canvas.relief[at] = np.float32(0.0006 + 0.0028 * rough) * grain
     canvas.gloss[at] = 0
 
 
-def masonry(
+def paint_masonry(
     canvas: Canvas,
     box: tuple[float, float, float, float],
     colour: np.ndarray,
     mortar: np.ndarray,
-    bond: Bond,
+    bond: MasonryBond,
     rng: np.random.Generator,
     *,
     relief: float = 0.0,
     groove: float = 0.006,
-    rock: float = 0.0,
+    rock_face: float = 0.0,
 ) -> None:
     """Brick or stone with visible joints; rock = metres of rock-faced swelling per stone."""
     at = canvas.region(*box)
@@ -85,7 +85,7 @@ def masonry(
     value = np.take_along_axis(rng.standard_normal((count, int(stone.max()) + 1), dtype=np.float32), stone, 1)
     upright = np.where(short, in_unit - length, in_unit) < joint
     gap = (in_row >= course - joint)[:, None] | upright[row]
-    grain = photographed((rows, columns), canvas.scale, GrainKind.SETTS, LAID, rng)
+    grain = photographic_grain((rows, columns), canvas.scale, GrainKind.SETTS, MASONRY_GRAIN_WEIGHT, rng)
     tone = 1 + np.float32(bond.spread) * value
     # Firing and quarry beds change the hue as well as the tone.
     redder = tone * (1 + np.float32(0.35 * bond.spread) * np.sin(7 * value))
@@ -96,33 +96,33 @@ def masonry(
         laid[in_row >= course - joint] = mortar[channel]
         canvas.albedo[at][..., channel] = laid * grain
     height = (np.float32(relief) + np.float32(0.15 * groove) * value)[row]
-    if rock:
+    if rock_face:
         swell = np.sqrt(np.sin(np.pi * (in_row + 0.5) / course)).astype(np.float32)[:, None]
-        height += np.float32(rock) * (swell + 0.55 * fractal((rows, columns), 0.16 * canvas.scale, 3, rng))
+        height += np.float32(rock_face) * (swell + 0.55 * fractal_noise((rows, columns), 0.16 * canvas.scale, 3, rng))
     height[gap] = relief - groove
     canvas.relief[at] = height
     canvas.gloss[at] = 0
 
 
-def photographed(
-    shape: tuple[int, int], scale: float, example: int, weight: float, rng: np.random.Generator
+def photographic_grain(
+    shape: tuple[int, int], scale: float, kind: int, weight: float, rng: np.random.Generator
 ) -> np.ndarray:
     """What a material's colour is multiplied by, in linear light, (H, W) float32 about 1: the grain of photographs of it
     (`facade_core.street.materials.grain`), as pixels of 1 / scale metres see it."""
     rows, columns = shape
     out, grains, seed = np.empty(shape, np.float32), load_shipped_grains(), int(rng.integers(1 << 31))
     across = (np.arange(columns) + 0.5) / scale
-    together = max(1, AT_ONCE // max(columns, 1))
+    together = max(1, PIXELS_PER_BATCH // max(columns, 1))
     for first in range(0, rows, together):
         count = min(together, rows - first)
         y = np.repeat((np.arange(first, first + count) + 0.5) / scale, columns)
         tone = np.ones(len(y))
-        add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, int(example), weight, seed, tone)
+        add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, int(kind), weight, seed, tone)
         out[first : first + count] = (tone * tone).reshape(count, columns)  # of display values, nearly GAMMA
     return out
 
 
-def banded(
+def paint_rustication(
     canvas: Canvas,
     box: tuple[float, float, float, float],
     colour: np.ndarray,
@@ -131,7 +131,7 @@ def banded(
     course: float,
 ) -> None:
     """Rusticated plaster or stone: broad courses with deep horizontal grooves only."""
-    plaster(canvas, box, colour, rng, rough=0.25)
+    paint_plaster(canvas, box, colour, rng, rough=0.25)
     x0, y0, x1, y1 = box
     canvas.relief[canvas.region(*box)] += 0.05
     count = max(2, round((y1 - y0) / course))
@@ -141,10 +141,10 @@ def banded(
         canvas.albedo[at] *= 0.72
 
 
-def slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.random.Generator, course: float) -> None:
+def paint_slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.random.Generator, course: float) -> None:
     """Slates on a steep roof: each course laps over the next."""
-    bond = Bond(course=course, length=course * 1.5, joint=0.012, spread=0.13)
-    masonry(canvas, box, linear("#68727c"), linear("#3c4248"), bond, rng, relief=-0.02, groove=0.012)
+    bond = MasonryBond(course=course, length=course * 1.5, joint=0.012, spread=0.13)
+    paint_masonry(canvas, box, hex_to_linear("#68727c"), hex_to_linear("#3c4248"), bond, rng, relief=-0.02, groove=0.012)
     at = canvas.region(*box)
     rows = canvas.relief[at].shape[0]
     lap = (np.arange(rows) % max(2, canvas.px(course))) / max(2, canvas.px(course))
@@ -152,14 +152,14 @@ def slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.random
     canvas.gloss[at] = 0.15
 
 
-def sheet_metal(
+def paint_sheet_metal(
     canvas: Canvas, box: tuple[float, float, float, float], colour: np.ndarray, rng: np.random.Generator
 ) -> None:
     """Seamed sheet metal, as on Nordic roofs: standing seams every 0.55 m and a lighter upper part."""
     at = canvas.region(*box)
     shape = canvas.relief[at].shape
     fade = np.linspace(1.22, 0.92, shape[0], dtype=np.float32)[:, None]
-    streaks = noise(shape, (1.5 * canvas.scale, 0.12 * canvas.scale), rng)
+    streaks = smooth_noise(shape, (1.5 * canvas.scale, 0.12 * canvas.scale), rng)
     canvas.albedo[at] = colour * (fade * (1 + 0.05 * streaks))[..., None]
     canvas.relief[at] = -0.02
     canvas.gloss[at] = 0.25

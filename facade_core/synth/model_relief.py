@@ -15,10 +15,10 @@ _GREY = {
     FacadeClass.ROOF: 184,
     FacadeClass.SHOP: 166,
 }
-_SHADOW, _LIT = 92, 236
+_SHADOW, _LIT_SILL = 92, 236
 
 
-def relief(labels: np.ndarray, metres_per_pixel: float) -> np.ndarray:
+def relief_image(labels: np.ndarray, metres_per_pixel: float) -> np.ndarray:
     """Grey (h, w) uint8 of a facade's labels (h, w): openings have a shadow below their head and a lit sill."""
     grey = np.full(labels.shape, _GREY[FacadeClass.WALL], np.uint8)
     for name, value in _GREY.items():
@@ -28,5 +28,5 @@ def relief(labels: np.ndarray, metres_per_pixel: float) -> np.ndarray:
     above = np.zeros_like(opening)
     above[depth:] = opening[:-depth]
     grey[opening & ~above] = _SHADOW
-    grey[~opening & above & (labels == FacadeClass.WALL)] = _LIT
+    grey[~opening & above & (labels == FacadeClass.WALL)] = _LIT_SILL
     return grey

@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.synth.canvas import GAMMA, blur, fractal, linear, noise
+from facade_core.synth.canvas import GAMMA, gaussian_blur, fractal_noise, hex_to_linear, smooth_noise
 
-MOST_HIDDEN = 0.40
-_LEAVES = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")
-_PAINT = ("#7d2b2b", "#2f4a6b", "#d9d7d0", "#3a3d40", "#8b9aa0", "#3f5a48", "#c2b280")
+MAX_HIDDEN_SHARE = 0.40
+_LEAF_COLOURS = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")
+_CAR_COLOURS = ("#7d2b2b", "#2f4a6b", "#d9d7d0", "#3a3d40", "#8b9aa0", "#3f5a48", "#c2b280")
 
 Sprite = tuple[np.ndarray, np.ndarray]  # colour (H, W, 3) linear and alpha (H, W), at twice the image's resolution
 
@@ -29,11 +29,11 @@ def paint_occluders(
     places = (np.arange(count) + rng.uniform(0.25, 0.75, count)) / count
     rng.shuffle(places)
     for kind, place in sorted(zip(kinds, places, strict=True), key=lambda item: ("tree", "lamp", "car").index(item[0])):
-        paint = {"tree": _tree, "lamp": _lamp, "car": _car}[kind]
+        paint = {"tree": _paint_tree, "lamp": _paint_lamp_post, "car": _paint_car}[kind]
         colour, alpha = paint((rows, columns), scale, float(place), share, rng)
         small = cv2.resize(alpha, image.shape[1::-1], interpolation=cv2.INTER_AREA)
         small[small < 0.06] = 0
-        if ((small > 0) | hidden).mean() > MOST_HIDDEN - 0.01:
+        if ((small > 0) | hidden).mean() > MAX_HIDDEN_SHARE - 0.01:
             continue
         premultiplied = cv2.resize(colour * alpha[..., None], image.shape[1::-1], interpolation=cv2.INTER_AREA)
         layer = (
@@ -50,7 +50,7 @@ def paint_occluders(
     return shown, hidden
 
 
-def _tree(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
+def _paint_tree(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
     """A street tree: the crown is a heap of leafy balls, lit from the upper left, with holes where the wall shows."""
     rows, columns = shape
     area = share * rows * columns / 0.80
@@ -71,14 +71,14 @@ def _tree(shape: tuple[int, int], scale: float, place: float, share: float, rng:
         ball = 1 - ((x[at] - bx) ** 2 + (y[at] - by) ** 2) / radius**2
         # Each ball is brighter towards the light; the ball in front hides those behind.
         np.maximum(crown[at], ball, out=crown[at])
-    leaf = fractal(shape, 0.22 * scale, 3, rng)
+    leaf = fractal_noise(shape, 0.22 * scale, 3, rng)
     alpha = np.clip((crown + 0.34 * leaf - 0.12) * 9, 0, 1)
-    bulk = blur(np.clip(crown, 0, 1), 0.10 * scale)
+    bulk = gaussian_blur(np.clip(crown, 0, 1), 0.10 * scale)
     lit = cv2.Sobel(bulk, cv2.CV_32F, 1, 0, ksize=3) * 0.7 + cv2.Sobel(bulk, cv2.CV_32F, 0, 1, ksize=3)
     height = ((cy - y) / half_y) * 0.30 + ((cx - x) / half_x) * 0.16
-    glint = noise(shape, 0.06 * scale, rng)
+    glint = smooth_noise(shape, 0.06 * scale, rng)
     light = np.clip(0.62 + height + 2.4 * lit + 0.22 * leaf + 0.16 * glint, 0.10, 1.6)
-    green = linear(_LEAVES[int(rng.integers(len(_LEAVES)))])
+    green = hex_to_linear(_LEAF_COLOURS[int(rng.integers(len(_LEAF_COLOURS)))])
     colour = green * light[..., None]
     colour[..., 0] *= 0.75 + 0.35 * np.clip(light, 0, 1.2)
     trunk = np.zeros(shape, np.uint8)
@@ -91,14 +91,14 @@ def _tree(shape: tuple[int, int], scale: float, place: float, share: float, rng:
     for turn in rng.uniform(-1.0, 1.0, 4):
         tip = (round(foot + lean + 0.6 * half_x * np.sin(turn)), round(cy - 0.5 * half_y * np.cos(turn)))
         cv2.line(trunk, (foot + lean, round(min(cy + 0.5 * half_y, rows - 1))), tip, 1, max(1, wide // 2))
-    bark = linear("#6b5a4a") * (np.clip(0.85 - 0.5 * (x - foot) / wide, 0.3, 1.3) * (1 + 0.2 * leaf))[..., None]
+    bark = hex_to_linear("#6b5a4a") * (np.clip(0.85 - 0.5 * (x - foot) / wide, 0.3, 1.3) * (1 + 0.2 * leaf))[..., None]
     # The trunk's upper part is in the crown's own shade.
     bark *= np.clip(0.35 + (y - cy) / (half_y + 1) * 0.6, 0.3, 1)[..., None]
     colour = np.where((alpha < 0.5)[..., None], bark, colour) if trunk.any() else colour
     return colour.astype(np.float32), np.maximum(alpha, trunk).astype(np.float32)
 
 
-def _car(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
+def _paint_car(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
     """A parked car from the side."""
     rows, columns = shape
     long, tall = 4.3, 1.48
@@ -115,7 +115,7 @@ def _car(shape: tuple[int, int], scale: float, place: float, share: float, rng: 
         cv2.fillPoly(colour, [px(points)], tone.tolist())
         cv2.fillPoly(alpha, [px(points)], 1)
 
-    paint = linear(_PAINT[int(rng.integers(len(_PAINT)))])
+    paint = hex_to_linear(_CAR_COLOURS[int(rng.integers(len(_CAR_COLOURS)))])
     body = [(0.0, 0.18), (0.0, 0.42), (0.02, 0.55), (0.10, 0.62), (0.22, 0.65), (0.33, 0.95), (0.38, 0.99), (0.52, 1.0)]
     body += [
         (0.70, 0.98),
@@ -130,15 +130,15 @@ def _car(shape: tuple[int, int], scale: float, place: float, share: float, rng: 
     fill(body, paint)
     fill([(0.01, 0.18), (0.99, 0.18), (1.0, 0.36), (0.0, 0.36)], paint * 0.62)
     fill([(0.01, 0.52), (0.99, 0.52), (0.97, 0.57), (0.04, 0.57)], paint * 1.35 + 0.03)
-    glass = linear("#3a4650")
+    glass = hex_to_linear("#3a4650")
     fill([(0.255, 0.66), (0.35, 0.92), (0.50, 0.94), (0.50, 0.66)], glass)
     fill([(0.52, 0.66), (0.52, 0.94), (0.70, 0.92), (0.78, 0.85), (0.84, 0.66)], glass)
-    fill([(0.30, 0.74), (0.36, 0.90), (0.42, 0.91), (0.34, 0.74)], linear("#93a6b2"))
-    fill([(0.56, 0.74), (0.58, 0.91), (0.64, 0.91), (0.60, 0.74)], linear("#93a6b2"))
+    fill([(0.30, 0.74), (0.36, 0.90), (0.42, 0.91), (0.34, 0.74)], hex_to_linear("#93a6b2"))
+    fill([(0.56, 0.74), (0.58, 0.91), (0.64, 0.91), (0.60, 0.74)], hex_to_linear("#93a6b2"))
     for seam in (0.235, 0.51, 0.735):
         fill([(seam, 0.22), (seam + 0.004, 0.22), (seam + 0.004, 0.64), (seam, 0.64)], paint * 0.4)
-    fill([(0.01, 0.44), (0.05, 0.46), (0.05, 0.54), (0.02, 0.54)], linear("#eee6c8"))
-    fill([(0.96, 0.46), (0.995, 0.44), (0.985, 0.54), (0.96, 0.54)], linear("#a22a22"))
+    fill([(0.01, 0.44), (0.05, 0.46), (0.05, 0.54), (0.02, 0.54)], hex_to_linear("#eee6c8"))
+    fill([(0.96, 0.46), (0.995, 0.44), (0.985, 0.54), (0.96, 0.54)], hex_to_linear("#a22a22"))
     for axle in (0.19, 0.81):
         centre = tuple(int(v) for v in px([(axle, 0.215)])[0])
         for radius, tone in (
@@ -148,12 +148,12 @@ def _car(shape: tuple[int, int], scale: float, place: float, share: float, rng: 
             (0.15, "#5d6064"),
             (0.05, "#b9bbbe"),
         ):
-            cv2.circle(colour, centre, max(1, round(radius * scale)), linear(tone).tolist(), -1)
+            cv2.circle(colour, centre, max(1, round(radius * scale)), hex_to_linear(tone).tolist(), -1)
             cv2.circle(alpha, centre, max(1, round(radius * scale)), 1, -1)
     return colour, alpha.astype(np.float32)
 
 
-def _lamp(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
+def _paint_lamp_post(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
     """A cast-iron lamp post with one lantern."""
     rows, columns = shape
     tall = min(4.6, 0.8 * rows / scale)
@@ -166,14 +166,14 @@ def _lamp(shape: tuple[int, int], scale: float, place: float, share: float, rng:
         cv2.fillPoly(colour, corners, tone.tolist())
         cv2.fillPoly(alpha, corners, 1)
 
-    iron, shine = linear("#22302c"), linear("#5d6f68")
+    iron, shine = hex_to_linear("#22302c"), hex_to_linear("#5d6f68")
     for half, y0, y1 in ((0.05, top + 0.55, ground), (0.09, ground - 1.1, ground), (0.13, ground - 0.35, ground)):
         fill([(-half, y0), (half, y0), (half, y1), (-half, y1)], iron)
         fill([(-half, y0), (-half * 0.4, y0), (-half * 0.4, y1), (-half, y1)], shine)
     for y in (ground - 1.1, ground - 2.2, top + 0.62):
         fill([(-0.11, y - 0.03), (0.11, y - 0.03), (0.11, y + 0.03), (-0.11, y + 0.03)], iron)
     fill([(-0.10, top + 0.58), (0.10, top + 0.58), (0.19, top + 0.14), (-0.19, top + 0.14)], iron)
-    fill([(-0.07, top + 0.55), (0.07, top + 0.55), (0.15, top + 0.17), (-0.15, top + 0.17)], linear("#f3e3b0"))
+    fill([(-0.07, top + 0.55), (0.07, top + 0.55), (0.15, top + 0.17), (-0.15, top + 0.17)], hex_to_linear("#f3e3b0"))
     fill([(-0.012, top + 0.56), (0.012, top + 0.56), (0.012, top + 0.14), (-0.012, top + 0.14)], iron)
     fill([(-0.24, top + 0.15), (0.24, top + 0.15), (0.06, top - 0.02), (-0.06, top - 0.02)], iron)
     return colour, alpha.astype(np.float32)

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, linear
-from facade_core.synth.facade_plan import Opening, Plan
+from facade_core.synth.canvas import Canvas, hex_to_linear
+from facade_core.synth.facade_plan import PaintedOpening, FacadePlan
 
 Box = tuple[float, float, float, float]
-CORNICE = (0.62, 0.62, 0.60, 0.52, 0.46, 0.26, 0.20, 0.13, 0.12, 0.05)
-STRING = (0.14, 0.14, 0.10, 0.07, 0.02)
-SILL = (0.12, 0.12, 0.09, 0.04)
+CORNICE_PROFILE_M = (0.62, 0.62, 0.60, 0.52, 0.46, 0.26, 0.20, 0.13, 0.12, 0.05)
+STRING_COURSE_PROFILE_M = (0.14, 0.14, 0.10, 0.07, 0.02)
+SILL_PROFILE_M = (0.12, 0.12, 0.09, 0.04)
 
 
 @dataclass(frozen=True)
-class Palette:
+class FacadePalette:
     """The house's colours in linear light."""
 
     wall: np.ndarray
@@ -26,52 +26,52 @@ class Palette:
     roof: np.ndarray
 
 
-def crown(canvas: Canvas, plan: Plan, palette: Palette) -> None:
+def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> None:
     """The cornice, frieze or parapet between the top windows and the roof."""
     mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
     y0, y1 = plan.roof * mpp, (plan.roof + plan.crown) * mpp
     tall, trim = y1 - y0, palette.trim
     if style.name == "functionalist":
-        canvas.moulding(0, y0, w, y0 + 0.12, linear("#7d8082"), (0.12, 0.12, 0.06))
+        canvas.moulding(0, y0, w, y0 + 0.12, hex_to_linear("#7d8082"), (0.12, 0.12, 0.06))
         return
     if style.name == "post-war":
         # Boarded eaves, and the shadow that they throw.
         canvas.moulding(0, y0, w, y0 + 0.5 * tall, trim * 0.9, (0.45, 0.45, 0.42, 0.30))
         return
     if style.name == "art-deco":
-        canvas.moulding(0, y0, w, y0 + 0.10, linear("#55585a"), (0.16, 0.16, 0.08))
-        _steps(canvas, plan, y0 + 0.10, y1, trim)
+        canvas.moulding(0, y0, w, y0 + 0.10, hex_to_linear("#55585a"), (0.16, 0.16, 0.08))
+        _paint_stepped_parapet(canvas, plan, y0 + 0.10, y1, trim)
         return
     if style.name in ("classicism", "plaster"):
-        canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE)
+        canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
         if style.name == "plaster":
-            _dentils(canvas, y0 + 0.34 * tall, y0 + 0.55 * tall, trim, pitch=0.62, relief=0.36)
-            canvas.moulding(0, y1 - 0.12, w, y1, trim, STRING[1:])
+            _paint_dentils(canvas, y0 + 0.34 * tall, y0 + 0.55 * tall, trim, pitch=0.62, relief=0.36)
+            canvas.moulding(0, y1 - 0.12, w, y1, trim, STRING_COURSE_PROFILE_M[1:])
         else:
             canvas.box(0, y0 + 0.55 * tall, w, y1, 0.5 * (palette.wall + trim), 0.02)
         return
     if style.name == "neoclassical":
         canvas.box(0, y0, w, y0 + 0.45 * tall, trim * 0.97, 0.10)
         canvas.box(0, y0, w, y0 + 0.09 * tall, trim, 0.18)
-        _panels(canvas, plan, y0 + 0.14 * tall, y0 + 0.40 * tall, trim)
+        _paint_panels(canvas, plan, y0 + 0.14 * tall, y0 + 0.40 * tall, trim)
         y0 += 0.45 * tall
-        canvas.moulding(0, y0, w, y1, trim, CORNICE)
-        _dentils(canvas, y0 + 0.52 * (y1 - y0), y0 + 0.78 * (y1 - y0), trim, pitch=0.34, relief=0.26)
+        canvas.moulding(0, y0, w, y1, trim, CORNICE_PROFILE_M)
+        _paint_dentils(canvas, y0 + 0.52 * (y1 - y0), y0 + 0.78 * (y1 - y0), trim, pitch=0.34, relief=0.26)
         return
     if style.name == "brick":
         canvas.moulding(0, y0, w, y0 + 0.16, trim, (0.36, 0.36, 0.30))
         canvas.relief[canvas.region(0, y0 + 0.16, w, y0 + 0.55 * tall)] += 0.18
-        _corbels(canvas, y0 + 0.55 * tall, y0 + 0.80 * tall)
+        _paint_corbels(canvas, y0 + 0.55 * tall, y0 + 0.80 * tall)
         canvas.moulding(0, y0 + 0.80 * tall, w, y1, trim, (0.08, 0.08, 0.05))
         return
-    canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE)
+    canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
     if style.name == "haussmann":
-        _dentils(canvas, y0 + 0.32 * tall, y0 + 0.50 * tall, trim, pitch=0.30, relief=0.28)
+        _paint_dentils(canvas, y0 + 0.32 * tall, y0 + 0.50 * tall, trim, pitch=0.30, relief=0.28)
     else:
-        _garland(canvas, plan, y0 + 0.60 * tall, y1, trim)
+        _paint_garland(canvas, plan, y0 + 0.60 * tall, y1, trim)
 
 
-def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
+def paint_floor_lines(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> list[float]:
     """String courses at the floor lines, quoins at the corners, the plinth; returns the height of each course."""
     mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
     lines = [y * mpp for y in plan.lines]
@@ -79,11 +79,11 @@ def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
     ledges = lines[1:-1]
     if style.name == "neoclassical":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.07, w, y + 0.07, trim, STRING[1:])
-        quoins(canvas, plan, lines[-1], lines[1], trim)
+            canvas.moulding(0, y - 0.07, w, y + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
+        paint_quoins(canvas, plan, lines[-1], lines[1], trim)
     elif style.name == "haussmann":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.05, w, y + 0.10, trim, STRING)
+            canvas.moulding(0, y - 0.05, w, y + 0.10, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "brick":
         ledges = lines[1:-1:2]
         for y in lines[3:-1:2]:
@@ -93,25 +93,25 @@ def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
         if plan.floors > 3:
             # The top storey is set off as an attic.
             ledges.append(lines[-2])
-            canvas.moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING)
+            canvas.moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "classicism":
         ledges = lines[1:2]
         if plan.floors > 4:
             ledges.append(lines[2])
-            canvas.moulding(0, lines[2] - 0.05, w, lines[2] + 0.07, trim, STRING[1:])
+            canvas.moulding(0, lines[2] - 0.05, w, lines[2] + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
     elif style.name == "plaster":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.06, w, y + 0.08, trim, STRING)
+            canvas.moulding(0, y - 0.06, w, y + 0.08, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "art-deco":
         ledges = lines[1:2]
-        _pilasters(canvas, plan, palette)
+        _paint_pilasters(canvas, plan, palette)
     else:
         ledges = []
         if style.name == "functionalist":
-            _ribbons(canvas, plan)
+            _paint_ribbons(canvas, plan)
     if plan.floors > 1 and style.name != "post-war":
         y = lines[1]
-        canvas.moulding(0, y - 0.16, w, y + 0.12, trim if style.base != "tile" else palette.base * 1.2, (0.24, *STRING))
+        canvas.moulding(0, y - 0.16, w, y + 0.12, trim if style.base != "tile" else palette.base * 1.2, (0.24, *STRING_COURSE_PROFILE_M))
     plinth = min(0.55, 0.16 * (lines[0] - lines[1]))
     at = canvas.region(0, lines[0] - plinth, w, lines[0])
     canvas.albedo[at] *= 0.82
@@ -120,7 +120,7 @@ def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
     return ledges
 
 
-def _ribbons(canvas: Canvas, plan: Plan) -> None:
+def _paint_ribbons(canvas: Canvas, plan: FacadePlan) -> None:
     """Bands of a darker render tie the windows of a storey together."""
     mpp = plan.metres_per_pixel
     rows = {(o.box[1], o.box[3]) for o in plan.openings if o.label == "window" and o.kind == "plain"}
@@ -131,7 +131,7 @@ def _ribbons(canvas: Canvas, plan: Plan) -> None:
         canvas.relief[at] -= 0.03
 
 
-def _pilasters(canvas: Canvas, plan: Plan, palette: Palette) -> None:
+def _paint_pilasters(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> None:
     """Fluted strips between the windows run through all upper storeys, over spandrels with ribs."""
     mpp, style = plan.metres_per_pixel, plan.style
     pitch, top, foot = plan.pitch * mpp, (plan.roof + plan.crown) * mpp, plan.lines[1] * mpp
@@ -154,7 +154,7 @@ def _pilasters(canvas: Canvas, plan: Plan, palette: Palette) -> None:
             )
 
 
-def _steps(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_stepped_parapet(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
     """A parapet in low relief, stepped over every pier."""
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:
@@ -162,7 +162,7 @@ def _steps(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray)
             canvas.box(x - half * pitch, y0, x + half * pitch, y0 + share * (y1 - y0), colour, relief)
 
 
-def quoins(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
     """Corner stones, long and short in turn, as far as the first windows leave room."""
     pitch = plan.pitch * plan.metres_per_pixel
     room = 0.5 * (pitch - min(plan.style.window_share * pitch, plan.style.window_widest)) - 0.30
@@ -177,24 +177,24 @@ def quoins(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray)
             canvas.box(x0, top + 0.018, x1, bottom - 0.018, tone, 0.055)
 
 
-def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Palette) -> None:
+def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, box: Box, palette: FacadePalette) -> None:
     """What frames a window, painted before the window itself."""
     x0, y0, x1, y1 = box
     trim, kind = palette.trim, plan.style.surround
     if opening.floor == 0 and plan.style.base == "granite":
         trim = palette.base * 1.25
     if opening.kind == "dormer":
-        _dormer(canvas, box, palette)
+        _paint_dormer(canvas, box, palette)
         return
     if opening.kind == "ground" and plan.style.base == "banded":
-        _voussoirs(canvas, box, palette.base)
+        _paint_voussoirs(canvas, box, palette.base)
         return
     if kind == "none":
-        sill(canvas, box, linear("#8f9294"), out=0.06)
+        paint_sill(canvas, box, hex_to_linear("#8f9294"), out=0.06)
         return
     if kind == "thin":
         canvas.box(x0 - 0.10, y0 - 0.10, x1 + 0.10, y1, trim, 0.025)
-        sill(canvas, box, trim if plan.style.name == "classicism" else linear("#84888a"), out=0.12)
+        paint_sill(canvas, box, trim if plan.style.name == "classicism" else hex_to_linear("#84888a"), out=0.12)
         return
     if kind == "band":
         rise = 0.20 * (x1 - x0) if opening.kind == "arched" else 0.0
@@ -208,18 +208,18 @@ def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Pa
             if opening.kind == "plain":
                 canvas.box(x0 + 0.1, y1 + 0.10, x1 - 0.1, y1 + 0.42, trim * 0.95, 0.02)
                 canvas.box(x0 + 0.2, y1 + 0.18, x1 - 0.2, y1 + 0.34, palette.wall * 0.92, 0.005)
-        sill(canvas, box, trim, out=0.16)
+        paint_sill(canvas, box, trim, out=0.16)
     elif kind == "brick":
-        _brick_arch(canvas, box, palette.wall if opening.floor else palette.base, trim)
-        sill(canvas, box, trim, out=0.10)
+        _paint_brick_arch(canvas, box, palette.wall if opening.floor else palette.base, trim)
+        paint_sill(canvas, box, trim, out=0.10)
     elif kind == "classical":
         canvas.box(x0 - 0.17, y0 - 0.17, x1 + 0.17, y1, trim, 0.05)
         canvas.box(x0 - 0.07, y0 - 0.07, x1 + 0.07, y1, trim * 0.96, 0.03)
         if opening.floor == 1 and plan.floors > 2:
-            _pediment(canvas, box, trim, curved=opening.column % 2 == 1)
+            _paint_pediment(canvas, box, trim, is_curved=opening.column % 2 == 1)
         elif opening.floor < plan.floors - 1 or plan.floors <= 2:
             canvas.moulding(x0 - 0.26, y0 - 0.40, x1 + 0.26, y0 - 0.25, trim, (0.20, 0.20, 0.14, 0.06))
-        sill(canvas, box, trim, out=0.20)
+        paint_sill(canvas, box, trim, out=0.20)
     else:
         canvas.box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.04)
         canvas.box(x0 - 0.05, y0 - 0.05, x1 + 0.05, y1, trim * 0.95, 0.02)
@@ -229,15 +229,15 @@ def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Pa
             canvas.polygon(
                 [(mid - 0.14, y0 - 0.32), (mid + 0.14, y0 - 0.32), (mid + 0.08, y0), (mid - 0.08, y0)], trim, 0.13
             )
-        sill(canvas, box, trim, out=0.14)
+        paint_sill(canvas, box, trim, out=0.14)
 
 
-def sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
+def paint_sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
     x0, _, x1, y1 = box
-    canvas.moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL)
+    canvas.moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL_PROFILE_M)
 
 
-def piers(canvas: Canvas, plan: Plan, bays: list[Box], palette: Palette) -> None:
+def paint_piers(canvas: Canvas, plan: FacadePlan, bays: list[Box], palette: FacadePalette) -> None:
     """Pilasters beside the bays of shops, on plinths."""
     if plan.style.base == "tile":
         return
@@ -249,10 +249,10 @@ def piers(canvas: Canvas, plan: Plan, bays: list[Box], palette: Palette) -> None
             canvas.box(left - 0.02, foot - 0.5, right + 0.02, foot, palette.base * 0.85, 0.1)
 
 
-def doorway(canvas: Canvas, plan: Plan, box: Box, palette: Palette) -> None:
+def paint_doorway(canvas: Canvas, plan: FacadePlan, box: Box, palette: FacadePalette) -> None:
     """A door's surround with a hood; stone for the old styles, a thin canopy for the modern one."""
     x0, y0, x1, y1 = box
-    if plan.style.modern:
+    if plan.style.is_modern:
         canvas.box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
         canvas.moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
         return
@@ -266,7 +266,7 @@ def doorway(canvas: Canvas, plan: Plan, box: Box, palette: Palette) -> None:
     )
 
 
-def _dormer(canvas: Canvas, box: Box, palette: Palette) -> None:
+def _paint_dormer(canvas: Canvas, box: Box, palette: FacadePalette) -> None:
     x0, y0, x1, y1 = box
     trim, mid = palette.trim, (x0 + x1) / 2
     canvas.box(x0 - 0.17, y0 - 0.10, x1 + 0.17, y1 + 0.10, trim, 0.22)
@@ -278,7 +278,7 @@ def _dormer(canvas: Canvas, box: Box, palette: Palette) -> None:
     canvas.moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
 
 
-def _brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -> None:
+def _paint_brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -> None:
     """A flat arch of bricks on end, fanned from a stone key."""
     x0, y0, x1, _ = box
     mid, tall = (x0 + x1) / 2, 0.30
@@ -296,11 +296,11 @@ def _brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -
         canvas.box(x, y0 - tall - lift, x + 0.22, y0, trim, 0.08 if key else 0.06)
 
 
-def _pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, curved: bool) -> None:
+def _paint_pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, is_curved: bool) -> None:
     x0, y0, x1, _ = box
     mid, half, foot = (x0 + x1) / 2, (x1 - x0) / 2 + 0.32, y0 - 0.30
     across = np.linspace(-1, 1, 21)
-    lift = np.sqrt(np.clip(1 - across**2, 0, 1)) if curved else 1 - np.abs(across)
+    lift = np.sqrt(np.clip(1 - across**2, 0, 1)) if is_curved else 1 - np.abs(across)
     for scale, relief, tone in ((1.0, 0.22, 1.0), (0.70, 0.07, 0.93)):
         shape = [
             (mid + a * half * scale, foot - 0.06 * (1 - scale) - 0.46 * scale * up)
@@ -312,7 +312,7 @@ def _pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, curved: bool) -> No
         canvas.moulding(x, foot + 0.12, x + 0.14, foot + 0.44, trim, (0.18, 0.16, 0.1, 0.05))
 
 
-def _voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
+def _paint_voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
     """Wedge stones of a flat arch that grow out of the rustication."""
     x0, y0, x1, _ = box
     mid = (x0 + x1) / 2
@@ -323,16 +323,16 @@ def _voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
         a, b, c, d = feet[number], feet[number + 1], tops[number + 1], tops[number]
         shape = [(a + 0.015, y0), (b - 0.015, y0), (c - 0.02, y0 - lift), (d + 0.02, y0 - lift)]
         canvas.polygon(shape, stone * (1.04 if number % 2 else 0.98), 0.10 if number == 2 else 0.075)
-    sill(canvas, box, stone * 1.05, out=0.12)
+    paint_sill(canvas, box, stone * 1.05, out=0.12)
 
 
-def _dentils(canvas: Canvas, y0: float, y1: float, colour: np.ndarray, *, pitch: float, relief: float) -> None:
+def _paint_dentils(canvas: Canvas, y0: float, y1: float, colour: np.ndarray, *, pitch: float, relief: float) -> None:
     count = max(3, round(canvas.width_m / pitch))
     for x in (np.arange(count) + 0.5) * canvas.width_m / count:
         canvas.box(x - 0.25 * pitch, y0, x + 0.25 * pitch, y1, colour, relief)
 
 
-def _corbels(canvas: Canvas, y0: float, y1: float) -> None:
+def _paint_corbels(canvas: Canvas, y0: float, y1: float) -> None:
     """Brick corbels in two steps that carry the parapet."""
     count = max(4, round(canvas.width_m / 0.5))
     for x in (np.arange(count) + 0.5) * canvas.width_m / count:
@@ -341,13 +341,13 @@ def _corbels(canvas: Canvas, y0: float, y1: float) -> None:
             canvas.relief[at] = np.maximum(canvas.relief[at], np.float32(relief))
 
 
-def _panels(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_panels(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch)) * pitch:
         canvas.box(x + 0.14 * pitch, y0, x + 0.86 * pitch, y1, colour * 0.94, 0.05)
 
 
-def _garland(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_garland(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
     """A frieze of stylised leaves in low relief."""
     count = max(4, round(canvas.width_m / 0.62))
     width, mid = canvas.width_m / count, (y0 + y1) / 2

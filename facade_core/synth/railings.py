@@ -5,13 +5,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, Plate, fractal, linear
+from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear
 
-DEPTH = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
-_FLOWERS = ("#c8413c", "#d96a8c", "#e0a63a", "#b65bb0", "#f0e6e0")
+BALCONY_DEPTH_M = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
+_FLOWER_COLOURS = ("#c8413c", "#d96a8c", "#e0a63a", "#b65bb0", "#f0e6e0")
 
 
-def balcony(
+def paint_balcony(
     canvas: Canvas,
     box: tuple[float, float, float, float],
     railing: str,
@@ -25,26 +25,26 @@ def balcony(
     """Paint a balcony into its box (metres); spacing = raster pixels from bar to bar."""
     x0, y0, x1, y1 = box
     slab = min(0.26, 0.25 * (y1 - y0))
-    depth = DEPTH[railing] if x1 - x0 > 1.6 or railing != "iron" else 0.45
+    depth = BALCONY_DEPTH_M[railing] if x1 - x0 > 1.6 or railing != "iron" else 0.45
     canvas.moulding(x0, y1 - slab, x1, y1, stone, (depth, depth, depth, 0.8 * depth, 0.6 * depth, 0.45 * depth))
     rows, columns = canvas.region(x0, y0, x1, y1 - slab)
     shape = (rows.stop - rows.start, columns.stop - columns.start)
     if railing in ("solid", "stone"):
         colour, alpha = _parapet(shape, canvas.scale, stone if railing == "stone" else render, railing)
     else:
-        colour, alpha = _ironwork(shape, canvas.scale, spacing, ornate=railing == "iron")
+        colour, alpha = _ironwork(shape, canvas.scale, spacing, is_ornate=railing == "iron")
     if state == "flowers":
-        _plant(colour, alpha, canvas.scale, rng)
+        _add_flowers(colour, alpha, canvas.scale, rng)
     canvas.plates.append(Plate(colour, alpha, rows.start, columns.start, depth))
 
 
-def brackets(canvas: Canvas, places: np.ndarray, y: float, stone: np.ndarray) -> None:
+def paint_brackets(canvas: Canvas, places: np.ndarray, y: float, stone: np.ndarray) -> None:
     """Scrolled stone brackets under a slab whose lower edge is at y, centred on `places` (metres)."""
     for x in places:
         canvas.moulding(x - 0.10, y, x + 0.10, y + 0.36, stone, (0.42, 0.40, 0.26, 0.16, 0.14, 0.05))
 
 
-def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, ornate: bool) -> tuple[np.ndarray, np.ndarray]:
+def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, is_ornate: bool) -> tuple[np.ndarray, np.ndarray]:
     rows, columns = shape
     alpha = np.zeros(shape, np.uint8)
     rail = max(2, round(0.05 * scale))
@@ -52,7 +52,7 @@ def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, ornate: boo
     count = max(2, round(columns / spacing))
     for x in np.linspace(0, columns - 1, count + 1):
         alpha[:, max(0, round(x) - 1) : round(x) + 1] = 190
-    if ornate:
+    if is_ornate:
         band = round(0.22 * rows)
         radius = max(3, round(0.075 * scale))
         for x in np.linspace(0, columns - 1, max(2, round(columns / (2 * spacing))) + 1):
@@ -62,8 +62,8 @@ def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, ornate: boo
     alpha[:rail] = 255
     alpha[-rail:] = 235
     alpha[:, :2] = alpha[:, -2:] = 255
-    colour = np.full((*shape, 3), linear("#23272a"), np.float32)
-    colour[: max(1, rail // 2)] = linear("#5b6166")
+    colour = np.full((*shape, 3), hex_to_linear("#23272a"), np.float32)
+    colour[: max(1, rail // 2)] = hex_to_linear("#5b6166")
     return colour, alpha.astype(np.float32) / 255
 
 
@@ -81,10 +81,10 @@ def _parapet(shape: tuple[int, int], scale: float, colour: np.ndarray, railing: 
         rail = max(2, round(0.05 * scale))
         gap = max(2, round(0.24 * scale))
         alpha[rail:gap] = 0
-        image[:rail] = linear("#4a4e50")
+        image[:rail] = hex_to_linear("#4a4e50")
         for post in np.linspace(2, columns - 3, max(2, round(columns / scale / 0.9))):
             alpha[rail:gap, round(post) - 1 : round(post) + 2] = 1
-            image[rail:gap, round(post) - 1 : round(post) + 2] = linear("#4a4e50")
+            image[rail:gap, round(post) - 1 : round(post) + 2] = hex_to_linear("#4a4e50")
         image[gap : gap + max(1, rail // 2)] *= 1.15
         return image.astype(np.float32), alpha
     count = max(3, round(columns / scale / 0.24))
@@ -99,16 +99,16 @@ def _parapet(shape: tuple[int, int], scale: float, colour: np.ndarray, railing: 
     return image.astype(np.float32), alpha.astype(np.float32)
 
 
-def _plant(colour: np.ndarray, alpha: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _add_flowers(colour: np.ndarray, alpha: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """A flower box along the rail: leaves hanging over it, and blossom of one colour."""
     rows = alpha.shape[0]
     box = slice(0, min(rows, round(0.42 * scale)))
     shape = alpha[box].shape
     hang = np.linspace(1.5, -1.6, shape[0], dtype=np.float32)[:, None]
-    leaves = fractal(shape, 0.11 * scale, 2, rng) + hang > 0
-    tone = 1 + 0.35 * fractal(shape, 0.05 * scale, 2, rng)
-    green = linear("#557a3c") * np.clip(tone, 0.4, 1.8)[..., None]
-    blossom = leaves & (fractal(shape, 0.07 * scale, 2, rng) > 0.75)
-    petal = linear(_FLOWERS[int(rng.integers(len(_FLOWERS)))]) * np.clip(tone, 0.7, 1.3)[..., None]
+    leaves = fractal_noise(shape, 0.11 * scale, 2, rng) + hang > 0
+    tone = 1 + 0.35 * fractal_noise(shape, 0.05 * scale, 2, rng)
+    green = hex_to_linear("#557a3c") * np.clip(tone, 0.4, 1.8)[..., None]
+    blossom = leaves & (fractal_noise(shape, 0.07 * scale, 2, rng) > 0.75)
+    petal = hex_to_linear(_FLOWER_COLOURS[int(rng.integers(len(_FLOWER_COLOURS)))]) * np.clip(tone, 0.7, 1.3)[..., None]
     colour[box] = np.where(blossom[..., None], petal, np.where(leaves[..., None], green, colour[box]))
     alpha[box] = np.maximum(alpha[box], leaves)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, Plate, fractal, linear, noise
-from facade_core.synth.windows import BAR, FRAME, GLASS, mirrored
+from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear, smooth_noise
+from facade_core.synth.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 
 # What is shown behind the glass, and names of shops that show it.
-NAMES = {
+SHOP_NAMES = {
     "shelves": ("Kirjat", "Paperi", "Lelut", "Rauta", "Radio", "Soitin", "Kemikalio", "Suutari"),
     "clothes": ("Hatut", "Kangas", "Turkis", "Puku", "Asuste", "Neule"),
     "flowers": ("Kukka", "Blommor", "Kukat", "Siemen"),
@@ -32,45 +32,45 @@ SIGN_COLOURS = (
     ("#8c8a84", "#26282a"),
     ("#4c4a3c", "#d6d0b8"),
 )
-AWNINGS = ("#5a3a36", "#3a4a42", "#3c4658", "#8a8474", "#b4ac9c", "#6a6c6e")
-_TONES = ("#a98a62", "#6e4238", "#50665a", "#b4aa90", "#3e4c5e", "#8c8c88", "#33312f", "#7a6a72")
+AWNING_COLOURS = ("#5a3a36", "#3a4a42", "#3c4658", "#8a8474", "#b4ac9c", "#6a6c6e")
+_GOODS_COLOURS = ("#a98a62", "#6e4238", "#50665a", "#b4aa90", "#3e4c5e", "#8c8c88", "#33312f", "#7a6a72")
 
 
 @dataclass(frozen=True)
-class Shop:
+class ShopDesign:
     """What the bays of a shop share: name, colours (numbers), heights in metres, wares."""
 
     name: str
     colours: tuple[str, str]
     awning: str
-    striped: bool
+    is_striped: bool
     fascia: float
     transom: float
     riser: float
-    stone: bool
+    has_stone_base: bool
     font: int
     goods: str
 
 
-def parade(number: int, rng: np.random.Generator) -> list[Shop]:
+def design_shops(count: int, rng: np.random.Generator) -> list[ShopDesign]:
     """So many shops as stand beside each other: no two of one name, neighbours of different colours and wares."""
-    schemes, wares = rng.permutation(len(SIGN_COLOURS)), rng.permutation(list(NAMES))
-    names = {goods: rng.permutation(options) for goods, options in NAMES.items()}
+    schemes, wares = rng.permutation(len(SIGN_COLOURS)), rng.permutation(list(SHOP_NAMES))
+    names = {goods: rng.permutation(options) for goods, options in SHOP_NAMES.items()}
     fonts = (cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_COMPLEX, cv2.FONT_HERSHEY_TRIPLEX, cv2.FONT_HERSHEY_SIMPLEX)
     shops = []
-    for i in range(number):
+    for i in range(count):
         goods = str(wares[i % len(wares)])
         name = str(names[goods][i // len(wares) % len(names[goods])])
         shops.append(
-            Shop(
+            ShopDesign(
                 name=name.upper() if rng.random() < 0.6 else name,
                 colours=SIGN_COLOURS[schemes[i % len(schemes)]],
-                awning=AWNINGS[int(rng.integers(len(AWNINGS)))],
-                striped=bool(rng.random() < 0.3),
+                awning=AWNING_COLOURS[int(rng.integers(len(AWNING_COLOURS)))],
+                is_striped=bool(rng.random() < 0.3),
                 fascia=float(rng.uniform(0.34, 0.66)),
                 transom=float(rng.choice([0.0, 0.4, 0.55])),
                 riser=float(rng.uniform(0.3, 0.6)),
-                stone=bool(rng.random() < 0.5),
+                has_stone_base=bool(rng.random() < 0.5),
                 font=fonts[int(rng.integers(len(fonts)))],
                 goods=goods,
             )
@@ -82,10 +82,10 @@ def shop_tile(
     shape: tuple[int, int],
     scale: float,
     state: str,
-    shop: Shop,
+    shop: ShopDesign,
     *,
-    named: bool,
-    door: bool,
+    has_name: bool,
+    has_door: bool,
     stone: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[Canvas, Plate | None]:
@@ -93,21 +93,21 @@ def shop_tile(
     it is out, comes as a plate placed relative to the tile."""
     tile = Canvas.blank(*shape, scale)
     w, h = tile.width_m, tile.height_m
-    ground, ink = (linear(c) for c in shop.colours)
+    ground, ink = (hex_to_linear(c) for c in shop.colours)
     fascia, riser = min(shop.fascia, 0.19 * h), min(shop.riser, 0.15 * h)
-    wood = ground if float(ground.max()) < 0.3 else linear("#3c3833")
+    wood = ground if float(ground.max()) < 0.3 else hex_to_linear("#3c3833")
     tile.albedo[:] = wood
     tile.relief[:] = -0.06
     top, foot = fascia + 0.10, h - riser
-    _behind(tile, 0.08, top, w - 0.08, foot, shop.goods, rng)
+    _paint_shop_window(tile, 0.08, top, w - 0.08, foot, shop.goods, rng)
     shown = (0.08, w - 0.08)
-    if door:
+    if has_door:
         wide = min(0.95, 0.4 * w)
         left = bool(rng.random() < 0.5)
         x = 0.14 if left else w - 0.14 - wide
-        _door(tile, x, top, x + wide, wood)
+        _paint_shop_door(tile, x, top, x + wide, wood)
         shown = (x + wide, shown[1]) if left else (shown[0], x)
-    if shop.stone:
+    if shop.has_stone_base:
         tile.box(shown[0], foot, shown[1], h, stone * 0.8, 0.0)
         tile.moulding(shown[0], foot - 0.04, shown[1], foot + 0.05, stone, (0.05, 0.05, 0.02))
     else:
@@ -115,53 +115,53 @@ def shop_tile(
         for x in np.linspace(*shown, max(2, round((shown[1] - shown[0]) / 0.7) + 1))[:-1]:
             tile.box(x + 0.10, foot + 0.12, min(x + 0.58, shown[1] - 0.05), h - 0.10, wood * 1.3, -0.03)
     for x in np.linspace(*shown, max(2, round((shown[1] - shown[0]) / 1.6) + 1))[1:-1]:
-        tile.box(x - 0.025, top, x + 0.025, foot, wood * 1.1, BAR)
+        tile.box(x - 0.025, top, x + 0.025, foot, wood * 1.1, BAR_RELIEF_M)
     if shop.transom:
-        tile.box(shown[0], top + shop.transom, shown[1], top + shop.transom + 0.05, wood * 1.1, FRAME)
+        tile.box(shown[0], top + shop.transom, shown[1], top + shop.transom + 0.05, wood * 1.1, FRAME_RELIEF_M)
     for x0, y0, x1, y1 in ((0, 0, 0.09, h), (w - 0.09, 0, w, h), (0, fascia, w, top)):
         tile.box(x0, y0, x1, y1, wood * 1.12, 0.0)
-    _fascia(tile, fascia, ground, ink, shop if named else None, rng)
+    _paint_fascia(tile, fascia, ground, ink, shop if has_name else None, rng)
     if state != "awning":
         return tile, None
-    return tile, _awning(tile, top, shop)
+    return tile, _awning_plate(tile, top, shop)
 
 
-def _door(tile: Canvas, x0: float, top: float, x1: float, wood: np.ndarray) -> None:
+def _paint_shop_door(tile: Canvas, x0: float, top: float, x1: float, wood: np.ndarray) -> None:
     """A glazed door, set back, on a step."""
     h = tile.height_m
     head = min(top + 0.45, 0.5 * (top + h))
     at = tile.region(x0, head, x1, h - 0.30)
     tile.albedo[at] *= 0.6
-    tile.albedo[tile.region(x0, h - 0.9, x1, h - 0.30)] = 0.6 * linear("#35353a")
-    tile.gloss[at], tile.relief[at] = 0.8, GLASS - 0.1
+    tile.albedo[tile.region(x0, h - 0.9, x1, h - 0.30)] = 0.6 * hex_to_linear("#35353a")
+    tile.gloss[at], tile.relief[at] = 0.8, GLASS_RELIEF_M - 0.1
     for x in (x0, x1):
-        tile.box(x - 0.045, top, x + 0.045, h, wood * 1.1, FRAME + 0.02)
-    tile.box(x0, h - 0.34, x1, h - 0.08, wood * 0.9, FRAME - 0.1)
-    tile.box(x0, h - 0.08, x1, h, linear("#77736c"), -0.05)
-    tile.box(x0, head, x1, head + 0.07, wood * 1.1, FRAME)
-    tile.box(x1 - 0.13, h - 1.25, x1 - 0.09, h - 0.85, linear("#8f8a7c"), -0.16)
+        tile.box(x - 0.045, top, x + 0.045, h, wood * 1.1, FRAME_RELIEF_M + 0.02)
+    tile.box(x0, h - 0.34, x1, h - 0.08, wood * 0.9, FRAME_RELIEF_M - 0.1)
+    tile.box(x0, h - 0.08, x1, h, hex_to_linear("#77736c"), -0.05)
+    tile.box(x0, head, x1, head + 0.07, wood * 1.1, FRAME_RELIEF_M)
+    tile.box(x1 - 0.13, h - 1.25, x1 - 0.09, h - 0.85, hex_to_linear("#8f8a7c"), -0.16)
 
 
-def _behind(tile: Canvas, x0: float, y0: float, x1: float, y1: float, goods: str, rng: np.random.Generator) -> None:
+def _paint_shop_window(tile: Canvas, x0: float, y0: float, x1: float, y1: float, goods: str, rng: np.random.Generator) -> None:
     """The shop window: a dim room with goods, under what the glass mirrors."""
     at = tile.region(x0, y0, x1, y1)
     shape = tile.relief[at].shape
     rows, columns = shape
-    glow = np.linspace(0.7, 1.2, rows, dtype=np.float32)[:, None] * (1 + 0.25 * noise(shape, columns / 4, rng))
+    glow = np.linspace(0.7, 1.2, rows, dtype=np.float32)[:, None] * (1 + 0.25 * smooth_noise(shape, columns / 4, rng))
     light = float(rng.uniform(0.55, 1.0))
-    room = (linear("#463c32") if goods in ("counter", "lamps", "shelves") else linear("#3a3a3b")) * glow[..., None]
+    room = (hex_to_linear("#463c32") if goods in ("counter", "lamps", "shelves") else hex_to_linear("#3a3a3b")) * glow[..., None]
     room = np.ascontiguousarray(room, np.float32)
-    _WARES[goods](room, tile.scale, rng)
-    tile.albedo[at] = light * room + mirrored(shape, rng, posts=(), sky=0.15)
-    tile.relief[at] = GLASS
+    _GOODS_PAINTERS[goods](room, tile.scale, rng)
+    tile.albedo[at] = light * room + glass_reflections(shape, rng, posts=(), sky=0.15)
+    tile.relief[at] = GLASS_RELIEF_M
     tile.gloss[at] = 1.0
 
 
-def _tone(rng: np.random.Generator) -> np.ndarray:
-    return linear(_TONES[int(rng.integers(len(_TONES)))]) * np.float32(rng.uniform(0.4, 1.0))
+def _draw_goods_colour(rng: np.random.Generator) -> np.ndarray:
+    return hex_to_linear(_GOODS_COLOURS[int(rng.integers(len(_GOODS_COLOURS)))]) * np.float32(rng.uniform(0.4, 1.0))
 
 
-def _shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """Boxes of all sizes on two shelves, not full."""
     rows, columns = room.shape[:2]
     for shelf in rng.uniform(0.5, 0.68), 0.98:
@@ -169,30 +169,30 @@ def _shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
         while x < 0.93 * columns:
             wide, tall = rng.uniform(0.08, 0.5) * scale, rng.uniform(0.06, 0.5) * scale
             if rng.random() < 0.7:
-                room[max(0, round(y - tall)) : y, round(x) : round(x + wide)] = _tone(rng)
+                room[max(0, round(y - tall)) : y, round(x) : round(x + wide)] = _draw_goods_colour(rng)
             x += wide + rng.uniform(0.02, 0.4) * scale
         room[y : y + max(1, round(0.03 * scale))] *= 0.4
 
 
-def _clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """Coats and dresses on stands, before a plain screen."""
     rows, columns = room.shape[:2]
     room[round(0.1 * rows) :, round(0.05 * columns) : round(0.95 * columns)] *= np.float32(rng.uniform(0.6, 2.2))
     unit = 0.26 * scale
     x = rng.uniform(0.3, 0.8) * scale
     while x < columns - 0.3 * scale:
-        foot, tone, half = rows - 0.05 * scale, _tone(rng), rng.uniform(0.7, 1.1) * unit
+        foot, tone, half = rows - 0.05 * scale, _draw_goods_colour(rng), rng.uniform(0.7, 1.1) * unit
         top = max(foot - rng.uniform(1.2, 1.45) * scale, 0.1 * unit)
         hem = top + rng.uniform(0.45, 0.75) * (foot - top)
         outline = ((0.22, 0.0), (0.85, 0.12), (0.95, 0.5), (0.6, 0.55), (rng.uniform(0.6, 1.0), 1.0))
         coat = [(x + side * half * a, top + b * (hem - top)) for side in (1, -1) for a, b in outline[::side]]
         stand = (round(x - 0.02 * scale), round(hem)), (round(x + 0.02 * scale), round(foot))
         cv2.rectangle(room, *stand, (0.05, 0.05, 0.05), -1)
-        _dress(room, np.array(coat), tone)
+        _paint_garment(room, np.array(coat), tone)
         x += rng.uniform(0.6, 1.3) * scale
 
 
-def _dress(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
+def _paint_garment(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
     """Cloth (k, 2) of one tone, round and in folds; its edge is as smooth as pixels are."""
     cover = np.zeros(room.shape[:2], np.uint8)
     cv2.fillPoly(cover, [np.round(outline * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4)
@@ -203,74 +203,74 @@ def _dress(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
     room[:] = share * np.clip(light, 0.4, 1.2)[:, None] * tone + (1 - share) * room
 
 
-def _flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """Leaves and blossom in buckets, more below than above."""
     shape = room.shape[:2]
     rise = np.linspace(-6.0, 2.0, shape[0], dtype=np.float32)[:, None]
-    leaves = fractal(shape, 0.3 * scale, 3, rng) + rise > 0
-    tone = np.clip(0.6 + 0.4 * noise(shape, 0.06 * scale, rng), 0.1, 1.6)[..., None]
-    room[leaves] = (linear("#4c5e3c") * tone)[leaves]
+    leaves = fractal_noise(shape, 0.3 * scale, 3, rng) + rise > 0
+    tone = np.clip(0.6 + 0.4 * smooth_noise(shape, 0.06 * scale, rng), 0.1, 1.6)[..., None]
+    room[leaves] = (hex_to_linear("#4c5e3c") * tone)[leaves]
     for colour in ("#b05a58", "#c2a050", "#c8b8c0"):
-        spots = leaves & (noise(shape, 0.09 * scale, rng) > 1.5)
-        room[spots] = (linear(colour) * tone)[spots]
+        spots = leaves & (smooth_noise(shape, 0.09 * scale, rng) > 1.5)
+        room[spots] = (hex_to_linear(colour) * tone)[spots]
 
 
-def _counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """A counter across the room, a board on the wall, hanging lamps that burn."""
     rows, columns = room.shape[:2]
     y = max(0, rows - round(rng.uniform(0.6, 0.8) * scale))
-    room[y:] = _tone(rng) * 0.5
-    room[y : y + max(1, round(0.05 * scale))] = linear("#8a7a64")
+    room[y:] = _draw_goods_colour(rng) * 0.5
+    room[y : y + max(1, round(0.05 * scale))] = hex_to_linear("#8a7a64")
     x = round(rng.uniform(0.1, 0.5) * columns)
     board = slice(round(0.3 * rows), round(0.3 * rows) + round(0.6 * scale))
-    room[board, x : x + round(0.8 * scale)] = linear("#1f2120")
-    _lit(room, scale, rng)
+    room[board, x : x + round(0.8 * scale)] = hex_to_linear("#1f2120")
+    _paint_ceiling_lights(room, scale, rng)
 
 
-def _posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """A screen closes the window halfway; sheets of paper hang before it."""
     rows, columns = room.shape[:2]
     top = round(rng.uniform(0.2, 0.55) * rows)
-    room[top:] = linear("#a29e94") * np.float32(rng.uniform(0.5, 0.9))
+    room[top:] = hex_to_linear("#a29e94") * np.float32(rng.uniform(0.5, 0.9))
     for _ in range(int(rng.integers(1, 4))):
         wide, tall = rng.uniform(0.3, 0.7) * scale, rng.uniform(0.4, 0.95) * scale
         x, y = rng.uniform(0, max(1.0, columns - wide)), rng.uniform(0.1, 0.5) * rows
         sheet = room[round(y) : round(y + tall), round(x) : round(x + wide)]
-        sheet[:] = _tone(rng) * 1.3
+        sheet[:] = _draw_goods_colour(rng) * 1.3
         sheet[len(sheet) // 2 : round(0.7 * len(sheet))] *= 0.5
 
 
-def _lamps(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_lamp_shop(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     """A deep room: a table with things on it, light far behind."""
     rows, columns = room.shape[:2]
     room *= 0.55
     for _ in range(3):
         wide, tall = rng.uniform(0.4, 1.1) * scale, rng.uniform(0.3, 0.8) * scale
         x = rng.uniform(0, max(1.0, columns - wide))
-        room[max(0, round(rows - tall)) :, round(x) : round(x + wide)] = 0.6 * _tone(rng)
-    _lit(room, scale, rng)
+        room[max(0, round(rows - tall)) :, round(x) : round(x + wide)] = 0.6 * _draw_goods_colour(rng)
+    _paint_ceiling_lights(room, scale, rng)
 
 
-def _lit(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_ceiling_lights(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
     rows, columns = room.shape[:2]
     y = rng.uniform(0.12, 0.35) * rows
-    warm = linear("#f2dcae")
+    warm = hex_to_linear("#f2dcae")
     for x in np.arange(rng.uniform(0.2, 0.6) * scale, columns, rng.uniform(0.7, 1.4) * scale):
         cv2.circle(room, (round(x), round(y)), max(1, round(0.06 * scale)), (0.8 * warm).tolist(), -1)
 
 
-_WARES = {
-    "shelves": _shelves,
-    "clothes": _clothes,
-    "flowers": _flowers,
-    "counter": _counter,
-    "posters": _posters,
-    "lamps": _lamps,
+_GOODS_PAINTERS = {
+    "shelves": _paint_shelves,
+    "clothes": _paint_clothes,
+    "flowers": _paint_flowers,
+    "counter": _paint_counter,
+    "posters": _paint_posters,
+    "lamps": _paint_lamp_shop,
 }
 
 
-def _fascia(
-    tile: Canvas, tall: float, ground: np.ndarray, ink: np.ndarray, shop: Shop | None, rng: np.random.Generator
+def _paint_fascia(
+    tile: Canvas, tall: float, ground: np.ndarray, ink: np.ndarray, shop: ShopDesign | None, rng: np.random.Generator
 ) -> None:
     """The board over the glass, with the name on it."""
     w = tile.width_m
@@ -291,20 +291,20 @@ def _fascia(
     tile.relief[at] += 0.02 * cover[..., 0]
 
 
-def _awning(tile: Canvas, top: float, shop: Shop) -> Plate:
+def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> Plate:
     """A shallow awning over the upper part of the glass, which it darkens."""
     tall = min(0.62, 0.2 * tile.height_m)
     rows, columns = tile.px(tall), tile.relief.shape[1]
     under = tile.region(0, top, tile.width_m, top + tall + 0.7)
     fade = np.clip(np.linspace(0.2, 1.2, under[0].stop - under[0].start, dtype=np.float32), 0.35, 1)
     tile.albedo[under] *= fade[:, None, None]
-    first, second = linear(shop.awning), linear("#c4beb0")
+    first, second = hex_to_linear(shop.awning), hex_to_linear("#c4beb0")
     count = max(5, round(tile.width_m / 0.28)) | 1
     x = (np.arange(columns) + 0.5) / columns * count
     y = ((np.arange(rows) + 0.5) / rows)[:, None]
-    stripe = ((x.astype(int) % 2 == 0) | (not shop.striped))[None, :, None]
+    stripe = ((x.astype(int) % 2 == 0) | (not shop.is_striped))[None, :, None]
     light = np.where(y > 0.74, 0.62, 1.05 - 0.25 * y) * (1 + 0.05 * np.cos(2 * np.pi * x))
     colour = np.where(stripe, first, second) * light[..., None]
-    edge = 0.90 + 0.10 * np.sqrt(np.clip(1 - (2 * (x % 1) - 1) ** 2, 0, 1)) if shop.striped else np.ones(columns)
+    edge = 0.90 + 0.10 * np.sqrt(np.clip(1 - (2 * (x % 1) - 1) ** 2, 0, 1)) if shop.is_striped else np.ones(columns)
     alpha = (y <= edge).astype(np.float32)
-    return Plate(colour.astype(np.float32), alpha, tile.px(top) - max(1, tile.px(0.04)), 0, 0.5, hinged=True)
+    return Plate(colour.astype(np.float32), alpha, tile.px(top) - max(1, tile.px(0.04)), 0, 0.5, is_hinged=True)

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.geometry.charts import ChartKind
-from facade_core.synth.street_truth import CORNER, GroundPaint, SidePaint, SyntheticStreet
+from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 
 
-def painted_ground(street: SyntheticStreet) -> GroundPaint:
+def ground_pattern(street: SyntheticStreet) -> GroundPaint:
     """Ground that no material looks like: a patched carriageway with a broken line, kerbs, slabs of several sizes."""
     rng = np.random.default_rng(5)
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
     across = np.array([-street.axis[1], street.axis[0]])
 
     def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
+        along, beside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
         noise = np.zeros(len(places))
         for weight, (side, values) in zip((9, 7, 6, 5), grains, strict=True):
             noise += weight * values[(along // side % 97).astype(int), (beside // side % 89).astype(int)]
@@ -35,7 +35,7 @@ def painted_ground(street: SyntheticStreet) -> GroundPaint:
     return paint
 
 
-def painted_sides(street: SyntheticStreet) -> SidePaint:
+def side_pattern(street: SyntheticStreet) -> SidePaint:
     """Walls that are no fronts, and roofs, that no material looks like: bricks, plaster that is coming off, and courses of
     tiles, each building's in tones of its own, with stains, and with a patch on some charts."""
     rng = np.random.default_rng(6)
@@ -64,26 +64,26 @@ def painted_sides(street: SyntheticStreet) -> SidePaint:
     return paint
 
 
-def with_photos(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
+def replace_front_images(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
     """The street with photos (h, w, 3) uint8 on its fronts, stretched to them, in their order."""
     import cv2
 
     painted = []
-    for facade, photo in zip(street.painted, photos, strict=True):
+    for facade, photo in zip(street.facades, photos, strict=True):
         size = (facade.image.shape[1], facade.image.shape[0])
         painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
     return replace(street, painted=tuple(painted))
 
 
-def photographed_ground(
+def ground_photos(
     street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
 ) -> GroundPaint:
     """Ground of two photographs, each seamless (h, w, 3) uint8 and so many metres wide, with a kerb between them."""
     across = np.array([-street.axis[1], street.axis[0]])
 
     def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
-        road, kerb = (_laid(picture, along, beside) for picture in (roadway, pavement))
+        along, beside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
+        road, kerb = (_sample_tiled(picture, along, beside) for picture in (roadway, pavement))
         colour = np.where((np.abs(beside) < 4.5)[:, None], road, kerb)
         edge = np.abs(np.abs(beside) - 4.6) < 0.1
         colour[edge] = kerb[edge].mean(axis=1, keepdims=True)
@@ -92,7 +92,7 @@ def photographed_ground(
     return paint
 
 
-def _laid(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _sample_tiled(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Colours (n, 3) float32 of a seamless picture laid side by side, at metres x, y."""
     image, metres = picture
     rows, columns = image.shape[:2]

@@ -19,17 +19,17 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders
 
 # Metres from the axis of the street to its facades, and of what stands before them to the facades.
-HALF_WIDTH, KERB = 9.0, 3.0
-DEPTH = 10.0
+STREET_HALF_WIDTH_M, CUTOUT_DISTANCE_M = 9.0, 3.0
+BUILDING_DEPTH_M = 10.0
 # Metres between the second and third building of a row.
-GAP = 4.0
+BUILDING_GAP_M = 4.0
 # Where the street is: grid coordinates, and its turn from the east, so that no axis is special.
-CORNER, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
+STREET_ORIGIN_M, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
 # World places (n, 2) -> colours (n, 3).
 GroundPaint = Callable[[np.ndarray], np.ndarray]
 # Charts (n,) and metres right and down on each (n,) -> colours (n, 3).
@@ -37,7 +37,7 @@ SidePaint = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 # Roofs of the houses of a row in turn, and how high over the eaves: all are seen from the street.
 ROOFS: tuple[Roof | None, ...] = (Roof("gabled", 7.0), Roof("mansard", 5.0, pitch=68.0), None)
 # Rows of pixels rendered at once, which bounds memory.
-BAND = 128
+ROWS_PER_BAND = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +47,18 @@ class SyntheticStreet:
 
     scene: Scene
     charts: tuple[int, ...]
-    painted: tuple[PaintedFacade, ...]
+    facades: tuple[PaintedFacade, ...]
     cutouts: tuple[np.ndarray, ...]
     axis: np.ndarray
     length: float
 
-    def place(self, along: float, across: float) -> np.ndarray:
+    def world_point(self, along: float, across: float) -> np.ndarray:
         """World x, y of a point `along` metres down the street and `across` metres to its left."""
-        return CORNER + along * self.axis + across * np.array([-self.axis[1], self.axis[0]])
+        return STREET_ORIGIN_M + along * self.axis + across * np.array([-self.axis[1], self.axis[0]])
 
 
 def synthetic_street(
-    buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0, roofed: bool = False
+    buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0, with_roofs: bool = False
 ) -> SyntheticStreet:
     """Two rows of terraced houses, half of `buildings` each, whose fronts are painted facades, with cut-outs before each.
 
@@ -68,7 +68,7 @@ def synthetic_street(
     """
     if buildings < 2 or buildings % 2:
         raise LayoutError(f"a street of {buildings!r} buildings; use an even number of at least 2")
-    painted = exemplars(buildings, seed=seed, metres_per_pixel=1 / texels_per_metre)
+    painted = paint_exemplar_set(buildings, seed=seed, metres_per_pixel=1 / texels_per_metre)
     turn = np.radians(TURN_DEG)
     axis = np.array([np.cos(turn), np.sin(turn)])
     across = np.array([-axis[1], axis[0]])
@@ -77,15 +77,15 @@ def synthetic_street(
         along = 0.0
         for number, facade in enumerate(painted[row::2]):
             height, width = (n / texels_per_metre for n in facade.image.shape[:2])
-            along += GAP if number == 2 else 0.0
-            corners = [(a, side * b) for a, b in ((along, HALF_WIDTH), (along + width, HALF_WIDTH))]
-            corners += [(along + width, side * (HALF_WIDTH + DEPTH)), (along, side * (HALF_WIDTH + DEPTH))]
-            outline = shapely.Polygon([CORNER + a * axis + b * across for a, b in corners])
-            roof = ROOFS[(row + number) % len(ROOFS)] if roofed else None
+            along += BUILDING_GAP_M if number == 2 else 0.0
+            corners = [(a, side * b) for a, b in ((along, STREET_HALF_WIDTH_M), (along + width, STREET_HALF_WIDTH_M))]
+            corners += [(along + width, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M)), (along, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M))]
+            outline = shapely.Polygon([STREET_ORIGIN_M + a * axis + b * across for a, b in corners])
+            roof = ROOFS[(row + number) % len(ROOFS)] if with_roofs else None
             houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0, roof=roof))
             along += width
         ends.append(along)
-    line = shapely.LineString([CORNER, CORNER + max(ends) * axis])
+    line = shapely.LineString([STREET_ORIGIN_M, STREET_ORIGIN_M + max(ends) * axis])
     charts, mesh, _ = build_block_surfaces(
         houses, [Street("street", None, line)], terrain=build_terrain(houses, None), ground_margin=40.0, largest=80.0
     )
@@ -98,11 +98,11 @@ def synthetic_street(
         front = walls & (charts.building == index) & (normal[:, :2] @ across * side < -0.99)
         fronts.append(int(np.flatnonzero(front)[0]))
     ordered = tuple([*painted[0::2], *painted[1::2]])
-    cutouts = tuple(_cutout(f, occluders, np.random.default_rng([seed, i])) for i, f in enumerate(ordered))
+    cutouts = tuple(_paint_cutout(f, occluders, np.random.default_rng([seed, i])) for i, f in enumerate(ordered))
     return SyntheticStreet(scene, tuple(fronts), ordered, cutouts, axis, max(ends))
 
 
-def panorama(
+def render_street_panorama(
     street: SyntheticStreet,
     pose: Pose,
     width: int,
@@ -121,46 +121,46 @@ def panorama(
     rotation = camera_from_world(pose)
     longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
     image = np.empty((height, width, 3), np.float32)
-    sheet, left = _sheet(street)
-    for top in range(0, height, BAND):
-        rows = min(BAND, height - top)
+    sheet, left = _facade_sheet(street)
+    for top in range(0, height, ROWS_PER_BAND):
+        rows = min(ROWS_PER_BAND, height - top)
         latitude = (0.5 - (np.arange(top, top + rows) + 0.5) / height) * np.pi
         camera = np.empty((rows, width, 3), np.float32)
         camera[..., 0] = np.cos(latitude)[:, None] * np.sin(longitude)
         camera[..., 1] = -np.sin(latitude)[:, None]
         camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
         rays = camera @ rotation.astype(np.float32)
-        image[top : top + rows] = _shade(street, camera_position(pose), rays, sheet, left, ground, sides)
+        image[top : top + rows] = _trace_colours(street, camera_position(pose), rays, sheet, left, ground, sides)
     image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)
     return np.round(np.clip(image, 0, 255)).astype(np.uint8)
 
 
-def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, supposed: Pose) -> np.ndarray:
+def cutout_mask(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, assumed_pose: Pose) -> np.ndarray:
     """Where a facade's raster of size (h, w) shows a cut-out, (h, w) bool: the raster was resampled from a panorama taken at
     `pose` in the belief that it was taken at `supposed`."""
     charts, chart = street.scene.charts, street.charts[facade]
     rows, columns = size
-    extent = np.array([street.painted[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
+    extent = np.array([street.facades[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
     x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * extent[0], (np.arange(rows) + 0.5) / rows * extent[1])
-    return hidden_points(street, charts.points(chart, x, y), pose, supposed=supposed)
+    return is_behind_cutout(street, charts.points(chart, x, y), pose, assumed_pose=assumed_pose)
 
 
-def hidden_points(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, supposed: Pose) -> np.ndarray:
+def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, assumed_pose: Pose) -> np.ndarray:
     """The same of world points (..., 3): (...,) bool."""
-    rays = (points - camera_position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
+    rays = (points - camera_position(assumed_pose)) @ camera_from_world(assumed_pose).T @ camera_from_world(pose)
     nearest, colour = np.ones(points.shape[:-1], np.float32), np.zeros(points.shape, np.float32)
-    return _cover(street, camera_position(pose), rays, nearest, colour) > 0.02
+    return _blend_cutouts(street, camera_position(pose), rays, nearest, colour) > 0.02
 
 
-def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
+def _paint_cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
     """Trees, cars and lamps alone, (H, W, 4) uint8, as large as the facade."""
     image, mask = paint_occluders(facade.image, facade.metres_per_pixel, count, rng)
     return np.dstack([image, np.where(mask, 255, 0).astype(np.uint8)])
 
 
-def _sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
+def _facade_sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
     """All facades side by side, and after them a tile of mottled grey; the first column of each."""
-    images = [facade.image for facade in street.painted]
+    images = [facade.image for facade in street.facades]
     rng = np.random.default_rng(len(images))
     height = max(512, *(image.shape[0] for image in images))
     grain = rng.normal(128, 9, (512, 512)) + rng.normal(0, 10, (64, 64)).repeat(8, 0).repeat(8, 1)
@@ -169,7 +169,7 @@ def _sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(padded, axis=1), np.cumsum([0, *(image.shape[1] for image in images)])
 
 
-def _shade(
+def _trace_colours(
     street: SyntheticStreet,
     origin: np.ndarray,
     rays: np.ndarray,
@@ -190,8 +190,8 @@ def _shade(
     density = scene.spec.texels_per_metre
     x = np.einsum("...i,...i", offset, charts.axis_u[chart]) * density
     y = np.einsum("...i,...i", offset, charts.axis_v[chart]) * density
-    widths = np.array([f.image.shape[1] for f in street.painted] + [512])
-    heights = np.array([f.image.shape[0] for f in street.painted] + [512])
+    widths = np.array([f.image.shape[1] for f in street.facades] + [512])
+    heights = np.array([f.image.shape[0] for f in street.facades] + [512])
     plain = facade == len(street.charts)
     column = left[facade] + np.where(plain, np.minimum(x % 512, 511), np.clip(x - 0.5, 0, widths[facade] - 1))
     row = np.where(plain, np.minimum(y % 512, 511), np.clip(y - 0.5, 0, heights[facade] - 1))
@@ -210,18 +210,18 @@ def _shade(
     sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)
     colour = np.where(np.isfinite(distance)[..., None], colour, sky)
     colour = np.ascontiguousarray(colour, np.float32)
-    _cover(street, origin, rays, distance, colour)
+    _blend_cutouts(street, origin, rays, distance, colour)
     return colour
 
 
-def _cover(
+def _blend_cutouts(
     street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, nearest: np.ndarray, colour: np.ndarray
 ) -> np.ndarray:
     """Paint the cut-outs that rays (..., 3) meet before `nearest_buildings` (in ray lengths) over colour (..., 3), in place; returns how
     much of each ray they stop (...,)."""
     charts, fronts = street.scene.charts, list(street.charts)
     normal = charts.normals()[fronts]
-    corner = charts.origin[fronts] + KERB * normal - origin
+    corner = charts.origin[fronts] + CUTOUT_DISTANCE_M * normal - origin
     middle = corner + charts.size[fronts, :1] / 2 * charts.axis_u[fronts]
     order = np.argsort(-np.linalg.norm(middle[:, :2], axis=1), kind="stable")  # what stands nearer is painted later
     height = max(len(cutout) for cutout in street.cutouts)
@@ -229,14 +229,14 @@ def _cover(
     sizes = np.array([c.shape[:2] for c in street.cutouts])
     left = np.cumsum([0, *sizes[:-1, 1]])
     density = street.scene.spec.texels_per_metre
-    stand = _Cutouts(corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], density, order, left, sizes, sheet)
+    stand = _CutoutPlanes(corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], density, order, left, sizes, sheet)
     stopped = np.zeros(rays.shape[:-1], np.float32)
     flat = (np.ascontiguousarray(rays).reshape(-1, 3), np.ascontiguousarray(nearest).reshape(-1))
-    _blend(*flat, stand, colour.reshape(-1, 3), stopped.reshape(-1))
+    _blend_cutout_texels(*flat, stand, colour.reshape(-1, 3), stopped.reshape(-1))
     return stopped
 
 
-class _Cutouts(NamedTuple):
+class _CutoutPlanes(NamedTuple):
     """What stands before the fronts, k of them.
 
     corner (k, 3): the upper left one, from the camera;
@@ -259,7 +259,7 @@ class _Cutouts(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _blend(rays: np.ndarray, nearest: np.ndarray, cutouts: _Cutouts, colour: np.ndarray, stopped: np.ndarray) -> None:
+def _blend_cutout_texels(rays: np.ndarray, nearest: np.ndarray, cutouts: _CutoutPlanes, colour: np.ndarray, stopped: np.ndarray) -> None:
     corner, normal, axis_u, axis_v = cutouts.corner, cutouts.normal, cutouts.axis_u, cutouts.axis_v
     density, order, left, sizes, sheet = cutouts.density, cutouts.order, cutouts.left, cutouts.sizes, cutouts.sheet
     for k in range(len(rays)):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Style:
+class FacadeStyle:
     """One style. Lengths in metres, shares of the storey height or of the column pitch where the name says so."""
 
     name: str
@@ -32,12 +32,12 @@ class Style:
     shops: float  # chance of shops on the ground floor
 
     @property
-    def modern(self) -> bool:
+    def is_modern(self) -> bool:
         """Whether its doors are glazed and stand under a canopy."""
         return self.glazing in ("strip", "deco", "picture")
 
 
-JUGEND = Style(
+JUGEND = FacadeStyle(
     name="jugend",
     wall="plaster",
     wall_colours=("#bcab8b", "#ba9e92", "#989d8d", "#a3a19c", "#c2b8a1", "#ad907f", "#939c9e"),
@@ -60,7 +60,7 @@ JUGEND = Style(
     railing="iron",
     shops=0.6,
 )
-BRICK = Style(
+BRICK = FacadeStyle(
     name="brick",
     wall="brick",
     wall_colours=("#8c594b", "#7e4f45", "#926453", "#6e473a", "#886c58"),
@@ -83,7 +83,7 @@ BRICK = Style(
     railing="bars",
     shops=0.5,
 )
-NEOCLASSICAL = Style(
+NEOCLASSICAL = FacadeStyle(
     name="neoclassical",
     wall="plaster",
     wall_colours=("#c8bc9d", "#c2b9a9", "#b7b9b7", "#c5b5a2", "#b5b6ad"),
@@ -106,7 +106,7 @@ NEOCLASSICAL = Style(
     railing="stone",
     shops=0.0,
 )
-FUNCTIONALIST = Style(
+FUNCTIONALIST = FacadeStyle(
     name="functionalist",
     wall="plaster",
     wall_colours=("#cac7be", "#c4bcaa", "#babbb9", "#c8bfb3", "#b9bcba"),
@@ -129,7 +129,7 @@ FUNCTIONALIST = Style(
     railing="solid",
     shops=0.7,
 )
-HAUSSMANN = Style(
+HAUSSMANN = FacadeStyle(
     name="haussmann",
     wall="ashlar",
     wall_colours=("#bcb5a5", "#b9b2a7", "#bfb8ad", "#b3aca0"),
@@ -153,7 +153,7 @@ HAUSSMANN = Style(
     shops=0.85,
 )
 
-CLASSICISM = Style(
+CLASSICISM = FacadeStyle(
     name="classicism",
     wall="plaster",
     wall_colours=("#b19f85", "#a58d80", "#a1998b", "#95968e", "#b4a992", "#a98d7b", "#9f9d96"),
@@ -176,7 +176,7 @@ CLASSICISM = Style(
     railing="bars",
     shops=0.3,
 )
-ART_DECO = Style(
+ART_DECO = FacadeStyle(
     name="art-deco",
     wall="plaster",
     wall_colours=("#aca596", "#a39889", "#b3a89b", "#9a9b97", "#b7af9e"),
@@ -199,7 +199,7 @@ ART_DECO = Style(
     railing="bars",
     shops=0.8,
 )
-POST_WAR = Style(
+POST_WAR = FacadeStyle(
     name="post-war",
     wall="plaster",
     wall_colours=("#b4ab99", "#a3a298", "#b19f90", "#979b97", "#b9b2a4", "#a89a8b"),
@@ -222,7 +222,7 @@ POST_WAR = Style(
     railing="bars",
     shops=0.4,
 )
-PLASTER = Style(
+PLASTER = FacadeStyle(
     name="plaster",
     wall="plaster",
     wall_colours=("#bfb194", "#b6b0a0", "#bca493", "#abaca6", "#c1b7a1", "#b1a39b"),
@@ -246,9 +246,9 @@ PLASTER = Style(
     shops=0.35,
 )
 
-BY_NAME: dict[str, Style] = {
+STYLE_BY_NAME: dict[str, FacadeStyle] = {
     s.name: s for s in (JUGEND, BRICK, NEOCLASSICAL, FUNCTIONALIST, HAUSSMANN, CLASSICISM, ART_DECO, POST_WAR, PLASTER)
 }
-STYLES: tuple[str, ...] = tuple(BY_NAME)
+STYLES: tuple[str, ...] = tuple(STYLE_BY_NAME)
 # The families of a northern street of before 1960.
-NORDIC: tuple[str, ...] = tuple(name for name in STYLES if name != HAUSSMANN.name)
+NORDIC_STYLES: tuple[str, ...] = tuple(name for name in STYLES if name != HAUSSMANN.name)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, fractal, noise
+from facade_core.synth.canvas import Canvas, fractal_noise, smooth_noise
 
 
-def weather(
+def apply_weathering(
     canvas: Canvas, sills: list[tuple[float, float, float]], ledges: list[float], rng: np.random.Generator
 ) -> None:
     """Darken the albedo in place; sills = (x0, x1, y) and ledges = y in metres. Glass stays clean."""
@@ -17,8 +17,8 @@ def weather(
     # Runs of water are columns of noise, stretched downwards.
     runs = (
         0.15
-        + 0.55 * noise(shape, (1.3 * scale, 0.06 * scale), rng)
-        + 0.55 * noise(shape, (2.0 * scale, 0.3 * scale), rng)
+        + 0.55 * smooth_noise(shape, (1.3 * scale, 0.06 * scale), rng)
+        + 0.55 * smooth_noise(shape, (2.0 * scale, 0.3 * scale), rng)
     )
     np.clip(runs, 0, 2.0, out=runs)
     dirt = np.zeros(shape, np.float32)
@@ -38,14 +38,14 @@ def weather(
     reach = min(rows, canvas.px(1.5))
     rise = np.linspace(0, 1, reach, dtype=np.float32)[:, None] ** 2.2
     dirt[rows - reach :] += (
-        rise * np.float32(0.28) * np.clip(0.9 + 0.3 * noise((reach, columns), 0.6 * scale, rng), 0, 2)
+        rise * np.float32(0.28) * np.clip(0.9 + 0.3 * smooth_noise((reach, columns), 0.6 * scale, rng), 0, 2)
     )
     # Soot and splashes darken a wall towards its foot, and patches of it more than others.
     dirt += np.linspace(-0.06, 0.10, rows, dtype=np.float32)[:, None]
-    dirt += np.float32(0.06) * fractal(shape, 3.2 * scale, 4, rng)
+    dirt += np.float32(0.06) * fractal_noise(shape, 3.2 * scale, 4, rng)
     dirt *= 1 - canvas.gloss
     # Plaster was patched and repainted: the hue drifts a little from place to place.
-    drift = np.float32(0.02) * fractal(shape, 5.0 * scale, 2, rng) * (1 - canvas.gloss)
+    drift = np.float32(0.02) * fractal_noise(shape, 5.0 * scale, 2, rng) * (1 - canvas.gloss)
     left = np.exp(-dirt)
     canvas.albedo[..., 0] *= left * (1 + drift)
     canvas.albedo[..., 1] *= left

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, linear, noise
+from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 
-GLASS, BAR, FRAME = -0.27, -0.23, -0.20  # relief in metres
+GLASS_RELIEF_M, BAR_RELIEF_M, FRAME_RELIEF_M = -0.27, -0.23, -0.20  # relief in metres
 # What glass shows of them: a share of the sky's light, and of the houses across the street, in light or shade, and their panes.
-_SKY_HIGH, _SKY_LOW = 0.24 * linear("#a9c3e2"), 0.35 * linear("#eef0ee")
-_STREET, _ACROSS = linear("#3b3a39"), linear("#4a4743")
-_ROOM = linear("#35353a")
+_UPPER_SKY, _LOWER_SKY = 0.24 * hex_to_linear("#a9c3e2"), 0.35 * hex_to_linear("#eef0ee")
+_OPPOSITE_PANES, _OPPOSITE_WALLS = hex_to_linear("#3b3a39"), hex_to_linear("#4a4743")
+_ROOM = hex_to_linear("#35353a")
 # How often a casement leans so that it mirrors the sky: on the lowest storey, and so much more on the highest.
-SKY_LOWEST, SKY_HIGHEST = 0.12, 0.45
+LOW_FLOOR_SKY_PROBABILITY, HIGH_FLOOR_SKY_PROBABILITY = 0.12, 0.45
 
 
 @dataclass(frozen=True)
-class Fabrics:
+class WindowColours:
     """One household taste per house: frame, curtain and blind colours in linear light."""
 
     frame: np.ndarray
@@ -33,19 +33,19 @@ def window_tile(
     glazing: str,
     kind: str,
     state: str,
-    fabrics: Fabrics,
+    fabrics: WindowColours,
     sky: float,
     rng: np.random.Generator,
 ) -> tuple[Canvas, np.ndarray | None]:
     """A window of `shape` raster pixels in one state, each casement of which mirrors the sky by a chance; and the mask of its
     opening where that is not the whole box."""
     tile = Canvas.blank(*shape, scale)
-    tile.relief[:] = GLASS
-    tile.albedo[:] = _room(shape, state, fabrics, scale, rng)
+    tile.relief[:] = GLASS_RELIEF_M
+    tile.albedo[:] = _room_colours(shape, state, fabrics, scale, rng)
     shown = "dormer" if kind == "dormer" else glazing
-    tile.albedo += mirrored(shape, rng, posts=[tile.px(x) for x in _posts(shown, tile.width_m)], sky=sky)
+    tile.albedo += glass_reflections(shape, rng, posts=[tile.px(x) for x in _post_positions(shown, tile.width_m)], sky=sky)
     tile.gloss[:] = 1.0
-    _frame(tile, shown, kind, fabrics.frame)
+    _paint_frame(tile, shown, kind, fabrics.frame)
     if kind != "arched":
         return tile, None
     rows, columns = shape
@@ -55,11 +55,11 @@ def window_tile(
     rim = (below >= 0) & (below < tile.px(0.085))
     tile.albedo[rim] = fabrics.frame
     tile.gloss[rim] = 0
-    tile.relief[rim] = FRAME
+    tile.relief[rim] = FRAME_RELIEF_M
     return tile, below >= 0
 
 
-def mirrored(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float) -> np.ndarray:
+def glass_reflections(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float) -> np.ndarray:
     """What panes mirror (H, W, 3): the shaded houses across the street, with the sky over their eaves in some leaves.
 
     posts: columns between casements, each of which leans its own way; sky: the chance that one shows the sky.
@@ -76,20 +76,20 @@ def mirrored(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequenc
         panes = np.clip(4 * np.cos(2 * np.pi * (at - low) / 0.62) - 1.2, 0, 1) * np.clip(
             4 * np.cos(2 * np.pi * (x + rng.random()) / wide) - 0.6, 0, 1
         )
-        houses = rng.uniform(0.6, 1.1) * (_ACROSS * tone + panes[..., None] * (0.45 * _STREET - _ACROSS * tone))
+        houses = rng.uniform(0.6, 1.1) * (_OPPOSITE_WALLS * tone + panes[..., None] * (0.45 * _OPPOSITE_PANES - _OPPOSITE_WALLS * tone))
         eaves = low + lift if rng.random() < sky else -1.0
         above = np.clip((eaves - at) * (rows / 4), 0, 1)[..., None]
-        shown = _SKY_HIGH + (_SKY_LOW - _SKY_HIGH) * np.clip(at / 1.1, 0, 1)[..., None]
+        shown = _UPPER_SKY + (_LOWER_SKY - _UPPER_SKY) * np.clip(at / 1.1, 0, 1)[..., None]
         light[:, left:right] = houses + above * (rng.uniform(0.55, 1.0) * shown - houses)
     return light
 
 
-def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rng: np.random.Generator) -> np.ndarray:
+def _room_colours(shape: tuple[int, int], state: str, fabrics: WindowColours, scale: float, rng: np.random.Generator) -> np.ndarray:
     """The room behind, as dim as daylight leaves it, with what hangs at the window."""
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
     x = ((np.arange(columns, dtype=np.float32) + 0.5) / columns)[None, :]
-    depth = np.float32(rng.uniform(0.5, 1.1)) * (0.75 + 0.5 * y + 0.3 * noise(shape, 0.3 * scale, rng).clip(-1, 1))
+    depth = np.float32(rng.uniform(0.5, 1.1)) * (0.75 + 0.5 * y + 0.3 * smooth_noise(shape, 0.3 * scale, rng).clip(-1, 1))
     room = _ROOM * depth[..., None]
     if state.startswith("curtains"):
         # Cloth hangs behind glass and a reveal: it is never as light as the wall.
@@ -118,13 +118,13 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
     return room
 
 
-def _frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
+def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
     w, h = tile.width_m, tile.height_m
     foot = 0.0
     if kind == "door" and glazing not in ("french",):
         foot = min(0.55, 0.22 * h)
-        tile.box(0, h - foot, w, h, colour * 0.92, FRAME)
-        tile.box(0.16, h - foot + 0.12, w - 0.16, h - 0.12, colour * 0.82, BAR)
+        tile.box(0, h - foot, w, h, colour * 0.92, FRAME_RELIEF_M)
+        tile.box(0.16, h - foot + 0.12, w - 0.16, h - 0.12, colour * 0.82, BAR_RELIEF_M)
     transom, upper, rows = {
         "jugend": (0.36, 2, 1),
         "cross": (0.30, 1, 2),
@@ -138,22 +138,22 @@ def _frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
     }[glazing]
     edge, bar, thin = 0.075, 0.065, 0.034
     light = (h - foot) * transom
-    posts = _posts(glazing, w)
+    posts = _post_positions(glazing, w)
     for x in posts:
-        tile.box(x - bar / 2, light, x + bar / 2, h - foot, colour, FRAME)
+        tile.box(x - bar / 2, light, x + bar / 2, h - foot, colour, FRAME_RELIEF_M)
     if transom:
         for x in np.linspace(0, w, (len(posts) + 1) * upper + 1)[1:-1]:
-            tile.box(x - thin / 2, 0, x + thin / 2, light, colour, BAR)
+            tile.box(x - thin / 2, 0, x + thin / 2, light, colour, BAR_RELIEF_M)
         if glazing == "jugend":
-            tile.box(0, light / 2 - thin / 2, w, light / 2 + thin / 2, colour, BAR)
-        tile.box(0, light - 0.05, w, light + 0.05, colour, FRAME + 0.02)
+            tile.box(0, light / 2 - thin / 2, w, light / 2 + thin / 2, colour, BAR_RELIEF_M)
+        tile.box(0, light - 0.05, w, light + 0.05, colour, FRAME_RELIEF_M + 0.02)
     for y in np.linspace(light, h - foot, rows + 1)[1:-1]:
-        tile.box(0, y - thin / 2, w, y + thin / 2, colour, BAR)
+        tile.box(0, y - thin / 2, w, y + thin / 2, colour, BAR_RELIEF_M)
     for x0, y0, x1, y1 in ((0, 0, edge, h), (w - edge, 0, w, h), (0, 0, w, edge), (0, h - edge * 1.3, w, h)):
-        tile.box(x0, y0, x1, y1, colour, FRAME)
+        tile.box(x0, y0, x1, y1, colour, FRAME_RELIEF_M)
 
 
-def _posts(glazing: str, w: float) -> list[float]:
+def _post_positions(glazing: str, w: float) -> list[float]:
     """Where the posts between casements are, in metres."""
     sashes = {"jugend": 3 if w > 1.45 else 2, "strip": max(2, round(w / 0.95)), "deco": 3}.get(glazing, 2)
     if glazing in ("strip", "picture"):
@@ -163,7 +163,7 @@ def _posts(glazing: str, w: float) -> list[float]:
     return list(np.linspace(0, w, sashes + 1)[1:-1].tolist())
 
 
-def panes_differ(tile: Canvas, rng: np.random.Generator) -> Canvas:
+def vary_pane_brightness(tile: Canvas, rng: np.random.Generator) -> Canvas:
     """The same window once more: no two rooms are equally dark."""
     strength = np.float32(np.exp(0.10 * rng.standard_normal()) - 1)
     return Canvas(tile.albedo * (1 + tile.gloss * strength)[..., None], tile.relief, tile.gloss, tile.scale)

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.imagery import ended, fetched_for_block
+from flows.cli.imagery import report_fetched, fetch_block_imagery
+from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
-from flows.cli.say import say
-from flows.cli.usage import WithBox
+from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
     from tasks.examples.new_block import Geometry
 
 
-@click.command("new-block", cls=WithBox)
+@click.command("new-block", cls=BboxCommand)
 @click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
 @click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option("--buildings", type=EXISTING_FILE, help="Instead: buildings of any format that a block file names.")
@@ -62,21 +62,21 @@ def new_block(
       streetloom new-block mine.yaml --buildings houses.gpkg --streets roads.gpkg --crs EPSG:3067
       streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --imagery panoramax
     """
-    from flows.cli.console import progress
-    from flows.cli.interrupts import undone_on_interrupt
+    from flows.cli.interrupts import unwind_on_signal
+    from flows.console import show_progress
     from tasks.examples.new_block import Around
     from tasks.examples.new_block import new_block as write
 
     if bbox and around:
         raise click.UsageError("give --bbox or --around, not both")
     area = bbox or (Around(*around, size) if around else size)
-    with undone_on_interrupt(), progress(quiet=not sys.stderr.isatty()):
+    with unwind_on_signal(), show_progress(quiet=not sys.stderr.isatty()):
         found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():
-        say(line)
+        print_line(line)
     if imagery is not None:
-        ended(fetched_for_block(block_file, imagery))
-    say(f"ready: streetloom run {block_file}")
+        report_fetched(fetch_block_imagery(block_file, imagery))
+    print_line(f"ready: streetloom run {block_file}")
 
 
 def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> Geometry:
@@ -109,14 +109,14 @@ def fetch(name: str | None, out: Path) -> None:
       streetloom fetch delfshaven --out blocks
     """
     from catalogs.examples.sources import EXAMPLE_SOURCES
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.examples.fetch import fetch_block
 
     if name is None:
         for known, source in EXAMPLE_SOURCES.items():
-            say(f"{known:<14} {len(source.files):>2} files  {source.licence}")
+            print_line(f"{known:<14} {len(source.files):>2} files  {source.licence}")
         return
-    with progress(quiet=not sys.stderr.isatty()):
+    with show_progress(quiet=not sys.stderr.isatty()):
         block, source = fetch_block(name, out)
-    say(f"licence: {source.licence}")
-    say(f"ready: streetloom run {block}")
+    print_line(f"licence: {source.licence}")
+    print_line(f"ready: streetloom run {block}")

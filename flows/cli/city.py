@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from flows.asked import Asked, ends_at
+from flows.city_options import CityOptions, next_time_of_day
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING_FILE, OUT
-from flows.cli.say import note, say
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 )
 @click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object last.")
-def city(
+def city_command(
     city_file: Path,
     out: Folder | None,
     at_once: int,
@@ -58,21 +58,21 @@ def city(
       streetloom city helsinki.yaml --out s3://bucket/helsinki
       streetloom query out/helsinki --where "floors >= 5"
     """
-    from flows.cli.interrupts import end_on_interrupt
-    from flows.lock import locked
+    from flows.cli.interrupts import exit_on_signal_from_thread
+    from flows.lock import lock_folder
 
     if until is not None:
-        ends_at(until, datetime.now())  # said before anything is read
+        next_time_of_day(until, datetime.now())  # said before anything is read
     out = out or Path("out") / city_file.stem
-    with locked(out):
-        end_on_interrupt()
-        _say_how_it_is_cut(city_file)
-        summary = _textured(city_file, out, Asked(workers, dask, at_once, until, keep, tiles))
+    with lock_folder(out):
+        exit_on_signal_from_thread()
+        _note_default_partition(city_file)
+        summary = _run_city_recorded(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
     if as_json:
         click.echo(json.dumps(summary))
     else:
-        _show(summary)
-    sys.exit(_code(summary))
+        _print_city_summary(summary)
+    sys.exit(_city_exit_code(summary))
 
 
 @click.command()
@@ -82,7 +82,7 @@ def city(
     "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes of a block."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
+def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     """Say what texturing a city will take, before anything is run: its blocks are planned as their runs plan them.
 
     \b
@@ -109,33 +109,33 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
         return
     fitted = said["fitted"]
     counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
-    say(f"{account.name}: {said['blocks']} blocks, {counts}")
+    print_line(f"{account.name}: {said['blocks']} blocks, {counts}")
     alone = f"{said['processor_hours']:.2g} h of a processor"
     off = {what: f"{share:.0%}" for what, share in fitted["error_planned"].items()}
-    say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
-    say(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
-    say(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
+    print_line(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
+    print_line(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
+    print_line(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
     densities = ", ".join(f"{one:g}" for one in fitted["texels_per_metre"])
-    say(
+    print_line(
         f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
     )
-    say(
+    print_line(
         f"  error  of blocks that it was not fitted on at most {off['seconds']} of a processor's time, {off['bytes']} of the "
         f"bytes, {off['commits']} of the commits; time is of processors that do nothing else"
     )
 
 
-def _say_how_it_is_cut(city_file: Path) -> None:
+def _note_default_partition(city_file: Path) -> None:
     """A block file is a city file too."""
     from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, uses_default_partition
 
     with suppress(ValueError):  # said when it is read
         if uses_default_partition(city_file):
             remedy = f"as one block: streetloom run {city_file}"
-            note(f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}")
+            print_notice(f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}")
 
 
-def _code(summary: dict[str, Any]) -> int:
+def _city_exit_code(summary: dict[str, Any]) -> int:
     """0 where all blocks are done; 70 where the machine failed one; 1 where one failed; 75 where the time was up before."""
     codes = [one["code"] for one in summary["failures"]]
     if any(code == 70 or code > 128 for code in codes):
@@ -145,42 +145,42 @@ def _code(summary: dict[str, Any]) -> int:
     return 75 if summary["left"] else 0
 
 
-def _show(summary: dict[str, Any]) -> None:
-    say(
+def _print_city_summary(summary: dict[str, Any]) -> None:
+    print_line(
         f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, {summary['facades_done']} facades in "
         f"{summary['seconds']:.0f} s; {summary['blocks_skipped']} blocks were done before"
     )
     for failure in summary["failures"]:
-        say(f"  failed {failure['unit']}: {failure['reason']}")
+        print_line(f"  failed {failure['unit']}: {failure['reason']}")
     for _, id, reason in (one for one in summary["set_aside"] if one[0] == "correction"):
-        say(f"  waits  {id}: {reason}")
+        print_line(f"  waits  {id}: {reason}")
     if summary["left"]:
-        say(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
+        print_line(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
     if (estimate := summary["estimate"])["processor_hours_taken"]:
         taken, said = (f"{estimate[f'processor_hours{of}']:.2g} h" for of in ("_taken", ""))
-        say(f"  took   {taken} of a processor; said were {said}")
-    say(f"  model  {summary['out']}/overview.glb")
-    say(f"  look   streetloom query {summary['out']}")
+        print_line(f"  took   {taken} of a processor; said were {said}")
+    print_line(f"  model  {summary['out']}/overview.glb")
+    print_line(f"  look   streetloom query {summary['out']}")
 
 
-def _textured(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
+def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
     nothing is due, it needs none."""
     from catalogs.published.folders import local_folder
-    from flows.server.starting import ServerDown, server
+    from flows.server.startup import ServerDown, prefect_server
     from tasks.city.account import known
 
-    if not known(city_file, out)[0].due(out, tiles=asked.tiles):
-        from flows.city import unrecorded_city
+    if not known(city_file, out)[0].due(out, tiles=options.tiles):
+        from flows.city import run_city_without_server
 
-        return unrecorded_city(city_file, out, asked)
-    with server(local_folder(out) / "prefect") as record:
+        return run_city_without_server(city_file, out, options)
+    with prefect_server(local_folder(out) / "prefect") as record:
         from flows.city import city as recorded
-        from flows.city import unrecorded_city
+        from flows.city import run_city_without_server
 
         try:
             record.require()
         except ServerDown as error:
-            note(f"no Prefect server ({error}); the run does without, and has no record there")
-            return unrecorded_city(city_file, out, asked)
-        return cast(dict[str, Any], recorded(city_file, str(out), **asdict(asked)))
+            print_notice(f"no Prefect server ({error}); the run does without, and has no record there")
+            return run_city_without_server(city_file, out, options)
+        return cast(dict[str, Any], recorded(city_file, str(out), **asdict(options)))

@@ -11,58 +11,58 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from flows.cli.blocks import fetch, new_block
-from flows.cli.city import city, plan
+from flows.cli.city import city_command, plan_command
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
 from flows.cli.imagery import fetch_imagery, match
 from flows.cli.metrics import metrics
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, OUT
 from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
-from flows.cli.say import note, say
 from flows.cli.training import bench, train
-from flows.cli.usage import in_one_line
+from flows.cli.usage import single_line_errors
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-class Commands(click.Group):
+class CommandGroup(click.Group):
     """Ends with one line on stderr and the code of what went wrong, whatever that is."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        with in_one_line():
+        with single_line_errors():
             return super().make_context(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with in_one_line(ctx):
+            with single_line_errors(ctx):
                 return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise  # click's own: how it ends a command
         except Exception as error:
-            from flows.cli.endings import ending
+            from flows.cli.exit_codes import describe_error
 
-            code, line = ending(error)
-            note(line)
+            code, line = describe_error(error)
+            print_notice(line)
             ctx.exit(code)
 
 
-def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     """The version with a digest of the code and libraries that make results: the same digest, the same results."""
     if wanted and not ctx.resilient_parsing:
         from tasks.engine.stage_code import code_version
         from tasks.stages.order import CODE_STAGES
 
-        say(f"streetloom {code_version(CODE_STAGES)}")
+        print_line(f"streetloom {code_version(CODE_STAGES)}")
         ctx.exit()
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show version and code."
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show version and code."
 )
-def main() -> None:
+def command_line() -> None:
     """Turns an untextured city block into a textured, searchable one.
 
     \b
@@ -87,7 +87,7 @@ def _compute_options(command: Any) -> Any:
     return command
 
 
-@main.command()
+@command_line.command()
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.option(
     "--out", type=OUT, help="Where results go, a folder or s3://bucket/prefix.  [default: out/NAME of the block file]"
@@ -120,10 +120,10 @@ def run(
     """
     if only and redo is None:
         raise click.UsageError("--only needs --redo STREET")
-    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only, keep)
+    _run_block(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only, keep)
 
 
-@main.command()
+@command_line.command()
 @click.option("--out", type=OUT, default="out/demo", show_default=True, help="Where results go.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos to use instead of the painted ones.")
 @_compute_options
@@ -136,15 +136,15 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
       streetloom demo --exemplars facades/ --out out/photos
     """
     from catalogs.published.folders import local_folder
-    from flows.lock import locked
+    from flows.lock import lock_folder
     from tasks.examples.demo import is_painted, write_demo
 
-    with locked(out):
+    with lock_folder(out):
         block_file = write_demo(local_folder(out) / "input", exemplars)
-    _run(block_file, out, workers, dask, as_json, painted=is_painted(block_file))
+    _run_block(block_file, out, workers, dask, as_json, painted=is_painted(block_file))
 
 
-def _run(
+def _run_block(
     block_file: Path,
     out: Folder,
     workers: int,
@@ -158,51 +158,51 @@ def _run(
 ) -> None:
     import time
 
-    from flows.cli.console import console, progress, show, tell
-    from flows.cli.interrupts import end_on_interrupt
-    from flows.entry import entered
+    from flows.cli.interrupts import exit_on_signal_from_thread
+    from flows.console import console, show_progress, print_summary, print_status
+    from flows.run_entry import open_run
     from tasks.engine.store.disk_space import require_disk_space
 
     start = time.monotonic()
-    again = None if redo is None else partial(_redo, street=redo, only=only)
-    with entered(block_file, out, tell=tell, before=again, alone=True) as entry:
+    again = None if redo is None else partial(_redo_street, street=redo, only=only)
+    with open_run(block_file, out, notify=print_status, prepare=again, file_only=True) as entry:
         summary = entry.summary
         if summary is None:
             require_disk_space(entry.run.local)
             if entry.run.local != out.resolve():
-                note(f"log and the server's records are in {entry.run.local}")
-            end_on_interrupt()
+                print_notice(f"log and the server's records are in {entry.run.local}")
+            exit_on_signal_from_thread()
             if dask is not None:  # said before a server starts
                 from tasks.engine.compute.connect import require_scheduler
 
                 require_scheduler(dask)
-            with progress():
-                summary = _textured(entry.source, out, workers, dask, redo if only else None)
+            with show_progress():
+                summary = _texture_recorded(entry.source, out, workers, dask, redo if only else None)
         if keep is not None:
             from tasks.published.prune import pruned
 
             for line in pruned(out, keep):
-                note(line)
+                print_notice(line)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))
     else:
-        show(console, summary, painted=painted)
+        print_summary(console, summary, painted=painted)
     if "withheld" in summary:
-        note(summary["withheld"])
+        print_notice(summary["withheld"])
     if summary["facades_failed"] or summary["failures"]:
         sys.exit(1)
 
 
-def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
     from catalogs.published.folders import local_folder
     from facade_core.core.errors import FacadeError, WithheldError
-    from flows.cli.console import tell
-    from flows.server.starting import ServerDown, server
+    from flows.console import print_status
+    from flows.server.startup import ServerDown, prefect_server
 
-    with server(local_folder(out) / "prefect") as record:
-        from flows.block import city_block, unrecorded_block  # takes seconds, in which the server starts
+    with prefect_server(local_folder(out) / "prefect") as record:
+        from flows.block import city_block, run_block_without_server  # takes seconds, in which the server starts
 
         try:
             record.require()
@@ -212,31 +212,31 @@ def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, onl
         except FacadeError:
             raise
         except ServerDown as error:
-            tell(f"no Prefect server ({error}); the run does without, and has no record there")
+            print_status(f"no Prefect server ({error}); the run does without, and has no record there")
         except Exception as error:
             if record.answers() and not record.refused(error):
                 raise
-            tell(
+            print_status(
                 f"the Prefect server was lost ({record.reason()}); the run does without, and its record there is incomplete"
             )
-        return unrecorded_block(block_file, out, workers=workers, dask=dask, only=only)
+        return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
 
 
-def _redo(run: Any, street: str, only: bool) -> None:
+def _redo_street(run: Any, street: str, only: bool) -> None:
     """Make a street due again and say what else is."""
     from tasks.stages.streets.redo import redo_street
 
     streets, dependants = redo_street(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
     fate = ", marked stale until the next run" if only and dependants else ""
-    note(f"doing street {', '.join(streets)} again; {others}{fate}")
+    print_notice(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
 for command in (
     new_block,
     fetch,
-    city,
-    plan,
+    city_command,
+    plan_command,
     fetch_imagery,
     match,
     query,
@@ -250,8 +250,8 @@ for command in (
     train,
     bench,
 ):
-    main.add_command(command)
+    command_line.add_command(command)
 
 
 if __name__ == "__main__":
-    main()
+    command_line()

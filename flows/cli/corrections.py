@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING, EXISTING_OUT
-from flows.cli.say import note, say
-from flows.cli.usage import user
+from flows.cli.usage import current_user
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -37,8 +37,8 @@ def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
     """
     from tasks.corrections import import_corrections
 
-    done = import_corrections(folder, path, who=who or user(), why=why)
+    done = import_corrections(folder, path, who=who or current_user(), why=why)
     for line in done.notes:
-        note(line)
+        print_notice(line)
     for line in done.lines():
-        say(line)
+        print_line(line)

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_OUT
-from flows.cli.say import say
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
     from tasks.doctor.findings import Finding
 
-WORDS = {True: "ok", False: "wrong", None: "note"}
+FINDING_WORDS = {True: "ok", False: "wrong", None: "note"}
 
 
 @click.command()
@@ -38,26 +38,26 @@ def doctor(out: Folder | None, as_json: bool) -> None:
 
     from catalogs.published.folders import local_folder
     from facade_core.core.errors import InputError
-    from flows.lock import is_held
+    from flows.lock import is_locked
     from tasks.doctor import examine_machine
 
-    if out and is_held(out):
+    if out and is_locked(out):
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
     side = local_folder(out) if out else Path.cwd()
     disk = next(folder for folder in (side, *side.parents) if folder.is_dir())  # a bucket's may not be there yet
-    for finding in chain(examine_machine(disk), _examined(out) if out else ()):
+    for finding in chain(examine_machine(disk), _examine_runs(out) if out else ()):
         found.append(finding)
         if not as_json:
-            say(f"{WORDS[finding.well]:<6} {finding.concern:<10} {finding.said}")
+            print_line(f"{FINDING_WORDS[finding.well]:<6} {finding.concern:<10} {finding.said}")
     well = all(finding.well is not False for finding in found)
     if as_json:
-        lines = [{"concern": f.concern, "state": WORDS[f.well], "said": f.said} for f in found]
-        say(json.dumps({"ok": well, "findings": lines}))
+        lines = [{"concern": f.concern, "state": FINDING_WORDS[f.well], "said": f.said} for f in found]
+        print_line(json.dumps({"ok": well, "findings": lines}))
     sys.exit(0 if well else 1)
 
 
-def _examined(out: Folder) -> Iterator[Finding]:
+def _examine_runs(out: Folder) -> Iterator[Finding]:
     """What is to be said of the run in a folder, or of each below it, which is then named."""
     from catalogs.published.runs import find_stores
     from tasks.doctor import examine_folder

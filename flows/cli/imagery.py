@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
-from flows.cli.say import note, say
-from flows.cli.usage import WithBox
+from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
     from tasks.fetching import Fetched
 
 # Pictures that cannot be used, told one by one.
-TOLD = 20
+MAX_LISTED_FAULTS = 20
 
 
-@click.command("fetch-imagery", cls=WithBox)
+@click.command("fetch-imagery", cls=BboxCommand)
 @click.argument("block_file", metavar="[BLOCK.yaml]", type=EXISTING_FILE, required=False)
 @click.option(
     "--from",
@@ -59,25 +59,25 @@ def fetch_imagery(
       streetloom fetch-imagery --bbox 7.750 48.581 7.754 48.583 --to pictures/
     """
     from facade_core.core.errors import InputError
-    from flows.cli.interrupts import end_early
+    from flows.cli.interrupts import exit_on_signal
 
     if (block_file is None) == (bbox is None):
         raise click.UsageError("name a block file, or --bbox W S E N with --to FOLDER")
-    end_early("interrupted; what was fetched stays, run the same command to go on")
+    exit_on_signal("interrupted; what was fetched stays, run the same command to go on")
     if block_file is not None:
-        ended(fetched_for_block(block_file, source, to, poses, dates, most, licence))
-        say(f"ready: streetloom run {block_file}")
+        report_fetched(fetch_block_imagery(block_file, source, to, poses, dates, most, licence))
+        print_line(f"ready: streetloom run {block_file}")
         return
     if to is None:
         raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
     from catalogs.imagery.services import resolve_service
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.fetching import fetch_for_box
 
     assert bbox is not None
-    with progress(quiet=not sys.stderr.isatty()):
+    with show_progress(quiet=not sys.stderr.isatty()):
         found = fetch_for_box(bbox, to, resolve_service(source, poses), dates=dates, most=most, licence=licence)
-    ended(found)
+    report_fetched(found)
 
 
 @click.command("match")
@@ -104,7 +104,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
       streetloom match block.yaml my-photos/ --take matches.csv
     """
     from facade_core.core.errors import InputError
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.matching.finding import PLACES, UNPLACED, match_photos
     from tasks.matching.table import TABLE, read_table, write_table
     from tasks.matching.taking import take, taking
@@ -116,18 +116,18 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
             )
         found = taking(block_file, photos, read_table(taken))
         by_hand = take(found)
-        say(f"photos     {found.count} taken")
+        print_line(f"photos     {found.count} taken")
         if by_hand:
-            note(f"write into the block file: {by_hand}")
-        say(f"ready: streetloom run {block_file}")
+            print_notice(f"write into the block file: {by_hand}")
+        print_line(f"ready: streetloom run {block_file}")
         return
     table = out or block_file.parent / TABLE
-    with progress(quiet=not sys.stderr.isatty()):
+    with show_progress(quiet=not sys.stderr.isatty()):
         found_table, faults = match_photos(block_file, photos, table, poses)
     for fault in faults:
-        note(f"{fault.id}: {fault.reason}")
+        print_notice(f"{fault.id}: {fault.reason}")
     if any(fault.reason == UNPLACED for fault in faults):
-        note(f"of those without a place: {PLACES}")
+        print_notice(f"of those without a place: {PLACES}")
     matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
@@ -139,14 +139,14 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
             if one.facade
             else f"? {told or 'no wall of the block'}"
         )
-        say(f"{one.photo}  {sure}")
-    say(f"{sum(bool(one.facade) for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
+        print_line(f"{one.photo}  {sure}")
+    print_line(f"{sum(bool(one.facade) for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
     if out is None:
-        say(f"to decide on a page: streetloom view OUT --edit --photos {photos}")
-    say(f"then: streetloom match {block_file} {photos} --take {table}")
+        print_line(f"to decide on a page: streetloom view OUT --edit --photos {photos}")
+    print_line(f"then: streetloom match {block_file} {photos} --take {table}")
 
 
-def fetched_for_block(
+def fetch_block_imagery(
     block_file: Path,
     source: str,
     to: Path | None = None,
@@ -157,23 +157,23 @@ def fetched_for_block(
 ) -> Fetched:
     """Fetch the panoramas of a block, with bars in a terminal."""
     from catalogs.imagery.services import resolve_service
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.fetching import fetch_for_block
 
-    with progress(quiet=not sys.stderr.isatty()):
+    with show_progress(quiet=not sys.stderr.isatty()):
         return fetch_for_block(block_file, resolve_service(source, poses), to=to, dates=dates, most=most, licence=licence)
 
 
-def ended(fetched: Fetched) -> None:
+def report_fetched(fetched: Fetched) -> None:
     """Say what was fetched; exit with 1 where another run may bring what is missing."""
-    for fault in fetched.faults[:TOLD]:
-        note(f"{fault.id}: {fault.reason}")
-    if len(fetched.faults) > TOLD:
-        note(f"{len(fetched.faults) - TOLD} pictures more cannot be used")
+    for fault in fetched.faults[:MAX_LISTED_FAULTS]:
+        print_notice(f"{fault.id}: {fault.reason}")
+    if len(fetched.faults) > MAX_LISTED_FAULTS:
+        print_notice(f"{len(fetched.faults) - MAX_LISTED_FAULTS} pictures more cannot be used")
     for line in fetched.lines():
-        say(line)
+        print_line(line)
     if fetched.named:
-        note(f"write into the block file: {fetched.named}")
+        print_notice(f"write into the block file: {fetched.named}")
     if fetched.missing:
-        note(f"{fetched.missing} pictures could not be had; run the same command again")
+        print_notice(f"{fetched.missing} pictures could not be had; run the same command again")
         sys.exit(1)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_OUT
-from flows.cli.say import say
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -41,4 +41,4 @@ def metrics(out: Folder, otlp: str | None) -> None:
         from tasks.otlp import send
     except ModuleNotFoundError as error:
         raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
-    say(f"{otlp}: took {send(metrics_of(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")
+    print_line(f"{otlp}: took {send(metrics_of(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")

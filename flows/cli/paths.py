@@ -28,7 +28,7 @@ EXISTING_FILE = ExistingPath(exists=True, dir_okay=False, path_type=Path)
 EXISTING_FOLDER = ExistingPath(exists=True, file_okay=False, path_type=Path)
 
 
-class Place(click.ParamType):
+class OutputFolder(click.ParamType):
     """A folder of this machine, or s3://bucket/prefix. existing: it is there already, which is not asked of a bucket."""
 
     name = "folder"
@@ -60,4 +60,4 @@ class LocalPath(click.Path):
 
 FOLDER = LocalPath(file_okay=False, path_type=Path)
 NEW_FILE = LocalPath(dir_okay=False, path_type=Path)
-OUT, EXISTING_OUT = Place(), Place(existing=True)
+OUT, EXISTING_OUT = OutputFolder(), OutputFolder(existing=True)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING_OUT
-from flows.cli.say import note, say
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -28,13 +28,13 @@ def prune(out: Folder, keep: int) -> None:
       streetloom prune out/mine --keep 7
     """
     from catalogs.published.runs import find_runs
-    from flows.lock import locked
+    from flows.lock import lock_folder
     from tasks.published.prune import prune as remove
 
     runs, left_out = find_runs(out)
     for run in runs:
-        with locked(run.folder):
+        with lock_folder(run.folder):
             for line in remove(run.folder, keep):
-                say(line)
+                print_line(line)
     for line in left_out:
-        note(line)
+        print_notice(line)

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_notice, print_line
 from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
-from flows.cli.say import note, say
-from flows.cli.usage import WithBox, user
+from flows.cli.usage import BboxCommand, current_user
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 # An export of more files than these is named by its folder.
-LISTED = 8
+MAX_LISTED_FILES = 8
 
 
 class FolderOfRuns(click.ParamType):
@@ -31,7 +31,7 @@ class FolderOfRuns(click.ParamType):
         return str(EXISTING_FOLDER.convert(value, param, ctx))
 
 
-class Query(WithBox):
+class QueryCommand(BboxCommand):
     """Its help ends with the columns, which are defined elsewhere."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -41,7 +41,7 @@ class Query(WithBox):
             formatter.write_text(", ".join(["run", *(column.name for column in COLUMNS)]))
 
 
-@click.command(cls=Query)
+@click.command(cls=QueryCommand)
 @click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
 @click.option(
     "--where",
@@ -81,7 +81,7 @@ def query(
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
     where = combine_conditions(conditions)
-    found = find(folder, where=where, bbox=bbox or None, since=since, on_left_out=note)
+    found = find(folder, where=where, bbox=bbox or None, since=since, on_left_out=print_notice)
     if style == "parquet":
         click.echo(to_parquet_bytes(found), nl=False)
     else:
@@ -164,17 +164,17 @@ def export(
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
     """
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.export.formats import export as write
 
-    with progress(quiet=not sys.stderr.isatty()):
+    with show_progress(quiet=not sys.stderr.isatty()):
         done = write(
             folder, style, to, buildings, textures=textures, max_texture_mb=max_texture_mb, lit=lit, night=night
         )
     for line in done.notes:
-        note(line)
-    for file in done.files if len(done.files) <= LISTED else [done.path]:
-        say(file)
+        print_notice(line)
+    for file in done.files if len(done.files) <= MAX_LISTED_FILES else [done.path]:
+        print_line(file)
 
 
 @click.command()
@@ -193,26 +193,26 @@ def catalog(folder: Folder, to: str | None) -> None:
     from catalogs.published.s3_copy import copy_catalog, copy_run
     from catalogs.stac.catalog import write_catalog
     from facade_core.core.errors import InputError
-    from flows.lock import locked
+    from flows.lock import lock_folder
 
     target = folder_at(to) if to else None
     if to and not isinstance(target, S3Folder):
         raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
     if to and isinstance(folder, S3Folder):
         raise InputError(f"{folder}: is in a bucket already; copy it from there to {to} by the bucket's own tools")
-    written = write_catalog(folder, on_left_out=note)
+    written = write_catalog(folder, on_left_out=print_notice)
     if not isinstance(target, S3Folder) or not isinstance(folder, Path):
-        say(written)
+        print_line(written)
         return
     runs, _ = find_runs(folder)
     for run in runs:
         place = target if run.folder == folder else target / run.name
-        with locked(run.folder), locked(place):
+        with lock_folder(run.folder), lock_folder(place):
             sent = copy_run(run.folder, place)
-        say(f"{place}: {sent} files sent", err=True)
+        print_line(f"{place}: {sent} files sent", err=True)
     if runs[0].folder != folder:
         copy_catalog(folder, target)
-    say(target / "catalog.json")
+    print_line(target / "catalog.json")
 
 
 @click.command()
@@ -249,7 +249,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/town --edit                  a page lists the city's blocks, each to be opened
     """
     from facade_core.core.errors import InputError
-    from flows.cli.interrupts import end_early
+    from flows.cli.interrupts import exit_on_signal
 
     if not host.strip():  # it would be every address of the machine
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
@@ -257,8 +257,8 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         raise click.UsageError("--who needs --edit")
     if photos is not None and not edit:
         raise click.UsageError("--photos needs --edit")
-    runs = _runs_in(out) if edit and photos is None else {}
-    out = out if len(runs) > 1 else _run_in(out)
+    runs = _find_runs(out) if edit and photos is None else {}
+    out = out if len(runs) > 1 else _find_single_run(out)
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import Editor
@@ -278,26 +278,26 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
 
     def ready(address: str, seen_by: str | None) -> None:
         if seen_by:
-            note(seen_by)
-        say(f"{address}  (Ctrl-C ends it)")
+            print_notice(seen_by)
+        print_line(f"{address}  (Ctrl-C ends it)")
         if opened and not edit:
             import webbrowser
 
             # what has been published is seen from a street first; before that the map tells how far the run is
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
-    end_early("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
-    serve(runs if len(runs) > 1 else out, host, port, ready, Editor(who or user(), photos) if edit else None)
+    exit_on_signal("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
+    serve(runs if len(runs) > 1 else out, host, port, ready, Editor(who or current_user(), photos) if edit else None)
 
 
-def _runs_in(folder: Folder) -> dict[str, Folder]:
+def _find_runs(folder: Folder) -> dict[str, Folder]:
     """The runs in a folder by their names."""
     from catalogs.published.runs import find_stores
 
     return find_stores(folder)
 
 
-def _run_in(folder: Folder) -> Folder:
+def _find_single_run(folder: Folder) -> Folder:
     """The folder of the one run in `folder`, which is itself one or holds it at most two levels down, ended or still going.
 
     Raises InputError that names the runs where there are several, or says that there is none.
@@ -305,7 +305,7 @@ def _run_in(folder: Folder) -> Folder:
     from catalogs.published.runs import find_stores
     from catalogs.published.s3 import S3Folder
     from facade_core.core.errors import InputError
-    from flows.lock import is_held
+    from flows.lock import is_locked
 
     found = list(find_stores(folder).items())
     if not found:
@@ -314,7 +314,7 @@ def _run_in(folder: Folder) -> Folder:
                 f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
             )
         locks = [folder / ".lock", *(lock for pattern in ("*/.lock", "*/*/.lock") for lock in folder.glob(pattern))]
-        for begun in (lock.parent for lock in locks if is_held(lock.parent)):
+        for begun in (lock.parent for lock in locks if is_locked(lock.parent)):
             raise InputError(
                 f"{begun}: a run has just begun here and has no store yet; wait until it has ingested its block, then: "
                 f"streetloom view {begun}"
@@ -323,7 +323,7 @@ def _run_in(folder: Folder) -> Folder:
             f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
         )
     if len(found) > 1:
-        names = ", ".join(name for name, _ in found[:LISTED])
-        more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+        names = ", ".join(name for name, _ in found[:MAX_LISTED_FILES])
+        more = f" and {len(found) - MAX_LISTED_FILES} more" if len(found) > MAX_LISTED_FILES else ""
         raise InputError(f"{folder}: holds {len(found)} runs ({names}{more}); open one: streetloom view {found[0][1]}")
     return found[0][1]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, EXISTING_OUT, FOLDER
-from flows.cli.say import say
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -54,7 +54,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --corrections out/mine --corrections out/city --out ours/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.training.corrected import corrected_facades
     from tasks.training.parser import train_corrected, train_fold, train_network
 
@@ -62,14 +62,14 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
         raise click.UsageError("--corrections goes on from the shipped network, without --data and --fold")
     if data is None and not corrections:
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
-    with progress(quiet=False):
+    with show_progress(quiet=False):
         if data is None:
             model = train_corrected(corrected_facades(corrections), out, seed=seed)
         elif fold:
             model = train_fold(data, out, fold, seed=seed)
         else:
             model = train_network(data, out, seed=seed)
-    say(model)
+    print_line(model)
 
 
 @train.command("layout")
@@ -94,14 +94,14 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --out layout/
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.training.corrected import corrected_facades, layout_of
     from tasks.training.layout import train_layout
 
-    with progress(quiet=False):
+    with show_progress(quiet=False):
         added = [layout_of(facade) for facade in corrected_facades(corrections)] if corrections else []
         model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
-    say(model)
+    print_line(model)
 
 
 @train.command("materials")
@@ -114,12 +114,12 @@ def train_material_examples(data: Path, out: Path) -> None:
     Example:
       streetloom train materials --data ../shared/data --out materials/
     """
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.training.materials import train_materials
 
-    with progress(quiet=False):
+    with show_progress(quiet=False):
         model = train_materials(data, out)
-    say(model)
+    print_line(model)
 
 
 @train.command("translator")
@@ -179,13 +179,13 @@ def train_translation_network(
     from dataclasses import replace
 
     from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
-    from flows.cli.console import progress
+    from flows.console import show_progress
     from tasks.training.translator import Places, train_translator
 
     course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE
     if steps is not None:
         course = replace(course, steps=steps)
-    with progress(quiet=False):
+    with show_progress(quiet=False):
         model = train_translator(
             real,
             blocks,
@@ -196,7 +196,7 @@ def train_translation_network(
             runs=runs,
             paired=composites,
         )
-    say(model)
+    print_line(model)
 
 
 class _Benchmark(click.Command):
@@ -230,11 +230,11 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     if package is None or package.submodule_search_locations is None:
         raise InputError("bench: benchmarks come with a clone of the project, not with its package; run it there")
     modules = sorted(module.name for module in pkgutil.iter_modules(package.submodule_search_locations))
-    summaries = {module: summary for module in modules if (summary := _summary(module)) is not None}
+    summaries = {module: summary for module in modules if (summary := _benchmark_summary(module)) is not None}
     if name is None:
         width = max(map(len, summaries))
         for module, summary in summaries.items():
-            say(f"{module:{width}}  {summary}")
+            print_line(f"{module:{width}}  {summary}")
         return
     if name not in summaries:
         raise click.BadParameter(f"{name}: there is {', '.join(summaries)}", param_hint="NAME")
@@ -243,7 +243,7 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     sys.exit(subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], check=False).returncode)
 
 
-def _summary(benchmark: str) -> str | None:
+def _benchmark_summary(benchmark: str) -> str | None:
     """Return the first line of a benchmark's docstring, None for a module without a `main`."""
     import ast
     from importlib.util import find_spec

@@ -10,10 +10,10 @@ from typing import IO, Any
 
 import click
 
-from flows.cli.say import note
+from flows.cli.output import print_notice
 
 # What Click calls numbers, and what they are.
-NUMBERS = {
+NUMBER_MESSAGES = {
     "integer range": "is no whole number",
     "float range": "is no number",
     "integer": "is no whole number",
@@ -21,17 +21,17 @@ NUMBERS = {
 }
 
 
-class Misused(click.ClickException):
+class CommandLineError(click.ClickException):
     """A command line that cannot be understood; Click's own errors show four lines."""
 
     exit_code = 2
 
     def show(self, file: IO[Any] | None = None) -> None:
-        note(self.message)
+        print_notice(self.message)
 
 
 @contextmanager
-def in_one_line(within: click.Context | None = None) -> Iterator[None]:
+def single_line_errors(parent: click.Context | None = None) -> Iterator[None]:
     """Click's errors of usage as Misused. A group without a command shows its help, as ever.
 
     within: the context of the group that invokes a command; Click gives some errors of the command's options none.
@@ -41,36 +41,36 @@ def in_one_line(within: click.Context | None = None) -> Iterator[None]:
     except click.exceptions.NoArgsIsHelpError:
         raise
     except click.UsageError as error:
-        raise Misused(_line(error, within)) from error
+        raise CommandLineError(_usage_line(error, parent)) from error
 
 
-def _line(error: click.UsageError, within: click.Context | None) -> str:
+def _usage_line(error: click.UsageError, parent: click.Context | None) -> str:
     """ "run: no such option --worker; did you mean --workers? (streetloom run --help)"."""
     names: list[str] = []
     context = error.ctx
-    if context is None and within is not None and within.invoked_subcommand:
-        names = [within.invoked_subcommand]
+    if context is None and parent is not None and parent.invoked_subcommand:
+        names = [parent.invoked_subcommand]
     while context is not None and context.parent is not None:
         names.insert(0, str(context.info_name))
         context = context.parent
     command = " ".join(names)
-    said = " ".join(_said(error).split()).rstrip(".")
+    said = " ".join(_error_text(error).split()).rstrip(".")
     remedy = f"(streetloom {command} --help)" if command else "(streetloom --help)"
     return f"{f'{command}: ' if command else ''}{said[:1].lower()}{said[1:]} {remedy}"
 
 
-def _said(error: click.UsageError) -> str:
+def _error_text(error: click.UsageError) -> str:
     if isinstance(error, click.NoSuchOption):
-        return f"no such option {error.option_name}{_close(error.possibilities)}"
+        return f"no such option {error.option_name}{_suggest_names(error.possibilities)}"
     if isinstance(error, click.exceptions.NoSuchCommand):
-        return f"no such command {error.command_name}{_close(error.possibilities)}"
-    said = error.format_message().rstrip(".") + _near(error)
-    for range_of, words in NUMBERS.items():
+        return f"no such command {error.command_name}{_suggest_names(error.possibilities)}"
+    said = error.format_message().rstrip(".") + _suggest_choice(error)
+    for range_of, words in NUMBER_MESSAGES.items():
         said = said.replace(f"is not a valid {range_of}", words)
     return said
 
 
-def _near(error: click.UsageError) -> str:
+def _suggest_choice(error: click.UsageError) -> str:
     """Of a value that is none of an option's, the one that may have been meant."""
     chosen = error.param.type if isinstance(error, click.BadParameter) and error.param else None
     given = re.match(r"'(.*?)' is not one of", error.message)
@@ -80,11 +80,11 @@ def _near(error: click.UsageError) -> str:
     return f"; did you mean {close[0]}?" if close else ""
 
 
-def _close(names: Iterable[str] | None) -> str:
+def _suggest_names(names: Iterable[str] | None) -> str:
     return f"; did you mean {' or '.join(names)}?" if names else ""
 
 
-class WithBox(click.Command):
+class BboxCommand(click.Command):
     """A command whose --bbox says in one line what it wants."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
@@ -100,7 +100,7 @@ class WithBox(click.Command):
             ) from error
 
 
-def user() -> str:
+def current_user() -> str:
     """Who types. Raises InputError where the machine has no name for them, as in some containers."""
     import getpass
 

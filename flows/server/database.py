@@ -9,25 +9,25 @@ from contextlib import closing, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-NAME = "prefect.db"
+DATABASE_NAME = "prefect.db"
 
 
-def lay_out(home: Path) -> bool:
+def restore_database(home: Path) -> bool:
     """Put a copy of the kept database into `home` unless it has one; whether `home` has one now."""
-    database = home / NAME
+    database = home / DATABASE_NAME
     if not database.is_file():
         temporary = database.with_suffix(".tmp")
         try:
-            shutil.copyfile(_kept(), temporary)
+            shutil.copyfile(_cached_database(), temporary)
             temporary.replace(database)
         except OSError:  # none is kept yet, or it cannot be read: the server creates its own
             return False
     return True
 
 
-def keep(home: Path) -> None:
+def cache_database(home: Path) -> None:
     """Keep the database that a server has just created in `home`."""
-    database, kept = home / NAME, _kept()
+    database, kept = home / DATABASE_NAME, _cached_database()
     if not database.is_file():  # the user's settings put it elsewhere
         return
     temporary = kept.with_suffix(f".{os.getpid()}.tmp")
@@ -41,7 +41,7 @@ def keep(home: Path) -> None:
             temporary.unlink()
 
 
-def _kept() -> Path:
+def _cached_database() -> Path:
     """Of this version of Prefect, in the user's cache folder."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "streetloom" / f"prefect-{version('prefect')}.db"

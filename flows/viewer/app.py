@@ -19,20 +19,20 @@ from starlette.staticfiles import StaticFiles
 
 from catalogs.published.folders import Folder
 from facade_core.core.errors import FacadeError, InputError, StoreError
-from flows.lock import is_held
+from flows.lock import is_locked
 from flows.viewer.editing import Editor, edit_routes
-from flows.viewer.guard import Guard, guard, in_address
+from flows.viewer.guard import HostGuard, create_guard, bracket_ipv6
 from flows.viewer.matching import match_routes
-from flows.viewer.model import model, model_file
+from flows.viewer.model import model_index, find_model_file
 from tasks.viewing import Reader, picture, picture_before, stages
 from tasks.viewing.growth import Growth
 from tasks.viewing.pictures import encode
 
-PAGE = Path(__file__).parent / "page"
+PAGE_FOLDER = Path(__file__).parent / "page"
 # A picture's address names its snapshot, and a snapshot never changes.
-FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
+IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
 # Scripts, styles, pictures and the model are the page's own.
-POLICY = (
+CONTENT_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
@@ -42,31 +42,31 @@ HEADERS = {
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
-    "Content-Security-Policy": POLICY,
+    "Content-Security-Policy": CONTENT_POLICY,
 }
 
 
-def application(out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None) -> Starlette:
+def create_application(out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None) -> Starlette:
     """The viewer of the run in folder `out`, or of several by their names, each below an address of its own; told to listen on
     `host`, which is the address `bound`; `editor` may correct what it shows, and nobody without one."""
-    routes = _of_several(out, editor) if isinstance(out, Mapping) else _of_run(out, editor)
+    routes = _city_routes(out, editor) if isinstance(out, Mapping) else _run_routes(out, editor)
     middleware = [
-        Middleware(_Guarded, guard=guard(host, bound)),
+        Middleware(_GuardMiddleware, guard=create_guard(host, bound)),
         Middleware(GZipMiddleware, minimum_size=2000),
     ]
     return Starlette(routes=routes, middleware=middleware)
 
 
-def _of_several(runs: Mapping[str, Folder], editor: Editor | None) -> list[BaseRoute]:
+def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[BaseRoute]:
     return [
-        Route("/", lambda request: Response((PAGE / "city.html").read_text("utf-8"), media_type="text/html")),
+        Route("/", lambda request: Response((PAGE_FOLDER / "city.html").read_text("utf-8"), media_type="text/html")),
         Route("/api/blocks", lambda request: JSONResponse({"blocks": list(runs)})),
-        Mount("/page", StaticFiles(directory=PAGE)),
-        *(Mount(f"/blocks/{number}", routes=_of_run(out, editor)) for number, out in enumerate(runs.values())),
+        Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+        *(Mount(f"/blocks/{number}", routes=_run_routes(out, editor)) for number, out in enumerate(runs.values())),
     ]
 
 
-def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
+def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     reader, growth = Reader(out), Growth()
 
     def answer(make: Callable[[Request], Response]) -> Callable[[Request], Response]:
@@ -86,7 +86,7 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         return JSONResponse(reader.view().overview())
 
     def progress(request: Request) -> Response:
-        return JSONResponse(reader.view().progress() | {"under_way": is_held(out)})
+        return JSONResponse(reader.view().progress() | {"under_way": is_locked(out)})
 
     def facade(request: Request) -> Response:
         view = reader.view()
@@ -106,38 +106,38 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     def stage(request: Request) -> Response:
         view = reader.view()
         image = picture(view, view.number(request.query_params["id"]), request.query_params["stage"])
-        return Response(encode(image), media_type="image/webp", headers=FOR_EVER)
+        return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.view()
         return Response(
-            picture_before(view, view.number(request.query_params["id"])), media_type="image/webp", headers=FOR_EVER
+            picture_before(view, view.number(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
         )
 
     def panorama(request: Request) -> Response:
         view = reader.view()
-        number = _whole(request, "viewpoint", len(view.tables.street))
+        number = _parse_index(request, "viewpoint", len(view.tables.street))
         rgb = view.group["panoramas/rgb"][number]
-        return Response(encode(rgb, "JPEG"), media_type="image/jpeg", headers=FOR_EVER)
+        return Response(encode(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
 
     def grown(request: Request) -> Response:
         view = reader.view()
-        image = growth.after(view, _whole(request, "viewpoint", len(view.tables.street)))
-        return Response(encode(image), media_type="image/webp", headers=FOR_EVER)
+        image = growth.after(view, _parse_index(request, "viewpoint", len(view.tables.street)))
+        return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
 
     def in_3d(request: Request) -> Response:
-        return JSONResponse(model(out, reader.view()))
+        return JSONResponse(model_index(out, reader.view()))
 
     def tile(request: Request) -> Response:
-        file = model_file(out, request.query_params["of"], request.query_params.get("tile"))
+        file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
         # its pictures are JPEGs: to compress it would only take time
-        headers = FOR_EVER | {"Content-Encoding": "identity"}
+        headers = IMMUTABLE | {"Content-Encoding": "identity"}
         if isinstance(file, Path):
             return FileResponse(file, media_type="model/gltf-binary", headers=headers)
         return Response(file.read_bytes(), media_type="model/gltf-binary", headers=headers)
 
     routes: list[BaseRoute] = [
-        Route("/", lambda request: Response((PAGE / "index.html").read_text("utf-8"), media_type="text/html")),
+        Route("/", lambda request: Response((PAGE_FOLDER / "index.html").read_text("utf-8"), media_type="text/html")),
         Route("/api/block", answer(overview)),
         Route("/api/progress", answer(progress)),
         Route("/api/facade", answer(facade)),
@@ -147,7 +147,7 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         Route("/picture/before", answer(earlier)),
         Route("/picture/panorama", answer(panorama)),
         Route("/picture/grown", answer(grown)),
-        Mount("/page", StaticFiles(directory=PAGE)),
+        Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
     ]
     if editor is not None:
         routes += edit_routes(reader, editor)
@@ -156,10 +156,10 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     return routes
 
 
-class _Guarded:
+class _GuardMiddleware:
     """Refuses who may not ask, and adds the headers that bind browsers to every response."""
 
-    def __init__(self, app: Any, guard: Guard) -> None:
+    def __init__(self, app: Any, guard: HostGuard) -> None:
         self.app, self.guard = app, guard
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -180,7 +180,7 @@ class _Guarded:
         await app(scope, receive, with_headers)
 
 
-def _whole(request: Request, name: str, count: int) -> int:
+def _parse_index(request: Request, name: str, count: int) -> int:
     """A number from 0 to count - 1 out of the address. Raises InputError."""
     text = request.query_params.get(name, "")
     if not text.isascii() or not text.isdigit() or int(text) >= count:
@@ -219,19 +219,19 @@ def serve(
             ) from error
         bound, port = listening.getsockname()[:2]
         token = f"/#/token/{editor.token}" if editor else ""
-        ready(f"http://{_opened(host, bound)}:{port}{token}", _seen_by(host, bound, port))
-        config = uvicorn.Config(application(out, host, bound, editor), log_level="warning", timeout_graceful_shutdown=2)
+        ready(f"http://{_page_host(host, bound)}:{port}{token}", _exposure_warning(host, bound, port))
+        config = uvicorn.Config(create_application(out, host, bound, editor), log_level="warning", timeout_graceful_shutdown=2)
         uvicorn.Server(config).run(sockets=[listening])
 
 
-def _opened(host: str, bound: str) -> str:
+def _page_host(host: str, bound: str) -> str:
     """What stands in an address that opens a page here."""
     if ip_address(bound).is_unspecified:
         return "[::1]" if ":" in bound else "127.0.0.1"
-    return in_address(host)
+    return bracket_ipv6(host)
 
 
-def _seen_by(host: str, bound: str, port: int) -> str | None:
+def _exposure_warning(host: str, bound: str, port: int) -> str | None:
     """What to know of a viewer that listens to more than this machine."""
     if ip_address(bound).is_loopback:
         return None

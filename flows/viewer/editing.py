@@ -17,8 +17,8 @@ from starlette.routing import Route
 from catalogs.block.corrections import corrections_file, read_corrections
 from facade_core.core.errors import FacadeError, StoreError
 from facade_core.core.labels import ELEMENT_CLASSES
-from flows.viewer.guard import refusal_to_edit
-from flows.viewer.redo import Redo
+from flows.viewer.background_run import BackgroundRun
+from flows.viewer.guard import edit_refusal
 from tasks.corrections import Taker, block_of
 from tasks.corrections.words import words
 from tasks.engine.store.status import read_source
@@ -26,9 +26,9 @@ from tasks.viewing import Reader
 from tasks.viewing.standing import standing
 
 # The header with the token: a page of another site cannot state it without asking first, which is not answered.
-TOKEN = "X-Streetloom-Token"
+TOKEN_HEADER = "X-Streetloom-Token"
 # Corrections of a facade are some kilobytes.
-MOST_BYTES = 1_000_000
+MAX_BODY_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Editor:
 
 def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     """The addresses for who corrects, of whose requests those of other sites have been refused already."""
-    redo, taker = Redo(reader.out), Taker(reader.out)
+    redo, taker = BackgroundRun(reader.out), Taker(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
         block = read_source(reader.out)
@@ -76,54 +76,54 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
         return redo.said()
 
     return [
-        Route("/edit/state", read(editor, state)),
-        Route("/edit/facade", read(editor, facade)),
-        Route("/edit/corrections", written(editor, save), methods=["POST"]),
-        Route("/edit/redo", written(editor, start), methods=["POST"]),
+        Route("/edit/state", authorize_read(editor, state)),
+        Route("/edit/facade", authorize_read(editor, facade)),
+        Route("/edit/corrections", authorize_write(editor, save), methods=["POST"]),
+        Route("/edit/redo", authorize_write(editor, start), methods=["POST"]),
     ]
 
 
-def read(editor: Editor, make: Callable[[Request], dict[str, Any] | Response]) -> Callable[..., Any]:
+def authorize_read(editor: Editor, handler: Callable[[Request], dict[str, Any] | Response]) -> Callable[..., Any]:
     """What answers who holds the editor's token."""
 
     async def endpoint(request: Request) -> Response:
-        if refused := _refused(request, editor, writes=False):
+        if refused := _refusal_response(request, editor, writes=False):
             return refused
-        return await _answered(make, request)
+        return await _respond(handler, request)
 
     return endpoint
 
 
-def written(editor: Editor, make: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
+def authorize_write(editor: Editor, handler: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
     """What takes JSON of who holds the editor's token, on the viewer's own page."""
 
     async def endpoint(request: Request) -> Response:
-        if refused := _refused(request, editor, writes=True):
+        if refused := _refusal_response(request, editor, writes=True):
             return refused
         body = b""
         async for part in request.stream():
             body += part
-            if len(body) > MOST_BYTES:
+            if len(body) > MAX_BODY_BYTES:
                 return JSONResponse({"reason": "that is too much for corrections"}, 413)
         try:
             said = json.loads(body)
         except (ValueError, RecursionError):
             return JSONResponse({"reason": "what is sent is no JSON"}, 400)
-        return await _answered(make, said)
+        return await _respond(handler, said)
 
     return endpoint
 
 
-def _refused(request: Request, editor: Editor, *, writes: bool) -> Response | None:
-    found = refusal_to_edit(
-        editor.token, request.headers.getlist(TOKEN), request.headers.getlist("origin"), writes=writes
+def _refusal_response(request: Request, editor: Editor, *, writes: bool) -> Response | None:
+    found = edit_refusal(
+        editor.token, request.headers.getlist(TOKEN_HEADER), request.headers.getlist("origin"), writes=writes
     )
     return JSONResponse({"reason": found[1]}, found[0]) if found else None
 
 
-async def _answered(make: Callable[[Any], dict[str, Any] | Response], asked: Any) -> Response:
+async def _respond(handler: Callable[[Any], dict[str, Any] | Response], argument: Any) -> Response:
     try:
-        made = await run_in_threadpool(make, asked)
+        made = await run_in_threadpool(handler, argument)
         return made if isinstance(made, Response) else JSONResponse(made)
     except StoreError as error:
         return JSONResponse({"reason": str(error)}, 503)

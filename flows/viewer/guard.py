@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
-class Guard:
+class HostGuard:
     """The names that a server answers to. With `anywhere`, any address in digits is one too.
 
     A foreign site that has its own name point at this machine (DNS rebinding) asks under that name, never under an address.
@@ -27,7 +27,7 @@ class Guard:
 
         Who is no browser states no origin; a browser always does where a page of another site opens a socket.
         """
-        if len(hosts) != 1 or not self._known(name_in(hosts[0])):
+        if len(hosts) != 1 or not self._known(parse_host_name(hosts[0])):
             return (
                 400,
                 "the viewer is not served under that name; `streetloom view --host NAME` serves it under another",
@@ -40,7 +40,7 @@ class Guard:
         return name in self.names or (self.anywhere and _is_address(name))
 
 
-def refusal_to_edit(
+def edit_refusal(
     token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool
 ) -> tuple[int, str] | None:
     """As `Guard.refusal`, of a request which that lets pass, to what only who holds the token may ask.
@@ -55,20 +55,20 @@ def refusal_to_edit(
     return None
 
 
-def guard(host: str, bound: str) -> Guard:
+def create_guard(host: str, bound: str) -> HostGuard:
     """For a server that was told to listen on `host` and does so on the address `bound`."""
     anywhere = ip_address(bound).is_unspecified
     own = (socket.gethostname(),) if anywhere else ()
-    return Guard(tuple(dict.fromkeys(name.lower() for name in (host, bound, *LOOPBACK, *own))), anywhere)
+    return HostGuard(tuple(dict.fromkeys(name.lower() for name in (host, bound, *LOOPBACK_NAMES, *own))), anywhere)
 
 
-def name_in(host: str) -> str:
+def parse_host_name(host: str) -> str:
     """The name in a Host header, in lower case, without port and brackets; empty where it is none."""
     found = re.fullmatch(r"(?:\[([0-9a-f:.]+)\]|([\w.-]+))(?::\d+)?", host.lower(), re.ASCII)
     return (found[1] or found[2]) if found else ""
 
 
-def in_address(name: str) -> str:
+def bracket_ipv6(name: str) -> str:
     """A name as it stands in a web address."""
     return f"[{name}]" if ":" in name else name
 

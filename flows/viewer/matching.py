@@ -11,7 +11,7 @@ from starlette.routing import Route
 
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
-from flows.viewer.editing import Editor, read, written
+from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections import block_of
 from tasks.matching.table import TABLE, Decision, Match, alone, decided, read_table, write_table
 from tasks.matching.taking import take, taking
@@ -19,7 +19,7 @@ from tasks.viewing import Reader
 from tasks.viewing.pictures import encode
 
 # The longer side of a photo as it is shown, pixels.
-SHOWN = 1600
+MAX_PHOTO_SIDE = 1600
 
 
 def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
@@ -27,7 +27,7 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     file, and the way of `streetloom match --take`."""
 
     def all_of() -> dict[str, Any]:
-        return {"photos": [_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
+        return {"photos": [_match_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
 
     def picture(request: Request) -> Response:
         name = request.query_params.get("name", "")
@@ -35,14 +35,14 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")
-        image = read_picture(photos / name, max_side=SHOWN).rgb
+        image = read_picture(photos / name, max_side=MAX_PHOTO_SIDE).rgb
         return Response(encode(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def save(body: Any) -> dict[str, Any]:
         block = block_of(reader.out)
         path = block.parent / TABLE
         with alone(path):
-            decisions = _decisions(body)
+            decisions = _parse_decisions(body)
             table = decided(read_table(path), decisions, who=editor.who)
             # what is decided is checked before anything is written; other rows that are wrong are told
             found = taking(block, photos, table, {one.photo for one in decisions})
@@ -53,13 +53,13 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
         return {"said": f"{found.count} photos are the block's; what depends on them is due", "notes": notes} | all_of()
 
     return [
-        Route("/edit/matches", read(editor, lambda request: all_of())),
-        Route("/edit/photo", read(editor, picture)),
-        Route("/edit/decisions", written(editor, save), methods=["POST"]),
+        Route("/edit/matches", authorize_read(editor, lambda request: all_of())),
+        Route("/edit/photo", authorize_read(editor, picture)),
+        Route("/edit/decisions", authorize_write(editor, save), methods=["POST"]),
     ]
 
 
-def _row(match: Match) -> dict[str, Any]:
+def _match_row(match: Match) -> dict[str, Any]:
     return {
         "photo": match.photo,
         "facade": match.facade,
@@ -70,11 +70,11 @@ def _row(match: Match) -> dict[str, Any]:
     }
 
 
-def _decisions(body: Any) -> list[Decision]:
+def _parse_decisions(body: Any) -> list[Decision]:
     """Raises ValueError for what the page does not send."""
     try:
         return [
-            Decision(_text(one["photo"]), _text(one["facade"]), one["decided"] is True, (_text(facade), _text(by)))
+            Decision(_require_text(one["photo"]), _require_text(one["facade"]), one["decided"] is True, (_require_text(facade), _require_text(by)))
             for one in body["decisions"]
             for facade, by in [one["stood"]]
         ]
@@ -84,7 +84,7 @@ def _decisions(body: Any) -> list[Decision]:
         ) from error
 
 
-def _text(value: Any) -> str:
+def _require_text(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError(value)
     return value

@@ -13,7 +13,7 @@ from tasks.viewing import View
 from tasks.viewing.opening import opening
 
 
-def model(out: Folder, view: View) -> dict[str, Any]:
+def model_index(out: Folder, view: View) -> dict[str, Any]:
     """Addresses of the newest model's tiles with their boxes, world metres, and of its overview; `anchor`, the world place
     where a walk begins, and `heading`, degrees clockwise from north, None where there is no street. Raises StoreError before
     anything is published."""
@@ -39,12 +39,12 @@ def model(out: Folder, view: View) -> dict[str, Any]:
     }
 
 
-def model_file(out: Folder, of: str, tile: str | None) -> Folder:
+def find_model_file(out: Folder, snapshot_id: str, tile: str | None) -> Folder:
     """The model of a tile of the snapshot `of`, or its overview. Raises InputError where that is not there."""
     snapshot = find_current_snapshot(out)
-    if snapshot is None or snapshot.id != of:
+    if snapshot is None or snapshot.id != snapshot_id:
         raise InputError("another model was published since; load the page again")
-    if tile is not None and tile not in _tiles(snapshot):
+    if tile is not None and tile not in _tile_paths(snapshot):
         raise InputError(f"the model has no tile {tile!r}")
     path = snapshot.overview if tile is None else snapshot.tile(tile)
     if not path.is_file():
@@ -52,5 +52,5 @@ def model_file(out: Folder, of: str, tile: str | None) -> Folder:
     return path
 
 
-def _tiles(snapshot: Snapshot) -> set[str]:
+def _tile_paths(snapshot: Snapshot) -> set[str]:
     return {tile["path"] for tile in json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]}

@@ -12,9 +12,9 @@ import yaml
 
 from catalogs.block.reader import Block, read_block
 from facade_core.geometry.walls import WallRole
-from facade_core.synth.exemplars import exemplar
-from facade_core.synth.facade import PaintedFacade, facade
-from facade_core.synth.styles import NORDIC
+from facade_core.synth.exemplars import paint_exemplar
+from facade_core.synth.facade import PaintedFacade, paint_facade
+from facade_core.synth.styles import NORDIC_STYLES
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
 
@@ -87,7 +87,7 @@ def paint_exemplars(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
 
     def paint(number: int) -> None:
-        painted = exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC)
+        painted = paint_exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES)
         name = f"exemplar-{number:02d}"
         Image.fromarray(painted.image).save(folder / f"{name}.png", compress_level=1)
         Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", compress_level=1)
@@ -109,11 +109,11 @@ def _paint_photos(block: Block, folder: Path) -> None:
     def paint(number: int) -> None:
         i = chosen[number]
         width, height, floors = float(facades.width[i]), float(facades.height[i]), int(facades.floors[i])
-        painted = facade(
+        painted = paint_facade(
             (height, width),
             floors=floors,
             columns=max(1, round(width / 3.4)),
-            style=NORDIC[number % len(NORDIC)],
+            style=NORDIC_STYLES[number % len(NORDIC_STYLES)],
             metres_per_pixel=1 / PHOTO_PIXELS_PER_METRE,
             seed=SEED + i,
             occluders=2,

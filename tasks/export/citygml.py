@@ -145,6 +145,6 @@ def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str
 def _member() -> Element:
     from lxml import etree
 
-    from facade_core.export.city_models.citygml import NAMESPACES, qualified_name
+    from facade_core.export.city_models.citygml import NAMESPACES, expand_prefix
 
-    return etree.Element(qualified_name("cityObjectMember"), nsmap=NAMESPACES)
+    return etree.Element(expand_prefix("cityObjectMember"), nsmap=NAMESPACES)

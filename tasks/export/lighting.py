@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, ChartTexels, RelightingInputs
 from tasks.published.opened import Published
-from tasks.stages.shared.materials import field_of, materials
+from tasks.stages.shared.materials import material_field, stored_material_field
 
 
 def lighting(found: Published) -> RelightingInputs:
@@ -19,7 +19,7 @@ def lighting(found: Published) -> RelightingInputs:
     plan, group = found.plan, found.group
     placement = plan.scene.placement
     # a network's colours are not those of materials, but what it was shown is made of the same
-    field = field_of(group, plan) or materials(plan, cast(int, group.attrs["seed"]), None)
+    field = stored_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
 
     @lru_cache(maxsize=MAX_CACHED_CHARTS)
     def texels(chart: int) -> ChartTexels:

@@ -65,8 +65,8 @@ def write_block_report(
                     "used": used[record["unit"]],
                     "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
                 }
-                for record in journals["exemplars"]
-                if record["status"] == "done"
+                for record in block.journals["exemplars"]
+                if record and record["status"] == "done"
             ],
             models=models,
             min_change=CHANGED,

@@ -12,10 +12,10 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingPair, render_sequence
-from facade_core.synth.street_paint import photographed_ground, with_photos
+from facade_core.synth.street_paint import ground_photos, replace_front_images
 from facade_core.synth.street_truth import (
     SyntheticStreet,
-    panorama,
+    render_street_panorama,
     synthetic_street,
 )
 from tasks.engine.progress import begin_stage, report_progress
@@ -42,7 +42,7 @@ def composites(data: Path, *, seed: int) -> list[TrainingPair]:
         rng = np.random.default_rng([seed, number])
         chosen = rng.choice(len(photos), BUILDINGS, replace=len(photos) < BUILDINGS)
         plain = synthetic_street(BUILDINGS, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
-        street = with_photos(plain, [photos[index] for index in chosen])
+        street = replace_front_images(plain, [photos[index] for index in chosen])
         found += _pairs(street, roadway, pavements[number % len(pavements)])
         report_progress("composites", 1)
     return found
@@ -54,14 +54,14 @@ def _pairs(
     scene, width = street.scene, max(PANORAMA_WIDTHS)
     viewpoints = []
     for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
-        x, y = street.place(float(along), 0.0)
+        x, y = street.world_point(float(along), 0.0)
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), street.axis))
-    ground = photographed_ground(street, roadway, pavement)
+    ground = ground_photos(street, roadway, pavement)
     heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
     # side walls and roofs are grey in the truth: nothing is learnt from them
     true = np.append(scene.charts.kind == ChartKind.GROUND, False)
     true[list(street.charts)] = True
     for viewpoint, bare in zip(viewpoints, render_sequence(scene, viewpoints), strict=True):
         x, y, z = viewpoint.position.tolist()
-        image = panorama(street, Pose(x, y, z, heading), width, seed=viewpoint.id, ground=ground)
+        image = render_street_panorama(street, Pose(x, y, z, heading), width, seed=viewpoint.id, ground=ground)
         yield TrainingPair(bare, image, true[scene.cast_panorama(viewpoint, width)[2]])

@@ -12,7 +12,7 @@ from catalogs.learning.occluder_boxes import OccluderBoxes
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.occluder_labels import occluders_from_labels
 from facade_core.parsing.training_views import ANY_CLASS
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 
 
 def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, OccluderBoxes]) -> list[LabelledFacade]:
@@ -36,5 +36,5 @@ def painted(number: int, *, seed: int) -> list[LabelledFacade]:
             facade.occluded.astype(np.uint8),
             (facade.labels == FacadeClass.SKY).astype(np.uint8),
         )
-        for index, facade in enumerate(exemplars(number, seed=seed, occluded_share=0.25))
+        for index, facade in enumerate(paint_exemplar_set(number, seed=seed, occluded_share=0.25))
     ]

@@ -20,7 +20,7 @@ from facade_core.street.translator import training
 from facade_core.street.translator.training_steps import TrainingDomains, TrainingRecipe
 from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingRendering, render_sequence
 from facade_core.synth.furniture import street_furniture
-from facade_core.synth.model_relief import relief
+from facade_core.synth.model_relief import relief_image
 from facade_core.synth.street_truth import synthetic_street
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
@@ -183,15 +183,15 @@ def procedural_run(*, seed: int, furnished: bool) -> list[TrainingRendering]:
     street = synthetic_street(8, seed=seed, occluders=0, texels_per_metre=20.0)
     placement = street.scene.placement
     reliefs = {}
-    for chart, painted in zip(street.charts, street.painted, strict=True):
+    for chart, painted in zip(street.charts, street.facades, strict=True):
         shape = (int(placement.width[chart]), int(placement.height[chart]))
-        grey = relief(painted.labels, painted.metres_per_pixel)
+        grey = relief_image(painted.labels, painted.metres_per_pixel)
         reliefs[chart] = cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST)
     viewpoints = []
     for number, along in enumerate(np.arange(2.5, street.length, 5.0)):
-        x, y = street.place(float(along), 0.0)
+        x, y = street.world_point(float(along), 0.0)
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
-    line = shapely.LineString([street.place(along, 0.0) for along in (0.0, street.length)])
+    line = shapely.LineString([street.world_point(along, 0.0) for along in (0.0, street.length)])
     furniture = street_furniture(line, partial(_level, 0.0), seed=seed) if furnished else None
     return render_sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
 

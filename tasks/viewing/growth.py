@@ -18,8 +18,8 @@ from facade_core.plan.plan_tables import read_plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
-from tasks.stages.shared.materials import field_of
-from tasks.stages.streets.worker import add_viewpoint, replay
+from tasks.stages.shared.materials import stored_material_field
+from tasks.stages.streets.worker import add_viewpoint, replay_street
 from tasks.viewing.reading import View
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
@@ -65,8 +65,8 @@ class Growth:
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
                 plan = held.plan if held and _same(held, view) else _plan(view)
-                field = field_of(view.group, plan)
-                window = replay(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
+                field = stored_material_field(view.group, plan)
+                window = replay_street(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
                 held = _Street(view, street, plan, window, field, steps, _texels(plan, window, street))
             for step in own[held.steps : steps].tolist():
                 seen = held.plan.viewpoints[step]

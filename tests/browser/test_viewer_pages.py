@@ -17,7 +17,7 @@ from PIL import Image
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.stored_files import earlier_path, stored_file_digest, write_stored_file
-from flows.lock import locked
+from flows.lock import lock_folder
 from tests.chromium import tab, wait
 from tests.pipeline.viewed import get, viewing
 
@@ -168,7 +168,7 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         write_record(group, "facades", 0, {"unit": record["unit"], "key": "x", "status": "failed", "reason": reason})
         commit(session, "a facade that fails")
         page.wait_for_selector("text=The run was cut off; run the block again to go on")
-        with locked(out):
+        with lock_folder(out):
             page.wait_for_selector("text=The run is going on")
         # what changed between two captures, of another: coloured and listed alone, and where, beside how it was
         other = read_journal(group, "facades")[1]

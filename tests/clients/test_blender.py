@@ -20,7 +20,7 @@ from benchmarks.clients.blender import (
     own_picture,
     shot,
 )
-from facade_core.export.models.glb import embedded_images
+from facade_core.export.models.glb import extract_images
 from tasks.published.opened import Published
 from tests.clients.conftest import Exported, first, present
 
@@ -38,7 +38,7 @@ def seen(exported: Exported, found: Published, tmp_path_factory: pytest.TempPath
     with present():
         model = first(exported("glb", lit=False))
         steps["glb"] = {"open": str(model), "render": shot(camera, origin, folder / "glb.png")}
-        given["glb"] = embedded_images(model.read_bytes())
+        given["glb"] = extract_images(model.read_bytes())
         for style in ("cityjson", "lod3"):
             shutil.copytree(exported(style), folder / style)
             city = first(folder / style)
@@ -53,7 +53,7 @@ def seen(exported: Exported, found: Published, tmp_path_factory: pytest.TempPath
             told=one,
             compared=compared(own, folder / f"{style}.png", built),
             given=given[style],
-            again=embedded_images((folder / f"{style}-again.glb").read_bytes()),
+            again=extract_images((folder / f"{style}-again.glb").read_bytes()),
         )
         for style, one in zip(steps, told, strict=True)
     }

@@ -63,7 +63,7 @@ def test_a_shell_completes_commands_and_values() -> None:
             "COMP_CWORD": str(place),
             "_STREETLOOM_COMPLETE": "bash_complete",
         }
-        command = "from flows.cli.commands import main; main(prog_name='streetloom')"
+        command = "from flows.cli.commands import command_line; command_line(prog_name='streetloom')"
         shown = subprocess.run(
             [sys.executable, "-c", command], env=environment, capture_output=True, text=True, check=False
         )

@@ -19,8 +19,8 @@ from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, tr
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import painted_sides
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_paint import side_pattern
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
 
@@ -58,7 +58,7 @@ class Seen:
 
 @pytest.fixture(scope="module")
 def end() -> Seen:
-    street = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0, roofed=True)
+    street = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0, with_roofs=True)
     charts = street.scene.charts
     outward = charts.normals()[:, :2] @ street.axis < -0.99
     chart = int(
@@ -66,9 +66,9 @@ def end() -> Seen:
     )
     cameras = []
     for along, across in ((-6.0, 2.0), (-9.0, -3.0)):
-        x, y = street.place(along, across)
+        x, y = street.world_point(along, across)
         pose = Pose(float(x), float(y), 2.5, 40.0)
-        image = panorama(street, pose, 1024, seed=1, sides=painted_sides(street))
+        image = render_street_panorama(street, pose, 1024, seed=1, sides=side_pattern(street))
         hidden = mask_model_edges(street.scene, pose, image.shape[:2])
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), None))
     return Seen(street, chart, cameras)
@@ -79,7 +79,7 @@ def truth(seen: Seen) -> np.ndarray:
     scene, chart = seen.street.scene, seen.chart
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     x, y = np.meshgrid((np.arange(size[1]) + 0.5) / 8, (np.arange(size[0]) + 0.5) / 8)
-    return painted_sides(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
+    return side_pattern(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
 
 
 def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
@@ -92,7 +92,9 @@ def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
     wall = truth(end)
     # bricks are finer than the texels: what they look like from afar
     seen, true = (
-        cv2.blur(np.where(found.is_visible[..., None], one, 0).astype(np.float32), (9, 9))[found.is_visible].mean(axis=1)
+        cv2.blur(np.where(found.is_visible[..., None], one, 0).astype(np.float32), (9, 9))[found.is_visible].mean(
+            axis=1
+        )
         for one in (found.rgb, wall)
     )
     assert np.corrcoef(seen, true)[0, 1] > 0.9
@@ -127,7 +129,7 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
 
-    street = Street("s", None, shapely.LineString([end.street.place(0, 0), end.street.place(end.street.length, 0)]))
+    street = Street("s", None, shapely.LineString([end.street.world_point(0, 0), end.street.world_point(end.street.length, 0)]))
     materials = MaterialField(scene, (street,), seed=1)
     colour, rank = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, (), {chart}), is_neural=False)
     assert (rank[~shown] == Provenance.INPAINTED).all()

@@ -20,8 +20,8 @@ from facade_core.imagery.cameras.ground import (
 from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.street_paint import painted_ground
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_paint import ground_pattern
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
 USUAL = (np.log(np.full(3, 100.0)), np.full(3, 0.05))
@@ -104,16 +104,20 @@ def street() -> SyntheticStreet:
 
 
 def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -> None:
-    paint, scene = painted_ground(street), street.scene
+    paint, scene = ground_pattern(street), street.scene
     cameras, squares = [], []
     for along, gain in ((5.0, 0.7), (12.0, 1.0)):
-        x, y = street.place(along, 0.5)
+        x, y = street.world_point(along, 0.5)
         pose = Pose(float(x), float(y), 2.5, 40.0)
-        image = panorama(street, pose, 1024, gain=gain, ground=paint)
+        image = render_street_panorama(street, pose, 1024, gain=gain, ground=paint)
         ground = sample_ground(scene, image, pose)
         assert ground.height == pytest.approx(2.5, abs=0.01)
         squares.append(ground.squares)
-        cameras.append(PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), typical_ground_colour(ground.squares)))
+        cameras.append(
+            PanoramaCamera(
+                image, pose, np.zeros(image.shape[:2], bool), np.ones(3), typical_ground_colour(ground.squares)
+            )
+        )
     gains = exposure_factors(squares)
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
     cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, gains, strict=True)]

@@ -20,7 +20,7 @@ from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.stage import facade_entrances
 
 MPP = 0.05

@@ -25,7 +25,7 @@ from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.occluders import remove_spill
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 

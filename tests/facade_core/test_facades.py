@@ -21,7 +21,7 @@ from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
 from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 
 MPP = 0.0625
 L_SHAPED = shapely.Polygon([(0, 0), (20, 0), (20, 10), (10, 10), (10, 22), (0, 22)])

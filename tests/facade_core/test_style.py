@@ -18,7 +18,7 @@ from facade_core.plan.exemplar_style import (
     choose_exemplars,
     style_descriptor,
 )
-from facade_core.synth.facade import facade
+from facade_core.synth.facade import paint_facade
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0
@@ -95,7 +95,7 @@ def test_shops_are_where_the_map_has_them() -> None:
 
 
 def test_a_ground_floor_without_shops_keeps_its_door() -> None:
-    painted = facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
+    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
     assert (painted.labels == FacadeClass.SHOP).any()
     image, labels = replace_shops(painted.image, painted.labels)
     assert not (labels == FacadeClass.SHOP).any()
@@ -108,7 +108,7 @@ def test_a_ground_floor_without_shops_keeps_its_door() -> None:
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:
-    painted = facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
+    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
     wall, window = painted.labels == FacadeClass.WALL, painted.labels == FacadeClass.WINDOW
     one, same, other = (
         tint_facade(painted.image, painted.labels, building_seed=h, seed=s).astype(float)
@@ -151,7 +151,7 @@ def test_a_house_that_comes_changes_few_beside_it() -> None:
 
 def test_looks_tell_walls_apart() -> None:
     def of(style: str, seed: int) -> np.ndarray:
-        painted = facade((15.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.08, seed=seed)
+        painted = paint_facade((15.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.08, seed=seed)
         return np.array([style_descriptor(painted.image, painted.labels, 0.08)])
 
     brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 
@@ -28,7 +28,7 @@ BROKEN = "<img src=x onerror=alert(1)>[bold]\x1b[31m.png"
 def hostile_block(top: Path) -> Iterator[SimpleNamespace]:
     """A published block in a folder whose things have such names; two would lead out of any folder."""
     names = [MARKUP, "../../escaped", str(top / "absolute"), CONTROLS, DATA, LONG]
-    picture = Image.fromarray(exemplars(1, seed=5, metres_per_pixel=0.2)[0].image)
+    picture = Image.fromarray(paint_exemplar_set(1, seed=5, metres_per_pixel=0.2)[0].image)
     for folder, file in (("exemplars", "good\x1b[1m\n<b>.png"), ("photos", f"{CONTROLS}-0.png")):
         (top / "in" / folder).mkdir(parents=True)
         picture.save(top / "in" / folder / file)

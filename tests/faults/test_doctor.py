@@ -15,8 +15,8 @@ from click.testing import CliRunner
 from catalogs.published.snapshot import current_snapshot
 from facade_core.atlas.journal import clear_record, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from flows.cli.commands import main
-from flows.lock import locked
+from flows.cli.commands import command_line
+from flows.lock import lock_folder
 from tasks.doctor import examine_folder, examine_machine
 from tasks.doctor.machine import disk, models, packages
 from tasks.engine.run import Run
@@ -135,14 +135,14 @@ def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
 
 def test_the_command_exits_by_what_it_found(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tasks.doctor.examine_machine", lambda folder: ())
-    assert CliRunner().invoke(main, ["doctor"]).exit_code == 0
+    assert CliRunner().invoke(command_line, ["doctor"]).exit_code == 0
     lose_model(run)
-    shown = CliRunner().invoke(main, ["doctor", run.out, "--json"])
+    shown = CliRunner().invoke(command_line, ["doctor", run.out, "--json"])
     assert shown.exit_code == 1
     told = json.loads(shown.output)
     assert told["ok"] is False
     assert {"published": "wrong", "units": "ok"}.items() <= {f["concern"]: f["state"] for f in told["findings"]}.items()
-    with locked(Path(run.out)):
-        shown = CliRunner().invoke(main, ["doctor", run.out])
+    with lock_folder(Path(run.out)):
+        shown = CliRunner().invoke(command_line, ["doctor", run.out])
     assert shown.exit_code == 2
     assert "a run is at work in it" in shown.output

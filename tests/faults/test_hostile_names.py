@@ -24,10 +24,9 @@ from rich.console import Console
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
-from flows import artifacts
+from flows import artifacts, console
 from flows.cli import commands as cli
-from flows.cli import console
-from flows.markdown import code, plain
+from flows.markdown import markdown_code, escape_markdown
 from tasks.engine.outcome import log_units
 from tasks.export.formats import export
 from tests.exports import EACH
@@ -207,9 +206,9 @@ def gltf(path: Path) -> dict[str, Any]:
 def test_the_viewer_serves_names_as_data(made: SimpleNamespace) -> None:
     from starlette.testclient import TestClient
 
-    from flows.viewer.app import application
+    from flows.viewer.app import create_application
 
-    client = TestClient(application(made.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1")
+    client = TestClient(create_application(made.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1")
     block = client.get("/api/block").json()
     assert {facade["building"] for facade in block["facades"]} == set(made.names)
     for facade in block["facades"]:
@@ -233,8 +232,8 @@ def test_artifacts_show_the_text_alone(made: SimpleNamespace, monkeypatch: pytes
         monkeypatch.setattr(artifacts, f"create_{kind}_artifact", lambda *what, **more: written.append((what, more)))
     failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in made.names]
     counts = {"units_done": 1, "units_skipped": 0, "failures": failures, "out": str(made.out)}
-    artifacts.tell_outcome(made.run, made.summary | counts)
-    artifacts.tell_viewer(made.run)
+    artifacts.publish_outcome(made.run, made.summary | counts)
+    artifacts.publish_viewer_link(made.run)
     reader = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
 
     def renders(text: str) -> str:
@@ -250,8 +249,8 @@ def test_artifacts_show_the_text_alone(made: SimpleNamespace, monkeypatch: pytes
         json.dumps([[what, more["description"]] for what, more in written if what]).replace("\\\\", "\\")
     )
     for name in made.names:
-        assert f"<p><code>{escape_invisible(name)}</code></p>" == renders(code(name)) or "`" in name
-        assert not re.search(r"https?://|www\.|\w@", plain(name))  # what a UI makes links of by itself
+        assert f"<p><code>{escape_invisible(name)}</code></p>" == renders(markdown_code(name)) or "`" in name
+        assert not re.search(r"https?://|www\.|\w@", escape_markdown(name))  # what a UI makes links of by itself
 
 
 def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCaptureFixture) -> None:
@@ -262,7 +261,7 @@ def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCapt
     failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in [*made.names, "[/red]", "\ud800"]]
     drawn = io.StringIO()
     summary = made.summary | {"failures": failures, "seconds": 1.0, "units_skipped": 0, "out": str(made.out)}
-    console.show(Console(file=drawn, force_terminal=True, width=80), summary)
+    console.print_summary(Console(file=drawn, force_terminal=True, width=80), summary)
     shown = re.sub(r"\x1b\[[\d;]*m", "", drawn.getvalue())  # its own colours
     assert printable(shown)
     for failure in failures:
@@ -285,10 +284,10 @@ def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCapt
         ["export", str(made.out), "--format", "coco", "--building", "\x1b[31mno such\u202e"],
         ["view", str(made.top / "in" / "photos"), "--no-open"],
     ):
-        done = CliRunner().invoke(cli.main, arguments)
+        done = CliRunner().invoke(cli.command_line, arguments)
         assert not isinstance(done.exception, Exception), arguments
         assert printable(done.output), arguments
-    found = CliRunner().invoke(cli.main, ["query", str(made.out), "--format", "json"]).output
+    found = CliRunner().invoke(cli.command_line, ["query", str(made.out), "--format", "json"]).output
     assert {row["building"] for row in json.loads(found) if row["kind"] == "facade"} == set(made.names)
 
 

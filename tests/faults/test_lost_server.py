@@ -11,8 +11,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flows.server import starting as server_module
-from flows.server.starting import ServerDown, server
+from flows.server import startup as server_module
+from flows.server.startup import ServerDown, prefect_server
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 from tests.pipeline.stages import digests_of
 from tests.pipeline.test_cluster import wait_until
@@ -27,8 +27,8 @@ def test_a_server_that_dies_at_its_start_says_why_at_once(
     code: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setattr(server_module, "command", lambda port: [sys.executable, "-c", code])
-    with server(tmp_path / "prefect") as record, pytest.raises(ServerDown) as down:
+    monkeypatch.setattr(server_module, "server_command", lambda port: [sys.executable, "-c", code])
+    with prefect_server(tmp_path / "prefect") as record, pytest.raises(ServerDown) as down:
         record.require()
     assert str(down.value).startswith(says)
     assert len(str(down.value).splitlines()) == 1
@@ -36,14 +36,14 @@ def test_a_server_that_dies_at_its_start_says_why_at_once(
 
 def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setattr(server_module, "command", lambda port: [sys.executable, "-c", "import time; time.sleep(600)"])
-    with server(tmp_path / "prefect") as record:
+    monkeypatch.setattr(server_module, "server_command", lambda port: [sys.executable, "-c", "import time; time.sleep(600)"])
+    with prefect_server(tmp_path / "prefect") as record:
         assert record.guard is not None
         guard = psutil.Process(record.guard.pid)
 
         def own_program() -> bool:
             """Whether its child is no copy of the guard any more."""
-            return [child.cmdline() for child in guard.children()] == [server_module.command(0)]
+            return [child.cmdline() for child in guard.children()] == [server_module.server_command(0)]
 
         wait_until(own_program)
         children = guard.children()
@@ -54,7 +54,7 @@ def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: py
 def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
     monkeypatch.setattr(server_module, "ANSWER_S", 0)
-    with server(tmp_path) as record, pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"):
+    with prefect_server(tmp_path) as record, pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"):
         record.require()
 
 

@@ -16,8 +16,8 @@ from catalogs.published.snapshot import Snapshot, current_snapshot
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
-from flows.lock import locked
+from flows.cli.commands import command_line
+from flows.lock import lock_folder
 from tasks.engine.run import Run
 from tasks.engine.store.status import finished_summary
 from tasks.history import after_viewpoint
@@ -97,14 +97,14 @@ def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, R
     first = current_snapshot(out).id
     for name in ("A" * 20, "B" * 20):
         shutil.copytree(out / "published" / first, out / "published" / name)
-    shown = CliRunner().invoke(main, ["run", str(textured[0]), "--out", run.out, "--keep", "2"])
+    shown = CliRunner().invoke(command_line, ["run", str(textured[0]), "--out", run.out, "--keep", "2"])
     assert shown.exit_code == 0, shown.output
     assert "removed 1 published snapshots" in shown.output
     assert len(list((out / "published").iterdir())) == 2
     assert (out / "published" / first).is_dir()
-    with locked(out):  # by this process: a run of another is refused
-        assert CliRunner().invoke(main, ["prune", run.out, "--keep", "0"]).exit_code == 2
-    shown = CliRunner().invoke(main, ["prune", run.out, "--keep", "1"])
+    with lock_folder(out):  # by this process: a run of another is refused
+        assert CliRunner().invoke(command_line, ["prune", run.out, "--keep", "0"]).exit_code == 2
+    shown = CliRunner().invoke(command_line, ["prune", run.out, "--keep", "1"])
     assert "removed 1 published snapshots" in shown.output
     (out / "current").unlink()
     with pytest.raises(InputError, match="nothing is published; `streetloom run"):

@@ -29,7 +29,7 @@ def told(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, str]]:
 
 
 def test_the_viewer_is_named_with_its_address_and_command(told: dict[str, tuple[Any, str]], tmp_path: Path) -> None:
-    artifacts.tell_viewer(cast(Any, SimpleNamespace(out=f"{tmp_path}/my run", block="Große Straße")))
+    artifacts.publish_viewer_link(cast(Any, SimpleNamespace(out=f"{tmp_path}/my run", block="Große Straße")))
     ((key, (address, description)),) = told.items()
     assert (key, address) == ("gro-e-stra-e-viewer", "http://127.0.0.1:8710/")
     assert f"`streetloom view '{tmp_path}/my run'`" in description
@@ -57,7 +57,7 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
         "failures": [{"unit": "w9", "reason": "no roof"}],
         "outputs": {"report": str(tmp_path / "r.html"), "glb": [], "items": str(tmp_path / "items.parquet")},
     }
-    artifacts.tell_outcome(cast(Any, run), summary)
+    artifacts.publish_outcome(cast(Any, run), summary)
     rows, description = told["demo-facades"]
     assert [(row["id"], row["status"]) for row in rows] == [("f2", "failed"), ("f1", "done")]
     assert ("quality" in rows[0]) == quality
@@ -69,7 +69,7 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
 def test_blocks_of_a_city_are_a_table_those_that_want_somebody_first(told: dict[str, tuple[Any, str]]) -> None:
     done = Ended(0, summary={"facades_done": 7, "facades_failed": 0, "viewpoints": 3}, seconds=90.0)
     blocks = {"x0": done, "x1": Ended(), "x2": Ended(70, reason="the disk is full"), "x3": Ended(1), "x4": Ended(75)}
-    artifacts.tell_blocks(Account("My town", blocks=blocks))
+    artifacts.publish_block_table(Account("My town", blocks=blocks))
     rows, description = told["my-town-blocks"]
     assert [row["block"] for row in rows] == ["x2", "x3", "x4", "x1", "x0"]
     assert rows[0]["reason"] == "the disk is full"

@@ -7,21 +7,21 @@ from datetime import datetime
 import pytest
 
 from facade_core.core.errors import InputError
-from flows.asked import Asked, ends_at
+from flows.city_options import CityOptions, next_time_of_day
 
 
 @pytest.mark.parametrize(
     ("now", "then"), [("2026-11-23 22:00", "2026-11-24 06:00"), ("2026-11-24 05:59", "2026-11-24 06:00")]
 )
 def test_the_time_that_is_next(now: str, then: str) -> None:
-    assert ends_at("06:00", datetime.fromisoformat(now)) == datetime.fromisoformat(then)
+    assert next_time_of_day("06:00", datetime.fromisoformat(now)) == datetime.fromisoformat(then)
 
 
 def test_what_is_no_time_is_refused() -> None:
     with pytest.raises(InputError, match="no time of day"):
-        ends_at("6 o'clock", datetime(2026, 11, 23))
+        next_time_of_day("6 o'clock", datetime(2026, 11, 23))
 
 
 def test_what_is_asked_of_a_block() -> None:
-    assert Asked(workers=3).of_a_block() == ["--workers", "3"]
-    assert Asked(dask="tcp://127.0.0.1:8786", keep=2).of_a_block() == ["--dask", "tcp://127.0.0.1:8786", "--keep", "2"]
+    assert CityOptions(workers=3).of_a_block() == ["--workers", "3"]
+    assert CityOptions(dask="tcp://127.0.0.1:8786", keep=2).of_a_block() == ["--dask", "tcp://127.0.0.1:8786", "--keep", "2"]

@@ -19,7 +19,7 @@ from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import InputError, MachineError
 from flows import lease as leases
-from flows.lock import is_held, locked
+from flows.lock import is_locked, lock_folder
 from tests.bucket import served
 
 
@@ -48,35 +48,35 @@ def leave(out: S3Folder, until: float) -> None:
 
 def test_a_second_run_is_told_who_is_there_and_until_when(out: S3Folder) -> None:
     leave(out, time.time() + 3600)
-    with pytest.raises(InputError) as refused, locked(out):
+    with pytest.raises(InputError) as refused, lock_folder(out):
         pass
     said = str(refused.value)
     assert re.search(r"process 7 on 'far' \(run abcdefgh\), whose lock lasts until \d\d:\d\d:\d\d UTC", said), said
-    assert is_held(out)
+    assert is_locked(out)
 
 
 def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Folder) -> None:
     leave(out, time.time() - 1)
-    assert not is_held(out)
-    with locked(out), locked(out):  # it may be nested
+    assert not is_locked(out)
+    with lock_folder(out), lock_folder(out):  # it may be nested
         held = json.loads((out / ".lock").read_text())
         assert held["pid"] == os.getpid()
-        assert is_held(out)
-    assert not is_held(out)
+        assert is_locked(out)
+    assert not is_locked(out)
     assert object_store.download_object(f"{out.path}/.lock") is None
 
 
 def test_a_process_that_ended_on_this_machine_is_not_waited_for(
     out: S3Folder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with locked(out):
+    with lock_folder(out):
         left = (out / ".lock").read_text()
     (out / ".lock").write_text(left)  # as it is after SIGKILL
     elsewhere(monkeypatch, tmp_path)
-    with pytest.raises(InputError, match="another run is at work in it"), locked(out):
+    with pytest.raises(InputError, match="another run is at work in it"), lock_folder(out):
         pass
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "here"))
-    with locked(out):
+    with lock_folder(out):
         assert json.loads((out / ".lock").read_text())["run"] != json.loads(left)["run"]
 
 
@@ -86,14 +86,14 @@ def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Folder, monkeypatch
         return '"tag"'
 
     monkeypatch.setattr(object_store, "upload_if_unchanged", overwrite)
-    with pytest.raises(InputError, match="keeps no conditions on writing"), locked(out):
+    with pytest.raises(InputError, match="keeps no conditions on writing"), lock_folder(out):
         pass
-    assert not is_held(out)
+    assert not is_locked(out)
 
 
 def test_it_is_renewed_as_long_as_the_run_goes_on(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(leases, "RENEWED_S", 0.05)
-    with locked(out):
+    monkeypatch.setattr(leases, "RENEWAL_S", 0.05)
+    with lock_folder(out):
         first = json.loads((out / ".lock").read_text())["until"]
         deadline = time.monotonic() + 300
         while json.loads((out / ".lock").read_text())["until"] == first:
@@ -102,9 +102,9 @@ def test_it_is_renewed_as_long_as_the_run_goes_on(out: S3Folder, monkeypatch: py
 
 
 def test_who_lost_it_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(leases, "RENEWED_S", 0.05)
+    monkeypatch.setattr(leases, "RENEWAL_S", 0.05)
     store = out / "store"
-    with locked(out):
+    with lock_folder(out):
         open_repository(store, create=True)
         session = open_repository(store).writable_session(BRANCH)
         open_root(session).attrs.update(format=STORE_FORMAT, by="the first")
@@ -134,9 +134,9 @@ def leases_still(out: S3Folder) -> None:
 
 
 def test_who_could_not_renew_it_in_time_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    with locked(out):
+    with lock_folder(out):
         leases_still(out)
-        monkeypatch.setattr(leases, "LASTS_S", leases.MARGIN_S)  # as if it were nearly over
+        monkeypatch.setattr(leases, "LEASE_S", leases.CLOCK_MARGIN_S)  # as if it were nearly over
         with pytest.raises(MachineError, match="could not be renewed in time"):
             leases_still(out)
 
@@ -149,5 +149,5 @@ def test_two_on_one_machine(out: S3Folder) -> None:
     local.mkdir(parents=True)
     with (local / ".lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
-        with pytest.raises(InputError, match="another run is at work in it"), locked(out):
+        with pytest.raises(InputError, match="another run is at work in it"), lock_folder(out):
             pass

@@ -17,7 +17,7 @@ from urllib.request import urlopen
 
 import psutil
 
-from flows.server.starting import QUIET, free_port
+from flows.server.startup import TELEMETRY_OFF, free_port
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def new_site(home: Path, database: str | None = None) -> Site:
     if database:
         own["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = database
     home.mkdir(parents=True)
-    return Site(home, environment(home) | QUIET | own)
+    return Site(home, environment(home) | TELEMETRY_OFF | own)
 
 
 def words(line: str, replaced: dict[str, str]) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from facade_core.core.errors import InputError
-from flows.lock import locked
+from flows.lock import lock_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 # In which a command ends that takes a minute where nothing else runs, seconds: bounds a hang, and no more.
@@ -82,7 +82,7 @@ def run(
 def working_in(out: Path) -> bool:
     """Whether a run holds the folder."""
     try:
-        with locked(out):
+        with lock_folder(out):
             return False
     except InputError:
         return True

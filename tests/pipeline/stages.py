@@ -23,7 +23,7 @@ from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work
@@ -33,7 +33,7 @@ from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
-from tasks.stages.streets.redo import chosen_streets
+from tasks.stages.streets.redo import select_streets
 from tasks.stages.streets.task import texture_street
 from tests.pipeline.small_views import VIEW_SIZE
 
@@ -79,7 +79,7 @@ def write_block(
         imagery["exemplars"] = {"path": "exemplars"}
     if "exemplars" in imagery and not (folder / "exemplars").is_dir():
         (folder / "exemplars").mkdir()
-        for number, painted in enumerate(exemplars(2, seed=5, metres_per_pixel=0.2)):
+        for number, painted in enumerate(paint_exemplar_set(2, seed=5, metres_per_pixel=0.2)):
             Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
     block = {
         "name": "small",
@@ -98,7 +98,7 @@ def write_block(
 def write_photo(folder: Path, facade: str, seed: int) -> None:
     """A photo for a facade; the block is to be written after the first."""
     (folder / "photos").mkdir(parents=True, exist_ok=True)
-    painted = exemplars(seed + 1, seed=seed, metres_per_pixel=0.2)[seed]
+    painted = paint_exemplar_set(seed + 1, seed=seed, metres_per_pixel=0.2)[seed]
     Image.fromarray(painted.image).save(folder / "photos" / f"{facade}.png")
 
 
@@ -141,7 +141,7 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
     said, outcome = forecast_work(run, block, outline).said, Outcome()
-    chosen = chosen_streets(run, only)
+    chosen = select_streets(run, only)
     for kind in STAGES_IN_ORDER:
         if kind.units is not None:
             with sooner():

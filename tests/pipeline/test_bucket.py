@@ -30,8 +30,8 @@ from catalogs.published.snapshot import current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.snapshot import open_atlas
 from facade_core.core.errors import FacadeError, InputError
-from flows.cli.commands import main
-from flows.lock import locked
+from flows.cli.commands import command_line
+from flows.lock import lock_folder
 from tasks.engine.compute.worker_setup import inspect_worker
 from tasks.engine.store.commits import fork_store, read_newest_journal
 from tasks.published.prune import prune
@@ -86,7 +86,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
         while len(done(out)) < 3:
             assert killed.poll() is None, killed.communicate()
             time.sleep(0.1)
-        with monkeypatched_cache(base / "elsewhere"), pytest.raises(InputError) as refused, locked(out):
+        with monkeypatched_cache(base / "elsewhere"), pytest.raises(InputError) as refused, lock_folder(out):
             pass
         assert f"process {killed.pid} on" in str(refused.value)
         killed.send_signal(signal.SIGKILL)
@@ -169,20 +169,20 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
     assert open_atlas(catalogs.folder_at(str(runs.out))).facade(facade).sizes == rasters[0].sizes
     call = CliRunner().invoke
     for style, name in (("glb", ""), ("gpkg", "a.gpkg")):
-        exported = call(main, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))])
+        exported = call(command_line, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))])
         assert exported.exit_code == 0, exported.output
     # what is corrected of it is kept beside its block file, which lies in no bucket
     walls = geopandas.read_file(tmp_path / "a.gpkg", layer="facades")
     for said in ("nothing differs from what was published", "1 facades and 0 buildings corrected in"):
-        taken = call(main, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
+        taken = call(command_line, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
         assert said in taken.output
         walls.assign(is_facade=walls["id"] != facade).to_file(tmp_path / "a.gpkg", layer="facades")
     assert read_corrections(runs.block).corrected_value(facade, "facade") is False
     corrections_file(runs.block).unlink()
-    refused = call(main, ["export", str(runs.out), "--format", "glb", "--building", "a"])
+    refused = call(command_line, ["export", str(runs.out), "--format", "glb", "--building", "a"])
     assert refused.exit_code == 2
     assert "--to" in refused.stderr
-    examined = call(main, ["doctor", str(runs.out), "--json"])
+    examined = call(command_line, ["doctor", str(runs.out), "--json"])
     findings = {(one["concern"], one["state"]) for one in json.loads(examined.stdout)["findings"]}
     assert {("store", "ok"), ("published", "ok"), ("units", "ok")} <= findings, examined.output
 
@@ -190,9 +190,9 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
 def test_the_page_shows_it(runs: Runs) -> None:
     from starlette.testclient import TestClient
 
-    from flows.viewer.app import application
+    from flows.viewer.app import create_application
 
-    with TestClient(application(runs.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
+    with TestClient(create_application(runs.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
         assert page.get("/api/progress").json()["ended"]

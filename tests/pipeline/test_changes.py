@@ -15,7 +15,7 @@ from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.stages.publish.task import publish_block

@@ -13,8 +13,8 @@ import yaml
 
 from catalogs.published.merged_items import read_merged_items
 from catalogs.query.execution import query
-from flows.asked import ends_at
 from flows.city import city as flow
+from flows.city_options import next_time_of_day
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in
 from tests.pipeline.stages import write_block
 from tests.pipeline.test_cluster import wait_until
@@ -95,5 +95,5 @@ def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:
     entries = yaml.safe_load((ROOT / "deploy" / "prefect.yaml").read_text())["deployments"]
     (nightly,) = [entry for entry in entries if entry["entrypoint"] == "flows.city:city"]
     flow.validate_parameters(nightly["parameters"])
-    assert ends_at(nightly["parameters"]["until"], datetime(2026, 11, 24, 2, 0)) == datetime(2026, 11, 24, 6, 0)
+    assert next_time_of_day(nightly["parameters"]["until"], datetime(2026, 11, 24, 2, 0)) == datetime(2026, 11, 24, 6, 0)
     assert nightly["concurrency_limit"] == {"limit": 1, "collision_strategy": "CANCEL_NEW"}

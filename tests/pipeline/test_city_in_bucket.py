@@ -25,10 +25,10 @@ from catalogs.published.s3 import S3Folder, folder_at
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows import city as flows_of_cities
-from flows.asked import Asked
-from flows.block import unrecorded_block
-from flows.city import unrecorded_city
-from flows.cli.commands import main
+from flows.block import run_block_without_server
+from flows.city import run_city_without_server
+from flows.city_options import CityOptions
+from flows.cli.commands import command_line
 from tasks.city import running
 from tasks.city.running import TIME_IS_UP
 from tasks.export.formats import export
@@ -49,7 +49,7 @@ def called(arguments: Sequence[str], ends: float | None) -> running.Called:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
-            summary = unrecorded_block(Path(arguments[1]), folder_at(arguments[3]), workers=1)
+            summary = run_block_without_server(Path(arguments[1]), folder_at(arguments[3]), workers=1)
         except InputError as error:
             return running.Called(2, str(error), "", 0.0)
         return running.Called(0, "", json.dumps(summary, default=str), 0.0)
@@ -58,7 +58,7 @@ def called(arguments: Sequence[str], ends: float | None) -> running.Called:
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
-    return unrecorded_city(file, out, Asked(workers=1, **asked))
+    return run_city_without_server(file, out, CityOptions(workers=1, **asked))
 
 
 @pytest.fixture(scope="module")
@@ -101,13 +101,13 @@ def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Folder, P
 def test_commands_know_it(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
     out, call = cities[1], CliRunner().invoke
     one, other = sorted(query(out)["run"].unique())
-    refused = call(main, ["view", str(out), "--no-open"])
+    refused = call(command_line, ["view", str(out), "--no-open"])
     assert refused.exit_code == 2
     assert f"holds 2 runs ({one}, {other}); open one: streetloom view {out}/{one}" in refused.output
-    told = call(main, ["metrics", str(out)]).stdout
+    told = call(command_line, ["metrics", str(out)]).stdout
     assert f'streetloom_units{{run="{other}",stage="facades",state="failed"}} 0.0' in told
-    assert call(main, ["prune", str(out), "--keep", "1"]).stdout.count("removed 0 published snapshots") == 2
-    said = call(main, ["doctor", str(out), "--json"])
+    assert call(command_line, ["prune", str(out), "--keep", "1"]).stdout.count("removed 0 published snapshots") == 2
+    said = call(command_line, ["doctor", str(out), "--json"])
     findings = json.loads(said.stdout)["findings"]
     known = {(found["concern"], found["state"], found["said"].partition(":")[0]) for found in findings}
     assert {(c, "ok", name) for c in ("store", "published", "units") for name in (one, other)} <= known, findings
@@ -135,19 +135,19 @@ def test_a_block_of_it_is_seen_and_exported(
 ) -> None:
     from starlette.testclient import TestClient
 
-    from flows.viewer.app import application
+    from flows.viewer.app import create_application
 
     out, call = cities[1], CliRunner().invoke
     name = sorted(query(out)["run"].unique())[0]
-    with TestClient(application(out / name, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
+    with TestClient(create_application(out / name, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
         tile = page.get("/api/model").json()["tiles"][0]["address"]
         assert page.get(tile).content[:4] == b"glTF"
-    refused = call(main, ["export", str(out), "--format", "glb", "--to", str(tmp_path / "all")])
+    refused = call(command_line, ["export", str(out), "--format", "glb", "--to", str(tmp_path / "all")])
     assert refused.exit_code == 2
     assert f"name one, such as {out}/{name}" in refused.stderr
-    exported = call(main, ["export", f"{out}/{name}", "--format", "cityjson", "--to", str(tmp_path / "one")])
+    exported = call(command_line, ["export", f"{out}/{name}", "--format", "cityjson", "--to", str(tmp_path / "one")])
     assert exported.exit_code == 0, exported.output
     assert list((tmp_path / "one").glob("*.city.json"))
 

@@ -21,9 +21,9 @@ import yaml
 
 from deploy.rehearsal.postgres import postgres, unfit
 from facade_core.core.errors import StoreError
-from flows.block import flow_run_name
-from flows.lock import locked
-from flows.server.starting import free_port
+from flows.block import block_run_name
+from flows.lock import lock_folder
+from flows.server.startup import free_port
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.deployed import (
@@ -281,7 +281,7 @@ def test_a_run_has_a_name_whatever_the_block_file_holds(
         parameters={"block_file": str(block)}, scheduled_start_time=datetime(2026, 3, 1, 1, tzinfo=UTC)
     )
     monkeypatch.setattr("flows.block.flow_run", started)
-    assert flow_run_name() == f"{name} 2026-03-01 01:00"
+    assert block_run_name() == f"{name} 2026-03-01 01:00"
 
 
 def test_nightly_is_deployed_as_written(site: Site) -> None:
@@ -430,7 +430,7 @@ def test_a_run_that_is_cancelled_ends_and_the_next_goes_on(site: Site, smallest:
 def test_a_run_that_fails_is_tried_again(site: Site, smallest: Path, tmp_path: Path) -> None:
     """The folder is another run's while the first try begins."""
     retries = {"PREFECT_FLOWS_DEFAULT_RETRIES": "2", "PREFECT_FLOWS_DEFAULT_RETRY_DELAY_SECONDS": "1"}
-    with locked(tmp_path / "out"):
+    with lock_folder(tmp_path / "out"):
         run = ordered(site, smallest, tmp_path / "out", retries)
         with site.client() as client:
             until(lambda: client.read_flow_run(run).state_name == "AwaitingRetry", site)

@@ -12,7 +12,7 @@ from facade_core.atlas.store import open_repository, open_root
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.facade.wall_material import lit_colour
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.context import plan_of_run
 from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL
@@ -58,7 +58,7 @@ def test_a_corner_house_is_of_one_colour_as_its_photo_is(tmp_path: Path) -> None
     of_corner = sorted(name for name in before if name.startswith("corner"))
     assert len(of_corner) >= 2
     pictured, *others = of_corner
-    painted = exemplars(2, seed=9, metres_per_pixel=0.2)[1]
+    painted = paint_exemplar_set(2, seed=9, metres_per_pixel=0.2)[1]
     (tmp_path / "in" / "photos").mkdir()
     photo = tmp_path / "in" / "photos" / f"{pictured}.png"
     Image.fromarray((painted.image * RED).astype(np.uint8)).save(photo)

@@ -15,14 +15,14 @@ from click.testing import CliRunner
 from opentelemetry.proto.collector.metrics.v1.metrics_service_pb2 import ExportMetricsServiceRequest
 from prometheus_client.parser import text_string_to_metric_families as parsed
 
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 
 
 def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     out, summary = undisturbed
-    said = CliRunner().invoke(main, ["metrics", str(out)], catch_exceptions=False)
+    said = CliRunner().invoke(command_line, ["metrics", str(out)], catch_exceptions=False)
     assert said.exit_code == 0
     samples = [sample for family in parsed(said.output) for sample in family.samples]
     told = {
@@ -70,10 +70,10 @@ def collector(status: int = 200) -> Iterator[tuple[str, list[tuple[str, bytes]]]
 
 def test_a_collector_gets_what_is_printed(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     out, _ = undisturbed
-    printed = CliRunner().invoke(main, ["metrics", str(out)], catch_exceptions=False).output
+    printed = CliRunner().invoke(command_line, ["metrics", str(out)], catch_exceptions=False).output
     families = {family.name: family for family in parsed(printed)}
     with collector() as (address, got):
-        said = CliRunner().invoke(main, ["metrics", str(out), "--otlp", address], catch_exceptions=False)
+        said = CliRunner().invoke(command_line, ["metrics", str(out), "--otlp", address], catch_exceptions=False)
     [(path, body)] = got
     assert path == "/v1/metrics"
     [sent] = ExportMetricsServiceRequest.FromString(body).resource_metrics
@@ -103,9 +103,9 @@ def test_a_collector_that_takes_none_is_told_of_in_one_line(
     monkeypatch.setenv("OTEL_EXPORTER_OTLP_TIMEOUT", "1")
     with collector(status or 200) as (address, _):
         if status is not None:
-            said = CliRunner().invoke(main, ["metrics", str(undisturbed[0]), "--otlp", address])
+            said = CliRunner().invoke(command_line, ["metrics", str(undisturbed[0]), "--otlp", address])
     if status is None:  # nobody listens there any more
-        said = CliRunner().invoke(main, ["metrics", str(undisturbed[0]), "--otlp", address])
+        said = CliRunner().invoke(command_line, ["metrics", str(undisturbed[0]), "--otlp", address])
     assert said.exit_code == 2
     [line] = said.stderr.splitlines()
     assert line.startswith(f"streetloom: --otlp {address}: takes no metrics (")
@@ -113,12 +113,12 @@ def test_a_collector_that_takes_none_is_told_of_in_one_line(
 
 
 def test_an_address_of_no_collector_is_refused(undisturbed: tuple[Path, dict[str, Any]]) -> None:
-    said = CliRunner().invoke(main, ["metrics", str(undisturbed[0]), "--otlp", "collector:4318"])
+    said = CliRunner().invoke(command_line, ["metrics", str(undisturbed[0]), "--otlp", "collector:4318"])
     assert said.exit_code == 2
     assert "such as http://127.0.0.1:4318" in said.stderr
 
 
 def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
-    said = CliRunner().invoke(main, ["metrics", str(tmp_path)])
+    said = CliRunner().invoke(command_line, ["metrics", str(tmp_path)])
     assert said.exit_code == 2
     assert "holds no run" in str(said.exception) or "holds no run" in said.output

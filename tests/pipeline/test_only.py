@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.block import unrecorded_block
+from flows.block import run_block_without_server
 from tests.pipeline.stages import digests_of, sooner, write_block
 
 
@@ -22,7 +22,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[str, di
     """A block file, and the digests of its atlas."""
     folder = tmp_path_factory.mktemp("whole")
     block = write_block(folder / "in")
-    unrecorded_block(block, folder / "out", workers=1)
+    run_block_without_server(block, folder / "out", workers=1)
     return block, digests_of(folder / "out")
 
 
@@ -32,9 +32,9 @@ def test_streets_that_were_done_before_those_that_they_wait_for_are_done_again(
 ) -> None:
     block, wanted = whole
     for only in order:
-        unrecorded_block(block, tmp_path / "out", workers=1, only=only)
+        run_block_without_server(block, tmp_path / "out", workers=1, only=only)
     assert digests_of(tmp_path / "out") != wanted, "a street was done without those that it reads"
-    unrecorded_block(block, tmp_path / "out", workers=1)
+    run_block_without_server(block, tmp_path / "out", workers=1)
     assert digests_of(tmp_path / "out") == wanted
-    summary = unrecorded_block(block, tmp_path / "out", workers=1)
+    summary = run_block_without_server(block, tmp_path / "out", workers=1)
     assert summary["units_done"] == 0

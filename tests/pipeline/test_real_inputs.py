@@ -18,7 +18,7 @@ from PIL import Image
 
 from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tests.pipeline.runs import run
 
 X, Y, GROUND = 121_000.0, 487_000.0, 1.5
@@ -75,7 +75,7 @@ def write_inputs(folder: Path) -> Path:
     house(city, "nowhere", 60, 0)
     city["vertices"][-1][0] = float("nan")
     (folder / "city.json").write_text(json.dumps(city))
-    painted = list(exemplars(3, seed=1, metres_per_pixel=1 / 8))
+    painted = list(paint_exemplar_set(3, seed=1, metres_per_pixel=1 / 8))
     Image.fromarray(painted[0].image).save(folder / "wall.png")
     (folder / "facades").mkdir()
     for number, exemplar in enumerate(painted):

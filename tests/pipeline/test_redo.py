@@ -65,7 +65,7 @@ def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
         raise ValueError("broken")
 
     with monkeypatch.context() as patch:
-        patch.setattr(task, "street_unit", broken)
+        patch.setattr(task, "process_street", broken)
         assert task.texture_street.fn(run, street, unit, 0, SerialCompute()).failed
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     assert find_differing_units(group, plan) == {}

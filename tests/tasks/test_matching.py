@@ -18,7 +18,7 @@ from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
 from tasks.matching.table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table
 from tasks.matching.taking import take, taking
@@ -73,7 +73,7 @@ def _dms(degrees: float) -> tuple[float, float, float]:
 
 def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     photos, table = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
-    ended = CliRunner().invoke(main, ["match", str(block_file), str(photos)])
+    ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos)])
     assert ended.exit_code == 0, ended.output
     assert "silent.jpg: no place\n" in ended.output
     assert ended.output.count("give their places with --poses FILE.csv") == 1
@@ -83,12 +83,12 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert rows["far.jpg"]["facade"] == rows["far.jpg"]["candidates"] == ""
     facade = rows["IMG_1.jpg"]["facade"]
     assert facade.startswith("a")
-    refused = CliRunner().invoke(main, ["match", str(block_file), str(photos)])
+    refused = CliRunner().invoke(command_line, ["match", str(block_file), str(photos)])
     assert refused.exit_code != 0
     assert "is there and may have been mended" in refused.output
     # as a spreadsheet saves it
     table.write_text(table.read_text().replace(",", ";"))
-    taken = CliRunner().invoke(main, ["match", str(block_file), str(photos), "--take", str(table)])
+    taken = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--take", str(table)])
     assert taken.exit_code == 0, taken.output
     block = read_block(block_file)
     assert block.photos == {facade: block_file.parent / "photos" / f"{facade}.jpg"}
@@ -104,7 +104,7 @@ def test_photos_without_any_place_are_told_before_the_block_is_read(tmp_path: Pa
     for name in ("one.jpg", "two.jpg"):
         Image.new("RGB", (64, 64)).save(tmp_path / name)
     (tmp_path / "block.yaml").write_text("no block")
-    ended = CliRunner().invoke(main, ["match", str(tmp_path / "block.yaml"), str(tmp_path)])
+    ended = CliRunner().invoke(command_line, ["match", str(tmp_path / "block.yaml"), str(tmp_path)])
     assert ended.exit_code == 2
     (line,) = ended.output.splitlines()
     assert "none of its 2 photos says where it was taken; give their places with --poses" in line
@@ -152,7 +152,7 @@ def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
 def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
     """A photo that was taken for one house goes to the other with the table, and a person's `none` is kept as such."""
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
-    assert CliRunner().invoke(main, ["match", str(block_file), str(photos)]).exit_code == 0
+    assert CliRunner().invoke(command_line, ["match", str(block_file), str(photos)]).exit_code == 0
     table = read_table(path)
     first, far = sorted(table.matches(), key=lambda match: match.photo)
     assert first.candidates[0].facade == first.facade

@@ -83,7 +83,7 @@ def balcony_faces(box: Polygon) -> list[WallFrameFace]:
         face([(b, floor, c), (a, floor, c), (a, y0, c), (b, y0, c)], "WallSurface", "front"),
         face([(a, floor, c), (a, floor, 0), (a, y0, 0), (a, y0, c)], "WallSurface", "left"),
         face([(b, floor, 0), (b, floor, c), (b, y0, c), (b, y0, 0)], "WallSurface", "right"),
-        # on top of the railing, a U; and behind it against the wall, the same from the other side
+        # the U-shaped top of the railing, and its back against the wall
         face(
             [(x0, y0, 0), (x0, y0, far), (x1, y0, far), (x1, y0, 0), (b, y0, 0), (b, y0, c), (a, y0, c), (a, y0, 0)],
             "OuterFloorSurface",

@@ -1,4 +1,4 @@
-"""Closed body of a building down to a level ground, with the attachments that stand out of it."""
+"""Closed body of a building down to a level ground, and its attachments."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from facade_core.export.bodies.patches import (
     MAX_OFF_PLANE_M,
     Patch,
     PolygonMesh,
-    connected_patches,
     count_edges,
     is_closed,
     make_planar,
     open_edges,
+    patch_components,
     plane_axes,
     ring_area_vector,
     split_edges,
@@ -89,7 +89,7 @@ def build_body(
         return BuildingBody(make_planar(whole), False, ())
     _, shell, left = min(found, key=lambda one: one[0])
     attachments = left.patches
-    return BuildingBody(shell, True, tuple(make_planar(left.subset(piece)) for piece in connected_patches(attachments)))
+    return BuildingBody(shell, True, tuple(make_planar(left.subset(piece)) for piece in patch_components(attachments)))
 
 
 def _chart_polygons(
@@ -102,7 +102,7 @@ def _chart_polygons(
     for chart in np.unique(chart_of).tolist():
         for side in (False, True):
             own = mesh.triangles[triangles[(chart_of == chart) & (apart == side)]]
-            if charts.kind[chart] == ChartKind.METAL:  # bent about its chart: no plane polygon but its triangles
+            if charts.kind[chart] == ChartKind.METAL:  # metal sheets are curved: their triangles stay separate
                 polygons += [[corners] for corners in mesh.vertices[own]]
                 of += [chart] * len(own)
                 continue
@@ -130,7 +130,7 @@ def _close_shell(
     Returns the area in m2 that was left out or added, the shell, and the polygons left out; None if it cannot be closed. With
     `peel`, polygons with open edges above the foot are left out.
     """
-    pieces = connected_patches(whole.patches)
+    pieces = patch_components(whole.patches)
     if not pieces:
         return None
     area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
@@ -141,7 +141,7 @@ def _close_shell(
     if sum(area[i] for i in kept) < MIN_AREA_SHARE * sum(area[i] for i in main):
         return None
     if peel and kept:
-        parts = connected_patches([whole.patches[i] for i in kept])
+        parts = patch_components([whole.patches[i] for i in kept])
         largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
         kept = [kept[i] for i in largest]
     shell = split_edges(whole.subset(kept))
@@ -213,7 +213,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
         if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > MAX_OFF_PLANE_M * size:
             return None
         normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) / size
-        # heights on the grid are never between two of these, so rings of one level plane are together
+        # heights on the grid never fall between two bins, so rings of one level plane share a bin
         key = (*np.rint(normal * 20).astype(int).tolist(), round(float(points.mean(axis=0) @ normal) / 0.05 + 0.01))
         planes.setdefault(key, []).append(ring)
     covers: list[Patch] = []

@@ -20,7 +20,7 @@ from facade_core.export.bodies.balconies import (
 from facade_core.export.bodies.building_body import BuildingBody, build_body
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.openings import place_openings
-from facade_core.export.bodies.patches import Patch, PolygonMesh, connected_patches, triangulate_patch, weld_polygons
+from facade_core.export.bodies.patches import Patch, PolygonMesh, patch_components, triangulate_patch, weld_polygons
 from facade_core.export.bodies.recess import recess_opening
 from facade_core.export.city_models.cityjson import ModelFace
 from facade_core.export.models.textured_mesh import PackedCharts
@@ -146,8 +146,10 @@ def build_building_model(
         else:
             rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
-    beside = tuple(_make_attachment(packed, pieces, surfaces.surfaces) for pieces in _group_attachments(body))
-    return BuildingModel(ModelPart(faces, surfaces.surfaces, body.is_closed), beside, tuple(balconies), tuple(ledges))
+    attachments = tuple(_make_attachment(packed, pieces, surfaces.surfaces) for pieces in _group_attachments(body))
+    return BuildingModel(
+        ModelPart(faces, surfaces.surfaces, body.is_closed), attachments, tuple(balconies), tuple(ledges)
+    )
 
 
 def make_face(
@@ -270,5 +272,5 @@ def ground_faces(packed: PackedCharts, triangles: np.ndarray, origin: np.ndarray
     ]
     return [
         [make_face(packed, [whole.points[list(patches[i].rings[0])]], 0, patches[i].chart) for i in piece]
-        for piece in connected_patches(patches)
+        for piece in patch_components(patches)
     ]

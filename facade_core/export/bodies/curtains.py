@@ -27,7 +27,7 @@ def add_curtain_walls(shell: PolygonMesh, origin: np.ndarray) -> PolygonMesh:
     """
     used = sorted({c for patch in shell.patches for ring in patch.rings for c in ring})
     base = float(shell.points[used, 2].min())
-    # the wall's own edge runs the other way
+    # the edge of the wall runs in the opposite direction
     edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
     edges = [(a, b) for a, b in edges if max(a[2], b[2]) > base and np.hypot(*(b - a)[:2]) > MAX_WELD_M]
     polygons = [polygon for own in _group_collinear_edges(edges) for polygon in _curtain_polygons(own, base)]

@@ -189,7 +189,7 @@ def is_closed(patches: Sequence[Patch]) -> bool:
     return bool(count) and all(n == 1 and count[b, a] == 1 for (a, b), n in count.items())
 
 
-def connected_patches(patches: Sequence[Patch]) -> list[list[int]]:
+def patch_components(patches: Sequence[Patch]) -> list[list[int]]:
     """Group patches that are connected by edges, ordered by their first."""
     of: dict[tuple[int, int], int] = {}
     pairs = []

@@ -49,7 +49,7 @@ class RecessedOpening(NamedTuple):
         for k in range(len(self.ring)):
             one, other = k, (k + 1) % len(self.ring)
             along = self.chart_ring[other] - self.chart_ring[one]
-            # y is down: outside of a ring that runs counter-clockwise for the eye is to the left in the frame
+            # y is down, so the outside of a ring that is counter-clockwise to a viewer is on the left in the frame
             away = np.array([-along[1], along[0]]) / np.linalg.norm(along) * self.depth
             flat = np.array(
                 [

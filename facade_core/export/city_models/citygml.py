@@ -34,20 +34,20 @@ OPENINGS = ("Window", "Door")
 INVALID_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def qualified_name(name: str) -> str:
+def expand_prefix(name: str) -> str:
     """Return a prefixed name such as bldg:Building in lxml's form; names without prefix belong to the core."""
     prefix, _, local = name.rpartition(":")
     return f"{{{NAMESPACES[prefix or None]}}}{local}"
 
 
 def add_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
-    """Add a child element; the attribute xlink_href stands for xlink:href."""
+    """Add a child element; attributes are named as xlink_href for xlink:href."""
     from lxml import etree
 
-    child = etree.SubElement(parent, qualified_name(name))
+    child = etree.SubElement(parent, expand_prefix(name))
     for key, value in attributes.items():
         prefix, _, local = key.rpartition("_")
-        child.set(qualified_name(f"{prefix}:{local}") if prefix else local, value)
+        child.set(expand_prefix(f"{prefix}:{local}") if prefix else local, value)
     if text is not None:
         child.text = INVALID_XML.sub(lambda found: ascii(found[0])[1:-1], str(text))
     return child
@@ -97,7 +97,7 @@ class PolygonWriter:
         shown: list[tuple[str, list[float]]] = []
         for number, (world, uv) in enumerate(rings):
             ring = add_element(add_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
-            ring.set(qualified_name("gml:id"), f"{id}-r{number}")
+            ring.set(expand_prefix("gml:id"), f"{id}-r{number}")
             closed = np.concatenate([world, world[:1]])
             add_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set(
                 "srsDimension", "3"
@@ -115,8 +115,8 @@ class PolygonWriter:
         patches = add_element(surface, "gml:trianglePatches")
         for face in faces:
             self.add_polygon(patches, face, "gml:Triangle")
-        for triangle in patches:  # a patch has no id of its own
-            del triangle.attrib[qualified_name("gml:id")]
+        for triangle in patches:  # patches have no ids
+            del triangle.attrib[expand_prefix("gml:id")]
         self.targets = {
             page: [(f"{self.prefix}-tin", [ring for _, rings in of for ring in rings])]
             for page, of in self.targets.items()
@@ -177,21 +177,19 @@ def boundary_surfaces(
             if own["type"] in OPENINGS:
                 within = add_element(surface(own["parent"]), "bldg:opening")
             else:
-                within = etree.Element(qualified_name("bldg:boundedBy"), nsmap=NAMESPACES)
+                within = etree.Element(expand_prefix("bldg:boundedBy"), nsmap=NAMESPACES)
                 found.append(within)
             bounds[index] = add_element(within, f"bldg:{own['type']}", gml_id=f"{writer.prefix}-s{index}")
             if "facade" in own:
                 add_attribute(bounds[index], "facade", own["facade"])
         return bounds[index]
 
-    # an opening comes after all of its wall's own polygons
+    # openings follow all polygons of their wall
     for face in sorted(faces, key=lambda face: surfaces[face.semantic]["type"] in OPENINGS):
         owner = surface(face.semantic)
         if face.semantic not in members:
-            multi = etree.Element(qualified_name(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
-            first = next(
-                (i for i, child in enumerate(owner) if child.tag == qualified_name("bldg:opening")), len(owner)
-            )
+            multi = etree.Element(expand_prefix(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
+            first = next((i for i, child in enumerate(owner) if child.tag == expand_prefix("bldg:opening")), len(owner))
             owner.insert(first, multi)
             members[face.semantic] = add_element(multi, "gml:MultiSurface")
         holder = add_element(members[face.semantic], "gml:surfaceMember")
@@ -207,7 +205,7 @@ def solid_element(lod: str, ids: Sequence[str]) -> Element:
     """Build a bldg:lodNSolid of polygons that are defined elsewhere."""
     from lxml import etree
 
-    holder = etree.Element(qualified_name(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
+    holder = etree.Element(expand_prefix(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
     shell = add_element(add_element(add_element(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface")
     for id in ids:
         add_element(shell, "gml:surfaceMember", xlink_href=f"#{id}")
@@ -236,7 +234,7 @@ def open_city_model(path: Path, title: str, crs: str, extent: np.ndarray, attrib
 
     with etree.xmlfile(str(path), encoding="utf-8") as file:
         file.write_declaration()
-        with file.element(qualified_name("CityModel"), nsmap=NAMESPACES):
+        with file.element(expand_prefix("CityModel"), nsmap=NAMESPACES):
             root = etree.Element("head", nsmap=NAMESPACES)
             said = add_element(add_element(root, "gml:metaDataProperty"), "gml:GenericMetaData")
             said.text = attribution.tags()["sources"]

@@ -104,7 +104,7 @@ def _largest_loop(grid: np.ndarray) -> np.ndarray:
     _, place = np.unique(grid[keep], axis=0, return_inverse=True)
     place = place.reshape(-1)
     while len(different := np.unique(place)) < len(place):
-        # between two visits of a corner lies one part of the ring, around them the other
+        # two visits of a corner divide the ring into two parts
         twice = next(p for p in different.tolist() if (place == p).sum() > 1)
         first, second = np.flatnonzero(place == twice)[:2]
         inside = np.arange(first, second)

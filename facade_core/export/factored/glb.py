@@ -98,7 +98,7 @@ def encode_factored_glb(
             )
         meshes.append({"name": name, "primitives": primitives})
     metadata = features.structural_metadata(used, buffer.add_view)
-    # an unlit look has one picture
+    # an unlit material has one image
     materials = build_gltf_materials([MaterialTextures(b"")] * len(shown), encoder)
     images = [
         {"uri": picture}

@@ -25,19 +25,19 @@ def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
 
     The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.
     """
-    told = [_grain_descriptor(grain) for grain in grains]
+    descriptors = [_grain_descriptor(grain) for grain in grains]
     fine = [grain.relative_light.shape[0] / grain.width_m for grain in grains]
     coarse = [-round(np.log2(density)) for density in fine]
     groups: dict[int, list[int]] = {}
     for number in sorted(range(len(grains)), key=lambda k: (coarse[k], k)):
-        off = {k: _descriptor_distance(told[number], told[k]) for k in groups}
+        off = {k: _descriptor_distance(descriptors[number], descriptors[k]) for k in groups}
         nearest = min(off, key=lambda k: (off[k], k), default=number)
         groups.setdefault(nearest if off.get(nearest, 0) <= 1 else number, []).append(number)
     found = list(range(len(grains)))
     for group in groups.values():
-        stands = min(group, key=lambda k: (coarse[k], _unevenness(grains[k]), k))
+        representative = min(group, key=lambda k: (coarse[k], _unevenness(grains[k]), k))
         for number in group:
-            found[number] = stands
+            found[number] = representative
     return found
 
 

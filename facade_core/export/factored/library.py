@@ -238,7 +238,7 @@ def _synthesise_grains(
 def _band_mask(free: np.ndarray, band: WallBand, density: float) -> np.ndarray:
     top, foot = round(band.top * density), round(band.foot * density)
     found = np.zeros_like(free)
-    # its own edges belong to what lies beside it
+    # the edges of a band belong to its neighbours
     rim = min(round(0.06 * density), (foot - top) // 4)
     found[top + rim : foot - rim] = free[top + rim : foot - rim]
     return found
@@ -282,10 +282,10 @@ def _assign_types(
     levels = np.zeros((max(len(own) for own, _ in of), len(units)), np.int64)
     chosen: dict[int, int] = {}
     before = 0
-    for group, (own, stands) in zip(groups, of, strict=True):
-        # a group whose variations end earlier stays as it is at the end
+    for group, (own, representatives) in zip(groups, of, strict=True):
+        # a group with fewer levels keeps its last one
         levels[:, group] = before + own[np.minimum(np.arange(len(levels)), len(own) - 1)]
-        chosen |= {before + t: group[k] for t, k in stands.items()}
+        chosen |= {before + t: group[k] for t, k in representatives.items()}
         before = max(chosen) + 1
     return levels, chosen
 
@@ -297,16 +297,16 @@ def _assign_material_types(
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
     boxes = np.array([box for group in hierarchy.groups for box in group.boxes], float).reshape(-1, 4)
-    if not len(boxes):  # too small to be coded
+    if not len(boxes):  # all elements are too small to be coded
         return np.arange(len(units))[None], {k: k for k in range(len(units))}
     middle = (boxes[:, :2] + boxes[:, 2:]) / 2
     own = np.array([((e.x0 + e.x1) / 2, (e.y0 + e.y1) / 2) for e in shown])
-    # what is coded may have moved by a few pixels, and what is too small is not
+    # coded elements may have moved by a few pixels; elements that are too small are not coded
     nearest = np.linalg.norm(own[:, None] - middle[None], axis=2).argmin(axis=1)
     levels = np.stack([hierarchy.types_at(level)[nearest] for level in range(len(hierarchy.levels))])
     back = {int(element): k for k, element in reversed(list(enumerate(nearest.tolist())))}
     chosen = {t: back[int(e)] for t, e in enumerate(hierarchy.representatives) if int(e) in back}
-    for t in np.unique(levels).tolist():  # one that none of the units stands for
+    for t in np.unique(levels).tolist():  # type without a representative among the units
         chosen.setdefault(t, int(np.argwhere(levels == t)[0, 1]))
     return levels.astype(np.int64), chosen
 

@@ -62,9 +62,9 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
         shared.setdefault(number, []).append(key)
     pictures: list[np.ndarray] = []
     placement: dict[TextureKey, tuple[int, np.ndarray, np.ndarray]] = {}
-    for stands, keys in shared.items():
-        grain = grains[stands]
-        # as light as the lightest wall wants it, so that vertex colours stay within 1
+    for representative, keys in shared.items():
+        grain = grains[representative]
+        # as bright as the brightest wall needs it, so that vertex colours stay within 1
         most = max(_light_quantile(pieces, key) for key in keys)
         limit = 1 / float(np.quantile(grain.relative_light, BRIGHTNESS_QUANTILE))
         light = min(most, limit)

@@ -173,7 +173,7 @@ class _WallBuilder:
         """Fill the free part of a band."""
         x0, y0, x1, y1 = free.bounds
         last = band is self.decomposition.bands[-1][0]
-        # a raster ends at most a texel before or behind its wall
+        # the end of a raster differs from that of its wall by up to a texel
         top, foot = max(band.top, y0) if band.top > 0 else y0, y1 if last else min(band.foot, y1)
         if foot <= top:
             return

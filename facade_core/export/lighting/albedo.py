@@ -55,13 +55,13 @@ def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> 
     place = ((column + 0.5) * side - scale) / scale
     parts, weight = np.column_stack([place, place**2]), np.ones(len(light))
     for _ in range(ROBUST_ROUNDS):
-        # of every row beside its own mean, so that none is held for light
-        of_row = np.maximum(np.bincount(row, weight, rows), 1e-9)
-        basis = parts - np.column_stack([np.bincount(row, weight * part, rows) / of_row for part in parts.T])[row]
-        beside = light - (np.bincount(row, weight * light, rows) / of_row)[row]
-        held = REGULARISATION * weight.sum() * np.eye(2)
-        found = np.linalg.solve(basis.T @ (basis * weight[:, None]) + held, basis.T @ (weight * beside))
-        weight = 1 / (1 + ((beside - basis @ found) / ROBUST_SCALE) ** 2)
+        # relative to the mean of each row, so that differences between rows are not taken for light
+        row_weight = np.maximum(np.bincount(row, weight, rows), 1e-9)
+        basis = parts - np.column_stack([np.bincount(row, weight * part, rows) / row_weight for part in parts.T])[row]
+        relative = light - (np.bincount(row, weight * light, rows) / row_weight)[row]
+        penalty = REGULARISATION * weight.sum() * np.eye(2)
+        found = np.linalg.solve(basis.T @ (basis * weight[:, None]) + penalty, basis.T @ (weight * relative))
+        weight = 1 / (1 + ((relative - basis @ found) / ROBUST_SCALE) ** 2)
     along = (np.arange(labels.shape[1]) + 0.5 - scale) / scale
     field = np.exp(found[0] * along + found[1] * (along**2 - 1 / 3))  # whose logarithm is 0 in the mean
     return np.broadcast_to(np.clip(field, MIN_SHADING, MAX_SHADING).astype(np.float32), labels.shape)

@@ -64,16 +64,16 @@ class GroundMaterials:
         areas = [(one.outline, GROUND_MATERIALS[SURFACES.index(one.surface)]) for one in self._ground.areas]
         roads = sorted((way for way in self._ground.ways if way.kind == "road"), key=lambda way: way.rank)
         paths = [way for way in self._ground.ways if way.kind in ("path", "cycle", "steps")]
-        beside = [
+        pavements = [
             (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterial.SLABS)
             for way in roads
             if max(way.pavement) > 0
         ]
-        on = [
+        surfaces = [
             (way.line.buffer(way.width / 2), GROUND_MATERIALS[SURFACES.index(way.surface)]) for way in (*paths, *roads)
         ]
-        found = [*areas, *beside, *on]
-        return [(shape, of) for shape, of in found if shape.geom_type.endswith("Polygon") and not shape.is_empty]
+        outlines = [*areas, *pavements, *surfaces]
+        return [(shape, of) for shape, of in outlines if shape.geom_type.endswith("Polygon") and not shape.is_empty]
 
     @cached_property
     def _tree(self) -> shapely.STRtree:

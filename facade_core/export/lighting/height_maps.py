@@ -47,7 +47,7 @@ def estimate_heights(
     mean = np.maximum(cv2.blur(grey, (side, side), borderType=cv2.BORDER_REPLICATE), 1)
     out = np.clip((grey / mean - 1) / FULL_RELIEF_CONTRAST, -1, 0.5) * RELIEF[material]
     if labels is not None:
-        # balconies and shops have ragged edges: their steps would glitter
+        # ragged edges of balconies and shops would glitter
         out += relief_depth(
             np.where(np.isin(labels, (FacadeClass.BALCONY, FacadeClass.SHOP)), FacadeClass.WALL, labels), density
         )

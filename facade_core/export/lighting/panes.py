@@ -221,7 +221,9 @@ def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
     return int(across / (2 * density * PLACE_STEP_M)), int(down / (2 * density * PLACE_STEP_M))
 
 
-def emitted_light(opening: FacadeOpening, density: float, height_m: float, random: SeededRandom) -> np.ndarray | None:
+def opening_emission(
+    opening: FacadeOpening, density: float, height_m: float, random: SeededRandom
+) -> np.ndarray | None:
     """Compute the light of an opening at night.
 
     Parameters

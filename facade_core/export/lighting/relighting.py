@@ -19,10 +19,10 @@ from facade_core.export.lighting.height_maps import cavity_visibility, estimate_
 from facade_core.export.lighting.panes import (
     FacadeOpening,
     SeededRandom,
-    emitted_light,
     find_openings,
     glass_mask,
     modulate_by_picture,
+    opening_emission,
     pane_slope,
     snap_to_boxes,
 )
@@ -168,8 +168,8 @@ class _ChartRelighter:
             roughness = ROUGHNESS[material]
             if self.scene.charts.kind[chart] == ChartKind.WINDOW:
                 pane = FacadeOpening(FacadeClass.WINDOW, 0, 0, *size)
-                shown = emitted_light(
-                    pane, density / 2, float(self.scene.charts.size[chart, 1]), self.seeded_random(chart)
+                shown = opening_emission(
+                    pane, density / 2, float(self.scene.charts.size[chart, 1]), self.make_random(chart)
                 )
         coarse = None if labels is None else labels[::2, ::2]
         height = estimate_heights(coarse, material, small, frames, density / 2)
@@ -184,7 +184,7 @@ class _ChartRelighter:
             None if shown is None or not shown.any() else linear_to_srgb(shown),
         )
 
-    def seeded_random(self, chart: int) -> SeededRandom:
+    def make_random(self, chart: int) -> SeededRandom:
         building = max(int(self.scene.charts.building[chart]), 0)
         return SeededRandom(int(self.scene.building_hashes[building]), int(self.inputs.chart_numbers[chart]))
 
@@ -200,14 +200,14 @@ class _ChartRelighter:
         import cv2
 
         grey, density = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), self.density(chart)
-        height, random = float(self.scene.charts.size[chart, 1]), self.seeded_random(chart)
+        height, random = float(self.scene.charts.size[chart, 1]), self.make_random(chart)
         panes, leans = np.zeros(labels.shape, bool), np.zeros((*labels.shape, 2), np.float32)
         lit: np.ndarray | None = None
         for opening in find_openings(labels):
             clear = glass_mask(opening, grey, density)
             panes[opening.box] |= clear
             leans[opening.box][clear] = pane_slope(opening, density, random)
-            light = emitted_light(opening, density, height, random)
+            light = opening_emission(opening, density, height, random)
             if light is not None:
                 lit = np.zeros((*labels.shape, 3), np.float32) if lit is None else lit
                 lit[opening.box][clear] = modulate_by_picture(opening, light, grey, clear)[clear]

@@ -60,7 +60,7 @@ class MetadataProperty:
             texts = [(NO_TEXT if value is None else str(value)).encode() for value in found]
             offsets = np.concatenate([[0], np.cumsum([len(text) for text in texts])]).astype("<u4")
             return {
-                # a view may not be empty, and texts that are all empty are no value
+                # a view must not be empty
                 "values": add_view(b"".join(texts) or b"\0"),
                 "stringOffsets": add_view(offsets.tobytes()),
                 "stringOffsetType": "UINT32",

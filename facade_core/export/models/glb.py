@@ -184,7 +184,7 @@ def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
     chunks : parts of the buffer; together a multiple of four bytes.
     """
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
-    # the buffer begins at a multiple of eight bytes, as tables in it want
+    # property tables need a buffer that starts at a multiple of eight bytes
     text += b" " * (-(HEADER_BYTES + 8 + len(text) + 8) % 8)
     body = [struct.pack("<II", len(text), JSON_CHUNK), text]
     if length := sum(map(len, chunks)):
@@ -213,7 +213,7 @@ def replace_copyright(glb: bytes, copyright: str) -> bytes:
     return pack_glb(said, [glb[data:]] if len(glb) > data else [])
 
 
-def embedded_images(glb: bytes) -> list[bytes]:
+def extract_images(glb: bytes) -> list[bytes]:
     """Return the encoded images of a model that `encode_glb` wrote."""
     document, data = read_glb_header(io.BytesIO(glb))
     views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]

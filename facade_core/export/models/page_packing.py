@@ -67,7 +67,7 @@ def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     places = np.round((np.clip(triangles, 0, [width, height]) - 0.5) * 16).astype(np.int32)
     for triangle in places:
         cv2.fillConvexPoly(drawn, triangle, 1, lineType=cv2.LINE_8, shift=4)
-    # what a pixel's centre misses is at most a texel away
+    # coverage by pixel centres misses at most one texel
     whole = np.asarray(cv2.dilate(drawn, np.ones((3, 3), np.uint8)))
     cells = whole.reshape(shape[0] // CELL_TEXELS, CELL_TEXELS, shape[1] // CELL_TEXELS, CELL_TEXELS).any(axis=(1, 3))
     return cv2.dilate(np.pad(cells, 1).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
@@ -102,7 +102,7 @@ def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> PageLayout:
         tried = (_place_pieces(masks, runs, order, pages) for order in orders)
         if (found := next((one for one in tried if one is not None), None)) is not None:
             page, x, y = found
-            # where pieces fill more of a page than was hoped for, another is left empty
+            # pieces may fill a page better than expected and leave another empty
             used, page = np.unique(page, return_inverse=True)
             sides = np.array(pages, np.int64).reshape(-1, 2)[used] * CELL_TEXELS
             return PageLayout(page, (x + 1) * CELL_TEXELS, (y + 1) * CELL_TEXELS, size, sides)
@@ -146,7 +146,7 @@ def _place_pieces(
     for number, (width, height) in enumerate(pages):
         taken = np.full(
             (height, width + 1), width, np.int32
-        )  # the next taken cell of a row, and behind it the page's end
+        )  # next taken cell of each row; the end of the page after the last
         end = np.zeros((height, width + 1), np.int32)
         over = []
         for i in left:

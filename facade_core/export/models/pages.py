@@ -173,7 +173,7 @@ def draw_page(
         drawn[place] = padded
         free[place] = False
     if free.any() and not free.all():
-        # what is free is black so far; to pick the rest by a mask would take six times the page's memory
+        # free texels are still black; selecting the others by a mask would take six times the memory of the page
         mean = drawn.sum(axis=(0, 1)) / (free.size - np.count_nonzero(free))
         np.copyto(drawn, mean.round().astype(np.uint8), where=free[..., None])
     return drawn

@@ -93,8 +93,8 @@ class PerspectiveCamera:
         forward, right, down, focal = self.axes()
         ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
         outside = (ahead <= 0).all(axis=1)
-        for beside, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
-            outside |= (beside > ahead * half).all(axis=1) | (-beside > ahead * half).all(axis=1)
+        for sideways, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
+            outside |= (sideways > ahead * half).all(axis=1) | (-sideways > ahead * half).all(axis=1)
         return ~outside
 
     def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:

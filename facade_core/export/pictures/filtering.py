@@ -103,7 +103,7 @@ def paint_pixels(
             slant += ray * axes[2, i]
         least = MIN_GRAZING_SINE * long
         slant = min(slant, -least) if slant < 0 else max(slant, least)
-        # how the place moves with a step of a pixel to the right and down
+        # derivatives of the place by pixel steps to the right and down
         along_right, along_down = 0.0, 0.0
         for i in range(3):
             along_right += pinhole.right[i] * axes[2, i]
@@ -153,10 +153,11 @@ def _bilinear(levels: MipPyramid, level: int, u: float, v: float) -> tuple[float
     y = min(max(v * rows / levels.rows[0] - 0.5, 0.0), rows - 1.0)
     x0, y0 = int(x), int(y)
     x1, y1 = min(x0 + 1, columns - 1), min(y0 + 1, rows - 1)
-    beside, below = x - x0, y - y0
+    fraction_x, fraction_y = x - x0, y - y0
     a, b = first + y0 * columns + x0, first + y0 * columns + x1
     c, d = first + y1 * columns + x0, first + y1 * columns + x1
-    p, q, r, s = (1 - beside) * (1 - below), beside * (1 - below), (1 - beside) * below, beside * below
+    p, q = (1 - fraction_x) * (1 - fraction_y), fraction_x * (1 - fraction_y)
+    r, s = (1 - fraction_x) * fraction_y, fraction_x * fraction_y
     t = levels.texels
     return (
         p * t[a, 0] + q * t[b, 0] + r * t[c, 0] + s * t[d, 0],

@@ -60,7 +60,7 @@ def bake_rasters(
         width, height = texels[chart].tolist()
         x = (np.arange(width * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
         y = (np.arange(height * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
-        # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
+        # the edge of a shell, and its last texel, may exceed the building: a ray there would miss it
         x, y = (
             np.clip(v, MIN_EDGE_DISTANCE_M, side - MIN_EDGE_DISTANCE_M)
             for v, side in zip((x, y), charts.size[chart], strict=True)

@@ -62,7 +62,7 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
 
     def cell(path: str, inside: np.ndarray, children: tuple[QuadtreeCell, ...] = ()) -> QuadtreeCell:
         total = int(members.texel_counts[inside].sum())
-        # the coarse tile's texels per metre are halved until it fits
+        # the texels per metre of the coarse tile are halved until it fits
         steps = np.ceil(np.log2(max(1.0, total * COARSE_SCALE**2 / MAX_COARSE_TILE_TEXELS)) / 2)
         return QuadtreeCell(path, *members.split(inside), total, COARSE_SCALE * 0.5 ** float(steps), children)
 

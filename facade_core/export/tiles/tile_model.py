@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import unit_key
-from facade_core.export.models.glb import embedded_images, encode_glb
+from facade_core.export.models.glb import encode_glb, extract_images
 from facade_core.export.models.pages import downscale
 from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_page, pack_charts
 
@@ -76,7 +76,7 @@ def build_tile_model(
         here = np.flatnonzero(drawn.layout.page == page)
         picture_digests.append(unit_key([digests[i] for i in here.tolist()]))
         if earlier and earlier.picture_digests[page] == picture_digests[page]:
-            pictures.append(embedded_images(earlier.glb)[page])
+            pictures.append(extract_images(earlier.glb)[page])
             continue
         rasters = read_rasters(charts[here])
         pictures.append(encode_page(replace(drawn, source=replace(source, raster=rasters.__getitem__)), page))

@@ -68,7 +68,7 @@ class DetailLevel:
     draw_calls: int
 
 
-# The levels of a leaf, the coarsest first, of which the last is off by nothing.
+# Builds the levels of detail of a leaf, coarsest first; the last has no geometric error.
 MakeDetailLevels = Callable[[QuadtreeCell], Sequence[DetailLevel]]
 
 
@@ -150,11 +150,11 @@ class _TilesetWriter:
     def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
         """Return the tiles that replace the coarse tile of a cell: those of the nearest finer cells below."""
         finer = [
-            t for c in cell.children for t in ([self.linked_tile(c)] if c.scale > cell.scale else self.finer_tiles(c))
+            t for c in cell.children for t in ([self.link_tileset(c)] if c.scale > cell.scale else self.finer_tiles(c))
         ]
         return finer or [self.full_tile(cell)]
 
-    def linked_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
+    def link_tileset(self, cell: QuadtreeCell) -> dict[str, Any]:
         """Write a coarse tile with its subtree as a tileset of its own."""
         root = self.coarse_tile(cell)
         uri = f"tilesets/{cell.path}.json"
@@ -281,7 +281,7 @@ def view_scale(
     middle = np.array([source.centres[cell_charts(source, leaf), :2].mean(axis=0) for leaf in leaves])
     near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_RADIUS_M
     coarse = list(_iterate_coarse_cells(cells))
-    # a leaf's path begins with those of the cells above it; (views, coarse tiles)
+    # the path of a leaf starts with the paths of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
     texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * relative_texel_count(source.maps is not None, time)
     scale = 1.0
@@ -309,7 +309,7 @@ def pack_coarse_pages(
     kept = np.intersect1d(cell.buildings, shells.without_shell)
     own = np.union1d(cell.ground, source.select_charts(kept)).astype(np.int64)
     simple = shells.textured_mesh.select_charts(np.setdiff1d(cell.buildings, kept))
-    # a shell's rasters are as coarse already as the finest coarse tile
+    # rasters of shells already have COARSE_SCALE
     return (
         [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / COARSE_SCALE)] if len(simple) else [],
         [pack_tile_pages(source, own, scale * cell.scale)] if len(own) else [],
@@ -356,7 +356,7 @@ def _page_batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list
 def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
     """Rewrite the URIs of a tile for the parent folder."""
     content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
-    # what is below in the same file is there too; a tileset that it leads to is not
+    # children in the same file move too; linked tilesets do not
     return (
         tile
         | {"content": content}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from hashlib import blake2b
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -57,7 +58,17 @@ ROOFLIGHT_SIZE_M = (0.78, 1.18)
 # Range of metres from the eaves up to the lower edge of a rooflight.
 ROOFLIGHT_ABOVE_EAVES_M = (1.0, 1.6)
 
+# Metres along an edge, behind it and above it -> world point (3,).
 RoofPoint = Callable[[float, float, float], np.ndarray]
+
+
+class DormerShape(NamedTuple):
+    """Shape of the dormers of a building: width, height of the front, its foot over the eaves, metres; with gables or not."""
+
+    width: float
+    front_height: float
+    above_eaves: float
+    is_gabled: bool
 
 
 def build_dormers(
@@ -86,10 +97,10 @@ def build_dormers(
     eaves = [edge for edge in eaves if edge.slope > MIN_SLOPE]
     if not eaves:
         return None
-    chance, gabled = rng.random(), bool(rng.random() < GABLED_SHARE)
-    wide, high, over = (
-        low + rng.random() * (most - low) for low, most in (DORMER_WIDTH_M, FRONT_HEIGHT_M, FRONT_ABOVE_EAVES_M)
-    )
+    chance, is_gabled = rng.random(), bool(rng.random() < GABLED_SHARE)
+    ranges = (DORMER_WIDTH_M, FRONT_HEIGHT_M, FRONT_ABOVE_EAVES_M)
+    width, front_height, above_eaves = (low + rng.random() * (most - low) for low, most in ranges)
+    shape = DormerShape(width, front_height, above_eaves, is_gabled)
     spacing = rng.random()
     blocked: BaseGeometry = shapely.GeometryCollection()
     if existing is not None:
@@ -110,7 +121,7 @@ def build_dormers(
                     faces, edge, middle, ROOFLIGHT_ABOVE_EAVES_M[0] + spacing * np.ptp(ROOFLIGHT_ABOVE_EAVES_M), free
                 )
             else:
-                built |= _add_dormer(faces, edge, middle, wide, high, over, rise, gabled, free)
+                built |= _add_dormer(faces, edge, middle, shape, rise, free)
         rows += built
     return faces.build() if rows else None
 
@@ -145,11 +156,8 @@ def _add_dormer(
     faces: RoofDetailBuilder,
     edge: RoofEdge,
     middle: float,
-    wide: float,
-    high: float,
-    over: float,
+    shape: DormerShape,
     rise: float,
-    gabled: bool,
     free: BaseGeometry,
 ) -> bool:
     """Add a dormer with its front around `middle` metres along an edge.
@@ -157,29 +165,29 @@ def _add_dormer(
     False where it has no room below `rise` metres and, seen from above, within `free`.
     """
     fall, at = edge.slope, _roof_points(edge)
-    front = max(over / fall, MIN_SETBACK_M)
-    foot, gable = front * fall, GABLE_HEIGHT_M if gabled else 0.0
+    front = max(shape.above_eaves / fall, MIN_SETBACK_M)
+    foot, gable = front * fall, GABLE_HEIGHT_M if shape.is_gabled else 0.0
     # the upper end meets the roof: the ridge of a gable is level, a shed roof rises to the back
-    slope = 0.0 if gabled else min(SHED_SLOPE, fall / 4)
-    top = min(foot + high, rise - gable)
+    slope = 0.0 if shape.is_gabled else min(SHED_SLOPE, fall / 4)
+    top = min(foot + shape.front_height, rise - gable)
     back = (top + gable - slope * front) / (fall - slope)
-    if not gabled and back * fall > rise:
+    if not shape.is_gabled and back * fall > rise:
         back = rise / fall
         top = rise - slope * (back - front)
     if top - foot < MIN_FRONT_HEIGHT_M:
         return False
-    left, right = middle - wide / 2, middle + wide / 2
+    left, right = middle - shape.width / 2, middle + shape.width / 2
     ground = Polygon(
         [at(*place)[:2] for place in ((left, front, 0), (right, front, 0), (right, back, 0), (left, back, 0))]
     )
     if not free.contains(ground):
         return False
     low = foot - BURIED_M
-    level = top / fall if gabled else back
-    end = top if gabled else back * fall
+    level = top / fall if shape.is_gabled else back
+    end = top if shape.is_gabled else back * fall
     face = [at(left, front, low), at(right, front, low), at(right, front, top), at(left, front, top)]
     out = np.append(edge.outward, 0.0)
-    if gabled:
+    if shape.is_gabled:
         apex, ridge = at(middle, front, top + gable), at(middle, back, top + gable)
         face.insert(3, apex)
         faces.add_polygon(ChartKind.ROOF, [at(right, front, top), at(right, level, top), ridge, apex])

@@ -52,7 +52,7 @@ class SquareAgreement(NamedTuple):
 def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreement:
     """Compare the mean colours of squares between views of one exposure.
 
-    A view agrees with another one that shows its colour in the same or a neighbouring square: poses may be off by one
+    A view agrees with another view that shows its colour in the same or a neighbouring square: poses may be off by one
     square.
 
     Parameters

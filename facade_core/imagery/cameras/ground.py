@@ -38,7 +38,7 @@ DOUBT_RIM_M = 0.3
 def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
     """Fuse a ground chart from panoramas.
 
-    A square that several cameras show comes from those that agree with another one. A square that only one camera shows
+    A square that several cameras show comes from cameras that agree with another camera. A square that only one camera shows
     is used if it is far enough from the camera, has the typical ground colour, and if other squares of that camera are
     confirmed.
 

@@ -77,7 +77,7 @@ def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: np.nd
 
 
 def chart_coverage(scene: Scene, chart: int) -> np.ndarray:
-    """Return the texels (h, w) bool that a chart's triangles cover; the sky beside a gable is not covered."""
+    """Return the texels (h, w) bool that a chart's triangles cover; the sky next to a gable is not covered."""
     import cv2
 
     drawn = np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), np.uint8)

@@ -1,4 +1,4 @@
-"""Detection models: files inside third-party packages, of which nothing else is used."""
+"""Detection models: files inside third-party packages, whose code is not used."""
 
 from __future__ import annotations
 

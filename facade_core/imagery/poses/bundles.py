@@ -1,4 +1,4 @@
-"""Bundles of panoramas for joint refinement: those that show the same walls, limited in number by position."""
+"""Bundles of panoramas for joint refinement, by common walls, limited in number by position."""
 
 from __future__ import annotations
 

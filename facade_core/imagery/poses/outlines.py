@@ -29,7 +29,7 @@ SAME_NORMAL_COS = np.cos(np.radians(10.0))
 SAME_PLANE_M = 0.25
 # Pixels of a full turn and blur in pixels of the panorama that finds the position,
 COARSE_RESOLUTION = (2048, 3.0)
-# and of the one that refines it.
+# and of the finer panorama that refines it.
 FINE_RESOLUTION = (4096, 2.0)
 # Grey levels of a step that counts fully, such as sky behind eaves; a moulding below has less.
 FULL_STEP = 80.0

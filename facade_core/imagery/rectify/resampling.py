@@ -60,7 +60,7 @@ class PanoramaLens(NamedTuple):
 def resample_panorama(
     image: np.ndarray, view: tuple[float, float, float, float], footprints: np.ndarray, seen: np.ndarray
 ) -> np.ndarray:
-    """Resample a panorama to the seen texels, and clear those that its flat mask hides.
+    """Resample a panorama to the seen texels, and clear texels that its flat mask hides.
 
     Parameters
     ----------

@@ -230,7 +230,7 @@ def _vanishing_points(rotation: np.ndarray, focal: float) -> np.ndarray:
 
 
 def _assign_families(segments: np.ndarray, camera: FacadeCamera, tolerance: float) -> np.ndarray:
-    """Family (n,) int8 of each segment, -1 for those that miss both vanishing points by more than tolerance degrees."""
+    """Family (n,) int8 of each segment, -1 for misses of both vanishing points by more than tolerance degrees."""
     straight = undistort(segments, camera.distortion)
     angles = np.abs(_angles(straight, _vanishing_points(camera.rotation, camera.focal)))
     return np.where(angles.min(axis=1) < np.radians(tolerance), angles.argmin(axis=1), -1).astype(np.int8)

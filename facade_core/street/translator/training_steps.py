@@ -159,7 +159,7 @@ def step_unpaired(
             keys = generator.encode(generator_input(plain, plain, torch.ones_like(mask), recipe), rendered_places)
         inputs = torch.cat([generator_input(partial, plain, mask, recipe), _encoder_input(photo, recipe)])
         features = [inputs]
-        encoded = generator.blocks_of(generator.entry(inputs, places), False, features)
+        encoded = generator.run_blocks(generator.gather_inputs(inputs, places), False, features)
         translated, restored = generator.decode(encoded, False).float().split(recipe.batch)
         photo_keys = [feature[recipe.batch :].detach() for feature in features]
         discriminator.requires_grad_(True)

@@ -1,4 +1,4 @@
-"""Panoramas that show the same walls, refined together once each is refined alone."""
+"""Stage `bundles`: refine panoramas that show the same walls together, after each was refined alone."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: of each bundle the panoramas that were refined alone, refused ones aside."""
+    """Return the units: of each bundle the panoramas that were refined alone, without rejected ones."""
     records = read_journal(group, "poses", PoseRecord)
     units = []
     for index, (name, bundle) in enumerate(zip(bundle_names(plan, block), panorama_bundles(plan, block), strict=True)):
@@ -55,7 +55,7 @@ def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 
 def panorama_bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
-    """The panoramas that are refined together, by the block and the poses that are given."""
+    """Return the panoramas that are refined together, by the block and the given poses."""
     days = [_day_number(parse_day(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
     seen = _street_sightings(plan)
@@ -63,30 +63,30 @@ def panorama_bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
 
 
 def bundle_members(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
-    """The panoramas of some bundles."""
+    """Return the panoramas of some bundles."""
     return {panorama for number in some for panorama in panorama_bundles(plan, block)[number]}
 
 
 def bundle_names(plan: Plan, block: Block) -> list[str]:
-    """What bundles are called: as their first panoramas."""
+    """Return the names of bundles: that of their first panorama."""
     return [block.panoramas[bundle[0]].path.name for bundle in panorama_bundles(plan, block)]
 
 
 def _street_sightings(plan: Plan) -> Sightings:
-    """Of facades on streets, by which poses were measured."""
+    """Return the sightings of facades on streets."""
     seen = plan.sightings
     kept = plan.facades.role[seen.facade] == WallRole.STREET
     return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
 
 
 def _panorama_estimate(record: PoseRecord, plan: Plan, panorama: int) -> PriorPose:
-    """A panorama as it was refined alone."""
+    """Return the pose of a panorama refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
     return PriorPose(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
 def _bundle_charts(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
-    """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
+    """Return the charts of facades that two panoramas of a bundle show, and of ground near two of them, ascending."""
     seen = _street_sightings(plan)
     shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= MIN_WALL_SHARE)]
     facade, count = np.unique(shown, return_counts=True)
@@ -107,7 +107,7 @@ def _match_previous(change: Change) -> dict[int, int]:
 
 
 def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: Sequence[int]) -> str:
-    """Of panoramas that are refined together on some charts."""
+    """Return the key of panoramas that are refined together on some charts."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
     around = (
         plan.scene_objects.digests_in_box(
@@ -130,7 +130,7 @@ def estimate_parts(one: PriorPose) -> list[Any]:
 
 
 def bundle_memory(paths: Sequence[Path]) -> int:
-    """Of panoramas that are refined together: each is read in turn, and kept small."""
+    """Return the memory of panoramas that are refined together: each is read in turn and kept small."""
     widest = max((pose_memory(path) for path in paths), default=LIBRARY_BYTES)
     return widest + len(paths) * SMALL_PANORAMA_BYTES
 

@@ -1,4 +1,4 @@
-"""The poses of panoramas that show the same walls, refined together."""
+"""Worker of `bundles`: refine the poses of panoramas that show the same walls together."""
 
 from __future__ import annotations
 
@@ -22,7 +22,14 @@ from tasks.stages.shared.images import read_panorama
 
 
 class BundleMember(NamedTuple):
-    """A panorama of a bundle: its file, the pose that its source states, and what it was refined to alone."""
+    """A panorama of a bundle.
+
+    Attributes
+    ----------
+    path : its file.
+    given : stated pose.
+    alone : pose refined alone.
+    """
 
     path: Path
     given: Pose
@@ -30,7 +37,7 @@ class BundleMember(NamedTuple):
 
 
 def process_bundle(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Refine the poses of one bundle together; returns the fork, to which nothing is written, and its record."""
+    """Refine the poses of one bundle together; returns the unchanged fork and the record."""
     start = time.time()
     (unit,) = units
     members, surfaces = unit.arguments
@@ -56,7 +63,7 @@ def process_bundle(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int
 
 
 def _refined_fields(scene: Any, one: BundleMember, found: JointPose) -> dict[str, Any]:
-    """What is known of a panorama now, as in the record of its own; of one that keeps its pose how far others are off."""
+    """Return the fields of a panorama's record that the bundle replaces; without a new pose how far the others are off."""
     told: dict[str, Any] = {
         "shared": found.surfaces,
         "apart_before_m": _round_finite(found.distance_before),

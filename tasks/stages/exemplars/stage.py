@@ -1,4 +1,4 @@
-"""The exemplar library: every exemplar parsed, completed and measured once."""
+"""Stage `exemplars`: parse, complete and measure each exemplar once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One exemplar: read, parsed, completed, measured and brought to the block's density, or to one that it fits at."""
+"""Worker of `exemplars`: read, parse, complete and measure an exemplar, and resample it to the block's density."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_
 
 
 def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
+    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
     (path,) = unit.arguments
@@ -93,7 +93,7 @@ def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
 
 
 def _draw_preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
-    """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
+    """Draw a picture as given, with its cropped and completed parts marked, under the block's privacy setting."""
     x0, y0, x1, y1 = prepared.box
     shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
     shown[y0:y1, x0:x1] = apply_privacy(
@@ -103,8 +103,18 @@ def _draw_preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Ex
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """A prepared exemplar: image (h, w, 3) uint8, labels (h, w) uint8, and metres per texel: the block's density, or coarser
-    where it would be larger than LONGEST_EXEMPLAR."""
+    """Read a prepared exemplar.
+
+    Returns
+    -------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 class ids.
+    metres_per_texel : scale: the block's density, or coarser for an exemplar larger than MAX_EXEMPLAR_SIDE.
+
+    Raises
+    ------
+    StoreError : it has no record.
+    """
     (record,) = read_records(group, "exemplars", np.array([index]), ExemplarRecord)
     if record is None:
         raise StoreError(f"exemplar {index} has no record; the next run makes it again")

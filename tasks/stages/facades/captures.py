@@ -1,4 +1,4 @@
-"""Which panoramas a facade is taken from, where its street was captured more than once."""
+"""Choice of panoramas of a facade whose street was captured more than once."""
 
 from __future__ import annotations
 
@@ -19,15 +19,26 @@ MIN_DAYS_BETWEEN_CAPTURES = 30
 
 
 class Captures(NamedTuple):
-    """Panoramas of a facade, best first: of the newest capture, with those of which the day is not known; and of the capture
-    before."""
+    """Panoramas of a facade, best first.
+
+    Attributes
+    ----------
+    newest : of the newest capture, and those without a day.
+    before : of the capture before.
+    """
 
     newest: tuple[int, ...]
     before: tuple[int, ...]
 
 
 def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
-    """The panoramas that a facade is taken from, of those that show it, best first, and the day of each as "2024-05-17"."""
+    """Split the panoramas of a facade into captures.
+
+    Parameters
+    ----------
+    shown : panoramas that show it, best first.
+    days : day of each, as "2024-05-17".
+    """
     numbers = {one: date.fromisoformat(days[one]).toordinal() for one in shown if one in days}
     capture, number, last = {}, 0, None
     for one, day in sorted(numbers.items(), key=lambda item: -item[1]):
@@ -40,7 +51,7 @@ def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
 
 
 def facade_captures(plan: Plan, block: Block) -> list[Captures]:
-    """The panoramas that each facade is taken from."""
+    """Return the panoramas of each facade, by capture."""
     days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
     return [
         split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))

@@ -1,4 +1,4 @@
-"""What pictures show of a facade, source by source."""
+"""Evidence of a facade: its image from photos, panoramas or model textures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_rejections
-from tasks.stages.shared.images import capture_date, focal_length, read_panorama, read_textures, read_bounded_picture
+from tasks.stages.shared.images import capture_date, focal_length, read_bounded_picture, read_panorama, read_textures
 
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
@@ -43,21 +43,22 @@ MIN_SHOWN_SHARE = 0.3
 
 @dataclass(frozen=True)
 class FacadeEvidence:
-    """What pictures show of a facade.
+    """Image of a facade from pictures.
 
-    Args:
-        image: (h, w, 3) uint8.
-        hidden: (h, w) bool.
-        confidence: (h, w), 0 to 1, the share of the raster's resolution that the picture has and how squarely it looks.
-        source: the name of the pictures.
-        masked: boxes of things masked.
-        masked_share: the share of the facade that these hid.
-        clean: whether nothing else can be in front.
-        outside: (h, w) bool, where it shows sky, street or neighbours beside the facade; None where nothing is.
-        captured: the day of the newest of the pictures, where they tell.
-        seen: faces, plates and text, in texels, that hidden does not hold yet.
-        fit: how a photo fits the wall; None of other pictures.
-        before: how the facade was at the capture before; None where there is one capture.
+    Attributes
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool.
+    confidence : (h, w), 0 to 1: resolution of the picture relative to the raster, and its viewing angle.
+    source : names of the pictures.
+    masked : boxes of masked objects.
+    masked_share : share of the facade that they cover.
+    clean : whether there can be no further occluders.
+    outside : (h, w) bool, sky, street or neighbours; None without any.
+    captured : day of the newest picture, if known.
+    seen : faces, plates and text in texels that `hidden` lacks.
+    fit : fit of a photo to the wall; None of other pictures.
+    before : change since an earlier capture; None with one capture.
     """
 
     image: np.ndarray
@@ -75,9 +76,16 @@ class FacadeEvidence:
 
 
 class EarlierCapture(NamedTuple):
-    """What of a facade changed since an earlier capture, of which the newest picture is of a day: the share of what both show,
-    None where that is too little, and the share of the facade that they do; where, by cells; and how it was, a small picture,
-    where enough changed to look at it."""
+    """Change of a facade since an earlier capture.
+
+    Attributes
+    ----------
+    changed : changed share of the part that both captures show; None if that is too small.
+    compared : share of the facade that both show.
+    day : day of the newest picture of the earlier capture.
+    cells : changed cells.
+    picture : small picture of the facade before, if enough changed.
+    """
 
     changed: float | None
     compared: float
@@ -87,8 +95,14 @@ class EarlierCapture(NamedTuple):
 
 
 class PhotoFit(NamedTuple):
-    """How a photo fits its wall: the share of the rectified picture that was cut out, whether a facade was found there at all,
-    and how many times wider, for its height, the wall is than what was cut out."""
+    """Fit of a photo to its wall.
+
+    Attributes
+    ----------
+    kept : share of the rectified picture that was cut out.
+    found : whether a facade was found.
+    stretched : how many times wider, for its height, the wall is than the cut.
+    """
 
     kept: float
     found: bool
@@ -96,8 +110,16 @@ class PhotoFit(NamedTuple):
 
 
 class FacadePhoto(NamedTuple):
-    """A photo of a facade, cut to it: image (h, w, 3) uint8, what it does not show of the facade and what it shows beside it,
-    (h, w) bool, the faces, plates and text on it, and how it fits the wall."""
+    """A photo cropped to its facade.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool, not shown.
+    outside : (h, w) bool, shown beside the facade.
+    seen : faces, plates and text.
+    fit : fit to the wall.
+    """
 
     image: np.ndarray
     hidden: np.ndarray
@@ -116,10 +138,18 @@ def read_evidence(
     refused: list[Exception],
     parser: Path | None = None,
 ) -> FacadeEvidence | None:
-    """What a source of imagery, as in `FacadeImagery.sources`, shows of a chart in a raster of a size; None where that is too little.
+    """Read the evidence of a source of imagery for a chart; None if it shows too little.
 
-    Why one picture of several cannot be used is added to `rejected_buildings`; raises what a photo, the only one, is refused by. parser:
-    the file of one in place of the shipped one.
+    Parameters
+    ----------
+    source : as in `FacadeImagery.sources`.
+    size : height and width of the raster.
+    refused : errors of single pictures of several are appended.
+    parser : model file in place of the shipped one.
+
+    Raises
+    ------
+    ImageError : the only picture, a photo, cannot be used.
     """
     if source == "photo" and imagery.photo is not None:
         photo = read_facade_photo(imagery.photo, imagery.rectified, size, parser)
@@ -193,7 +223,7 @@ def _fuse_panoramas(
 
 
 def _shrink(view: ChartView) -> np.ndarray:
-    """A view (h, w, 3) as it is looked at beside another: no longer than LONGEST, and grey where it does not show the wall."""
+    """Return a small copy of a view (h, w, 3), grey where it does not show the wall."""
     image = np.where(view.clear[..., None], view.rgb, np.uint8(GREY))
     scale = min(1.0, LONGEST / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
@@ -201,7 +231,7 @@ def _shrink(view: ChartView) -> np.ndarray:
 
 
 class _DatedView(NamedTuple):
-    """A facade as a panorama shows it, the file's name and its day, where that is known."""
+    """A facade in a panorama, with the file's name and day."""
 
     view: ChartView
     name: str
@@ -217,7 +247,7 @@ def _dated_views(
     refused: list[Exception],
     parser: Path | None,
 ) -> list[_DatedView]:
-    """A facade as some panoramas show it, those left out that cannot be used."""
+    """Return the views of a facade in some panoramas, without unusable ones."""
     found = []
     for path, pose in pictures:
         with collect_rejections(refused):
@@ -227,12 +257,12 @@ def _dated_views(
 
 
 def _latest_day(taken: Sequence[_DatedView]) -> str | None:
-    """The last of the days on which pictures were taken, where they tell."""
+    """Return the latest day of some views, if any is known."""
     return max((one.day for one in taken if one.day), default=None)
 
 
 def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
-    """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
+    """Read a photo of a facade at a size: rectified if it is as taken, and cropped to the facade."""
     import cv2
 
     if rectified:
@@ -253,7 +283,12 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
 
 
 def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
-    """A photo as taken from the street, rectified, and its size (h, w) as it was read. Raises ImageError with its name."""
+    """Rectify a photo as taken; returns it with its size (h, w) as read.
+
+    Raises
+    ------
+    ImageError : it cannot be rectified; the message has its name.
+    """
     picture = read_bounded_picture(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = focal_length(path)
@@ -267,8 +302,7 @@ def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
 def _view_of_panorama(
     plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
 ) -> ChartView:
-    """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
-    that there are on the panorama."""
+    """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
     image = read_panorama(path)
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
@@ -281,7 +315,7 @@ def _view_of_panorama(
 
 
 def _panorama_detections(path: Path, pose: Pose) -> Detections:
-    """The faces, plates and text on a panorama; the facades that it shows share them."""
+    """Return faces, plates and text on a panorama; its facades share them."""
     state = path.stat()
     return _cached_detections(path, state.st_size, state.st_mtime_ns, pose.view)
 
@@ -292,7 +326,7 @@ def _cached_detections(path: Path, _size: int, _modified: int, view: tuple[float
 
 
 def _widen(hidden: np.ndarray) -> np.ndarray:
-    """A hole and its rim: beside it, resampling has mixed in what hides the wall."""
+    """Widen a hole by its rim, where resampling mixes in the occluder."""
     import cv2
 
     return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM_TEXELS + 1, 2 * RIM_TEXELS + 1), np.uint8)).astype(bool)

@@ -1,4 +1,4 @@
-"""What the texture of a facade, or of a piece of ground, is made from."""
+"""Pictures of facades."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from facade_core.core.types import AS_FOUND, FacadeCorrection, Pose
 
 @dataclass(frozen=True)
 class FacadeImagery:
-    """The pictures that there are of one facade, in the order in which they are tried.
+    """Pictures of one facade, in the order in which they are tried.
 
-    Args:
-        photo: a photo of it.
-        rectified: whether that shows the wall alone, upright; else it is as taken from the street.
-        panoramas: those that show it and their poses, best first.
-        earlier: of those that show it as it was before, by an earlier capture.
-        captured: the days of all these by their path, where they are told.
-        textured: whether its wall carries a texture of the source's own.
-        exemplar: (index, name) of the one chosen for it.
-        shops: whether a wall that is made of that keeps its shops: no where the map has none.
-        corrected: what somebody said of it.
-        entrances: where the map has doors in it, metres from the left of the wall as it is laid out.
+    Attributes
+    ----------
+    photo : photo of it.
+    rectified : whether the photo shows the wall alone and upright; else it is as taken.
+    panoramas : panoramas that show it and their poses, best first.
+    earlier : those of an earlier capture.
+    captured : day of each panorama, by path.
+    textured : whether its wall carries a texture of the model.
+    exemplar : (index, name) of its exemplar.
+    shops : whether a wall from the exemplar keeps its shops: not where the map has none.
+    corrected : its corrections.
+    entrances : mapped doors, metres from the left of the wall.
     """
 
     photo: Path | None = None
@@ -39,8 +40,10 @@ class FacadeImagery:
     entrances: tuple[float, ...] = ()
 
     def sources(self) -> tuple[str, ...]:
-        """What the facade can be made from, in the order of trying: where one fails or shows too little, the next.
-        A wall that is said to be no facade is made from none."""
+        """Return the sources in the order of trying: the next one is used where one fails or shows too little.
+
+        A wall that a correction declares plain has none.
+        """
         if not self.corrected.facade:
             return ("none",)
         there = {
@@ -64,8 +67,14 @@ def collect_imagery(
     entrances: Sequence[tuple[float, ...]],
     corrected: Mapping[int, FacadeCorrection],
 ) -> list[FacadeImagery]:
-    """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, `captured` by
-    panorama, the rest by facade."""
+    """Collect the imagery of every facade.
+
+    Parameters
+    ----------
+    names : ids of the facades.
+    photos : by file name.
+    captured : by path of the panorama; all others by facade.
+    """
     return [
         FacadeImagery(
             photo=photos.get(name, photos.get(file_stem(name))),

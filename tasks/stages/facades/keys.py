@@ -16,7 +16,13 @@ from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.shared.key_parts import bounding_box, object_digests_between, model_parts, own_texture_parts, pose_parts
+from tasks.stages.shared.key_parts import (
+    bounding_box,
+    model_parts,
+    object_digests_between,
+    own_texture_parts,
+    pose_parts,
+)
 
 
 def facade_keys(
@@ -27,9 +33,14 @@ def facade_keys(
     exemplars: Mapping[int, str],
     textures: Sequence[Path],
 ) -> tuple[str, ...]:
-    """The keys of a facade, one for each of its sources in order: when it is made from that, those before it having failed.
+    """Return the keys of a facade, one for each source in order: it is made from that source after all before it failed.
 
-    exemplars: the key of each exemplar that could be prepared, by index.
+    Parameters
+    ----------
+    facade : index of the facade.
+    imagery : its pictures.
+    exemplars : key of each exemplar that could be prepared, by index.
+    textures : files of the model's textures.
     """
     table, placement = plan.facades, plan.scene.placement
     chart = int(table.chart[facade])
@@ -86,6 +97,5 @@ def facade_keys(
 
 
 def add_colour_part(key: str, pictured: Sequence[str]) -> str:
-    """The key of a facade without a picture, which takes its wall's colour from others of its house that have pictures, by the
-    keys of these."""
+    """Return the key of a facade without a picture, extended by the keys of pictured facades that give its wall colour."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

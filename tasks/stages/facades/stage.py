@@ -1,4 +1,4 @@
-"""The facades, those of a building in one go, and what each is made from."""
+"""Stage `facades`: units, imagery and exemplars of facades; those of one building are processed in one go."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.refined_poses import is_refused, read_refined_poses, select_pose
+from tasks.stages.shared.refined_poses import is_rejected, read_refined_poses, select_pose
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 MAX_SHOP_DISTANCE_M = 15.0
@@ -49,7 +49,7 @@ _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: poses that are refined, exemplars that could be prepared."""
+    """Return the units, by the refined poses and the prepared exemplars."""
     imagery = facade_imagery(run, block, plan, group)
     exemplars = {
         i: r["key"]
@@ -82,7 +82,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 
 def _first_buildings(plan: Plan) -> list[int]:
-    """Of each facade the first building of its house: walls of all parts of a house may take the colour of one of them."""
+    """Return for each facade the first building part of its building: all parts may share the colour of one wall."""
     first: dict[int, int] = {}
     houses, buildings = plan.facades.house.tolist(), plan.facades.building.tolist()
     for house, building in zip(houses, buildings, strict=True):
@@ -91,7 +91,7 @@ def _first_buildings(plan: Plan) -> list[int]:
 
 
 def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[tuple[int, ...]]:
-    """The other facades of each one's house that there are pictures, or textures of the model's own, of."""
+    """Return for each facade the other facades of its building that have pictures or textures of the model."""
     pictured: dict[int, list[int]] = {}
     houses = plan.facades.house.tolist()
     for facade, (house, pictures) in enumerate(zip(houses, imagery, strict=True)):
@@ -101,7 +101,7 @@ def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[t
 
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
-    """The pictures that there are of every facade, with the exemplar chosen for it."""
+    """Return the pictures of every facade, with the exemplar chosen for it."""
     poses = read_refined_poses(group)
     shown = facade_captures(plan, block)
     panoramas, earlier = (
@@ -109,7 +109,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
             [
                 (block.panoramas[p].path, select_pose(plan.poses[p], poses[p]))
                 for p in of_one
-                if not is_refused(poses[p])
+                if not is_rejected(poses[p])
             ]
             for of_one in of_all
         ]
@@ -142,7 +142,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
 
 
 def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:
-    """The exemplar that somebody chose for the building of a facade, where it could be prepared."""
+    """Return the exemplars that corrections name for the buildings of facades, if they could be prepared."""
     usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     found = {}
     for facade, building in enumerate(plan.facades.building.tolist()):
@@ -153,7 +153,7 @@ def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | No
 
 
 def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
-    """Where each facade's wall, as it is laid out, is entered by the map: metres from where its run begins, ascending."""
+    """Return the mapped entrances of each facade's wall: metres from the start of its run, ascending."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
     low = np.flatnonzero((np.abs(facades.foot) < LEVEL_TOLERANCE_M) & ~facades.raised)
@@ -168,7 +168,12 @@ def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[
 
 
 def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
-    """Whether the building of each facade has a shop at one of its walls, (n,) int64: 1, or 0; -1 where no map tells."""
+    """Return for each facade whether a map has a shop at its building.
+
+    Returns
+    -------
+    shops : (n,) int64: 1 with a shop, 0 without, -1 without a map.
+    """
     facades = plan.facades
     if places is None or not len(facades):
         return np.full(len(facades), -1)
@@ -180,14 +185,16 @@ def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np
 
 
 def _shops_of_part(plan: Plan, part: CityPart) -> np.ndarray:
-    """The same of a part of a city, which is told by building."""
+    """Return the same for a part of a city, whose shops are listed by building."""
     told = dict(zip(part.buildings, part.shop_flags, strict=False))
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
 def exemplar_walls(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
-    """The walls by which exemplars are chosen: of the block's facades; of a part of a city of all buildings that the choice
-    stands on, by their outlines."""
+    """Return the walls by which exemplars are chosen.
+
+    They are the facades of the block; of a part of a city the outlines of all buildings on which the choice depends.
+    """
     if block.part is not None:
         own = set(block.part.buildings)
         buildings = [*(building for building in block.buildings if building.id in own), *block.part.distant_buildings]
@@ -210,10 +217,14 @@ def exemplar_walls(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
 def choose_facade_exemplars(
     plan: Plan, records: Sequence[ExemplarRecord | None], walls: StyleTargets, *, seed: int
 ) -> dict[int, tuple[int, str]]:
-    """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
+    """Choose an exemplar for every facade, by its building among the walls.
 
-    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade, and the
-    colour of those of its building that have none, but nobody's exemplar.
+    Pictures do not count: a photo that comes, goes or is rejected changes its own facade and the colour of its building, but no
+    exemplar.
+
+    Returns
+    -------
+    chosen : (index, name) by facade; empty if no exemplar could be prepared.
     """
     # one that an older version prepared lacks its look and shops, and is due
     usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]
@@ -238,13 +249,12 @@ def choose_facade_exemplars(
 
 
 def _street_numbers(streets: Sequence[Street]) -> np.ndarray:
-    """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
-    same for all parts of a street."""
+    """Return a number for each street, (streets,) int64, by its name or id: equal for all parts of a street."""
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
 def _match_previous(change: Change) -> dict[int, int]:
-    """Facades with the same name on a chart that stays; the charts of others stay no longer."""
+    """Match facades with the same name on a chart that stays; the charts of others stay no longer."""
     before, after = change.before.facades, change.after.facades
     at = dict(zip(before.id, range(len(before)), strict=True))
     again = {}
@@ -259,7 +269,7 @@ def _match_previous(change: Change) -> dict[int, int]:
 
 
 def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """With the facades that are known by their name but stand on another chart now, as stale: they are due."""
+    """Keep facades that are known by name and stand on another chart now as stale: they are pending."""
     names = change.after.facades.id
     keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
     for index, name in enumerate(names):

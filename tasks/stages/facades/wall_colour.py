@@ -1,4 +1,4 @@
-"""The colour of a house's walls, by its facades that pictures show."""
+"""Wall colour of a building, from its facades with pictures."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ MAX_SAMPLED_TEXELS = 1 << 17
 
 
 def pictured_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
-    """The wall's colour (3,), 0..255, of that facade of which pictures show most of the wall; None where they show too little.
+    """Return the wall colour (3,), 0..255, of the facade whose pictures show most of the wall; None if they show too little.
 
-    facades: those of a house that are written, which may turn out to have been made without their pictures.
+    Parameters
+    ----------
+    facades : facades of a building that are written; some may have been made without their pictures.
     """
     placement, largest, found = plan.scene.placement, MIN_WALL_M2, None
     for facade in facades:

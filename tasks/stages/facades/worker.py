@@ -1,4 +1,4 @@
-"""The facades of one building: from a photo, panoramas, own textures or an exemplar; seeds into the atlas."""
+"""Worker of `facades`: texture the facades of one building from pictures or an exemplar, and write the base layer."""
 
 from __future__ import annotations
 
@@ -60,9 +60,19 @@ Styles = dict[tuple[int, bool], tuple[ExemplarStyle, float]]
 
 
 class _TexturedFacade(NamedTuple):
-    """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
-    well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
-    where none were looked for; how a photo fits the wall; what changed since an earlier capture."""
+    """A textured facade.
+
+    Attributes
+    ----------
+    depth : index of its source in the order of trying.
+    facade : None if it is left to the street stage.
+    source : name of the source.
+    confidence : (h, w) uint8.
+    captured : day of the newest picture.
+    shop_names : names read over shops; None if they were not looked for.
+    fit : fit of a photo to the wall.
+    before : change since an earlier capture.
+    """
 
     depth: int
     facade: Facade | None
@@ -75,11 +85,11 @@ class _TexturedFacade(NamedTuple):
 
 
 def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """All facades of one house that are due, which may share chunks. Arguments: the pictures of the facade, the textures that
-    the block brings, and the other facades of the house that there are pictures of.
+    """Texture the pending facades of one building, which may share chunks; returns the fork and the records.
 
-    Where a picture is refused the next source is taken, and the record says why. A facade that cannot be made at all is set
-    aside with its reason; the others of the house are written.
+    If a picture is rejected the next source is taken, and the record names the reason. A facade that cannot be made is recorded
+    as failed; the others of the building are written. Unit arguments: imagery of the facade, texture files of the block, and the
+    other facades of the building with pictures.
     """
     start = time.time()
     plan = plan_of_run(run)
@@ -130,7 +140,7 @@ def _write_facade(
     start: float,
     prepared: float,
 ) -> dict[str, Any]:
-    """Write a facade that was made; what its record says of it."""
+    """Write a facade; returns the fields of its record."""
     facade, imagery, result = unit.index, unit.arguments[0], made.facade
     about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
@@ -160,7 +170,7 @@ def _write_facade(
 
 
 def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, Any]:
-    """What the record keeps of a change; how the facade was is written beside its variations."""
+    """Return the fields of a record on a change, and store the picture of the facade before."""
     from PIL import Image
 
     told: dict[str, Any] = {"changed": before.changed, "compared": before.compared, "capture_date_before": before.day}
@@ -176,14 +186,14 @@ def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCap
 
 
 def _describe_source(imagery: FacadeImagery, depth: int, source: str) -> str:
-    """What a facade was textured from, in words."""
+    """Return the source of a facade in words."""
     if imagery.sources()[depth] != "none":
         return f"from {source}"
     return f"from exemplar {source}" if imagery.exemplar is not None else f"by the {source}"
 
 
 def _join_errors(errors: Sequence[Exception]) -> Exception:
-    """Why no source of a facade could be used, as one error."""
+    """Join the errors of all sources of a facade into one."""
     if len(errors) == 1:
         return errors[0]
     joined = FacadeError("; ".join(map(error_reason, errors)))
@@ -192,8 +202,7 @@ def _join_errors(errors: Sequence[Exception]) -> Exception:
 
 
 def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _TexturedFacade | None:
-    """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
-    `rejected_buildings`."""
+    """Texture a facade from the best of its pictures; None if none shows enough. Errors are appended to `refused`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
@@ -240,8 +249,10 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
 def _texture_from_exemplar(
     run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles
 ) -> _TexturedFacade:
-    """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
-    the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
+    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage.
+
+    Dissected exemplars are added to `styles`, with their metres per pixel.
+    """
     facade, (imagery, *_) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
@@ -273,13 +284,13 @@ def _texture_from_exemplar(
 
 
 def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
-    """A facade with the elements that somebody gave it."""
+    """Return a facade with the corrected elements."""
     elements = imagery.corrected.elements
     return facade if elements is None else replace_elements(facade, elements)
 
 
 def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarStyle, float]:
-    """An exemplar taken apart, with or without its shops, and its metres per texel."""
+    """Return a dissected exemplar, with or without its shops, and its metres per texel."""
     if (index, shops) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
         if not shops:
@@ -289,7 +300,7 @@ def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) 
 
 
 def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:
-    """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
+    """Return the names of shops on a facade's own photo; None without a photo or detectors."""
     if source != "photo" or not detectors_available():
         return None
     seen = evidence.seen
@@ -299,7 +310,7 @@ def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texe
 def _write_rasters(
     group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: np.ndarray, confidence: np.ndarray
 ) -> dict[str, str]:
-    """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
+    """Write a facade's rasters and hierarchy; returns its chart's digest."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = TexelLayout.of_charts(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)

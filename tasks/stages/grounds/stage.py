@@ -1,4 +1,4 @@
-"""Pieces of ground that panoramas show, one after the other into the atlas."""
+"""Stage `grounds`: write ground that panoramas show to the base layer, a piece at a time."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.nearby_panoramas import cameras_of_block
-from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.shared.nearby_panoramas import find_panoramas
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
 
 
 def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: poses that are refined, and what their pictures show of the ground."""
+    """Return the units, by the refined poses and the ground that their pictures show."""
     charts = plan.ground_near_cameras()
     if not len(charts):
         return []
-    cameras = cameras_of_block(block, plan, group, _is_over_ground)
+    cameras = find_panoramas(block, plan, group, _is_over_ground)
     corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
     texels = plan.texel_counts()
     units = []
@@ -68,7 +68,7 @@ def _is_over_ground(record: PoseRecord | None) -> bool:
 
 
 def _match_previous(change: Change) -> dict[int, int]:
-    """Pieces that stay where they are; those that no panorama shows any more stay no longer, nor do those that moved."""
+    """Match pieces that stay in place; those that no panorama shows any more, or that moved, stay no longer."""
     names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
     same = match_by_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}
@@ -80,8 +80,8 @@ def _match_previous(change: Change) -> dict[int, int]:
     return again
 
 
-def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[PosedPanorama]) -> str:
-    """Of a piece of ground that some panoramas are near."""
+def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama]) -> str:
+    """Return the key of a piece of ground and the panoramas near it."""
     return join_key_parts(
         stage_code("grounds"),
         settings=run.texture.texels_per_metre,
@@ -91,7 +91,7 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[PosedPanorama])
 
 
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
-    """Of a piece of ground of so many texels, from so many panoramas."""
+    """Return the memory of a piece of ground of so many texels, from some panoramas."""
     kept = kept_pixels(pictures)
     return (
         LIBRARY_BYTES + detection_bytes() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL

@@ -1,4 +1,4 @@
-"""What panoramas show of a piece of ground, into the atlas."""
+"""Worker of `grounds`: write what panoramas show of a piece of ground."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.grounds.record import GroundRecord
-from tasks.stages.shared.panorama_cameras import cameras_of, write_shown
+from tasks.stages.shared.panorama_cameras import open_cameras, write_views
 
 
 def process_ground(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write what panoramas show of one piece of ground through the fork; returns the fork and the journal record."""
+    """Write one piece of ground from panoramas through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
     chart, taken = unit.arguments
     plan = plan_of_run(run)
     refused: list[Exception] = []
-    cameras, used = cameras_of(taken, mask_ground_occluders, refused)
+    cameras, used = open_cameras(taken, mask_ground_occluders, refused)
     read = time.time()
     found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
-    digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
+    digests, told = write_views(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
     record: GroundRecord = {
         "unit": unit.name,
         "key": unit.key,

@@ -1,4 +1,4 @@
-"""From a block to its plan."""
+"""Plan of a block."""
 
 from __future__ import annotations
 
@@ -20,8 +20,13 @@ if TYPE_CHECKING:
 
 
 def make_plan(block: Block, last: PreviousPlacement | None = None, each: ParallelMap = map_in_process) -> Plan:
-    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas. `each`
-    says where rays are cast."""
+    """Make the plan of a block by its settings.
+
+    Parameters
+    ----------
+    last : places of an earlier ingest: charts keep their place in the atlas.
+    each : maps a function over items; it may cast rays on workers.
+    """
     texture = block.texture
     plan = ingest(
         block.buildings,
@@ -47,13 +52,12 @@ def make_plan(block: Block, last: PreviousPlacement | None = None, each: Paralle
 
 
 def plan_key(block: Block) -> str:
-    """What a block's plan stands on, its panoramas aside: where it is that of the last ingest, so is the plan."""
+    """Return a digest of the inputs of a block's plan, without panoramas: the plan of the last ingest stays valid if it is equal."""
     return f"{geometry_digest(block)} {stage_code('ingest')}"
 
 
 def update_plan(block: Block, plan: Plan) -> Plan:
-    """The plan of a block by that of its last ingest, which had the same key: as `make_plan` makes it with the places of that,
-    without looking from every viewpoint."""
+    """Return the plan of a block from the plan of its last ingest with the same key: only panoramas are placed again."""
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
         poses = place_poses(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)

@@ -1,4 +1,4 @@
-"""Ingest a block: its geometry, facades, viewpoints and waves into the store."""
+"""Task of `ingest`: write a block's geometry, facades, viewpoints and waves to the store."""
 
 from __future__ import annotations
 
@@ -49,7 +49,11 @@ if TYPE_CHECKING:
 def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> Outline:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
-    Arrays are empty, or hold what is left of an earlier ingest. `each` says where rays are cast, in this process without.
+    Arrays are empty, or keep what remains valid of an earlier ingest.
+
+    Parameters
+    ----------
+    each : maps a function over items; it may cast rays on workers.
     """
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
@@ -111,7 +115,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
 
 
 def missing_facade_reasons(plan: Plan) -> list[str]:
-    """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
+    """Return why a block has no facade on a street, in one line with the remedy; empty if it has one."""
     if (plan.facades.role == WallRole.STREET).any():
         return []
     charts = plan.scene.charts
@@ -127,7 +131,7 @@ def missing_facade_reasons(plan: Plan) -> list[str]:
 
 
 def _notes(block: Block, plan: Plan) -> list[str]:
-    """What was left out or assumed, and what was derived."""
+    """Return notes on omitted, assumed and derived input."""
     notes = list(block.notes)
     if not block.streets:
         length = sum(street.line.length for street in plan.streets)
@@ -138,7 +142,7 @@ def _notes(block: Block, plan: Plan) -> list[str]:
 
 
 def _unused_corrections(block: Block, plan: Plan) -> list[str]:
-    """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
+    """Return a note on corrections of facades, buildings or exemplars that the block lacks; they are kept."""
     lost = match_corrections(plan, block.corrections, block.crs)[1]
     buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
     for id, said in block.corrections.select_kinds(BUILDING_CORRECTION_KINDS).items():
@@ -182,7 +186,7 @@ def _street_predecessors(plan: Plan) -> tuple[tuple[int, ...], ...]:
 
 
 def find_stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
-    """Photos whose name is no facade's id, as (file name, reason with the nearest id)."""
+    """Find photos whose name is no facade's id, as (file name, reason with the nearest id)."""
     strays = []
     for name in sorted(set(photos) - set(facades) - set(map(file_stem, facades))):
         near = get_close_matches(name, facades, n=1, cutoff=0.6)

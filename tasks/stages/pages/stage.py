@@ -1,4 +1,4 @@
-"""The pages of the atlas, each encoded once all charts on it are whole."""
+"""Stage `pages`: encode each page of the atlas once all its charts are complete."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _page_names(plan: Plan) -> list[str]:
 
 
 def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """Pages stay where they are; those that are gone take their pictures along."""
+    """Delete the files of pages that are gone; the others keep their names."""
     delete_stored_files(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
     return records
 
@@ -48,7 +48,12 @@ def page_memory(texels: int) -> int:
 
 
 def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
-    """The key of every page. digests: those of charts, by their ids."""
+    """Return the key of every page.
+
+    Parameters
+    ----------
+    digests : digest of each chart, by id.
+    """
     placement, spec = plan.scene.placement, plan.scene.spec
     by_page: list[list[int]] = [[] for _ in range(spec.pages)]
     for chart in np.flatnonzero(plan.in_core).tolist():

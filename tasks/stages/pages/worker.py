@@ -1,4 +1,4 @@
-"""A page of the atlas: coloured between its charts, and encoded."""
+"""Worker of `pages`: fill a page between its charts, and encode it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ JPEG_QUALITY = 95
 
 
 def process_page(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write the JPEG of one page through the fork; returns the fork and the journal record."""
+    """Write the JPEG of one page through the fork; returns the fork and the record."""
     from PIL import Image
 
     start = time.time()

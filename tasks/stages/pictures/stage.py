@@ -1,4 +1,4 @@
-"""The report's pictures: views of the block, and those of every facade."""
+"""Stage `pictures`: the report's views of the block, and pictures of every facade."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FACADES_PER_GROUP = 8
 
 
 def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: the views, then each facade's pictures."""
+    """Return the units: the views, then each facade's pictures."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
@@ -74,7 +74,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
 
 
 def facades_with_stages(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
-    """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
+    """Return the facades that are drawn stage by stage: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()
     for facade in select_pictured_facades(plan).tolist():
@@ -87,7 +87,7 @@ def facades_with_stages(plan: Plan, records: Sequence[FacadeRecord | None]) -> s
 
 
 def _file_names(plan: Plan) -> list[str]:
-    """What the store calls the file of each unit: views by name, facades by the ids of their charts, which stay."""
+    """Return the file name of each unit: views by name, facades by the ids of their charts."""
     return [
         *view_names(plan),
         *(f"{number:016x}" for number in plan.ids[plan.facades.chart[select_pictured_facades(plan)]].tolist()),
@@ -100,13 +100,13 @@ def _match_previous(change: Change) -> dict[int, int]:
 
 
 def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """Files stay where they are; those of facades that are gone do not."""
+    """Delete the files of facades that are gone; the others keep their names."""
     delete_stored_files(change.group, FOLDER, set(_file_names(change.after)))
     return records
 
 
 def view_memory(page: int) -> int:
-    """Of a view of the block, painted from pages of so many texels."""
+    """Return the memory of a view of the block, painted from pages of so many texels."""
     return LIBRARY_BYTES + int(np.prod(VIEW_SIZE)) * SAMPLES_PER_PIXEL_SIDE**2 * VIEW_RAY + page * DECODED_PIXEL
 
 
@@ -115,7 +115,12 @@ def facade_pictures_memory(texels: int) -> int:
 
 
 def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping[str, str]) -> list[str]:
-    """The keys of views by some cameras: whatever may be in sight, and its texels as pages and tiles have them."""
+    """Return the keys of views by some cameras: the visible geometry and its texels.
+
+    Parameters
+    ----------
+    digests : digest of each chart, by id.
+    """
     charts = plan.scene.charts
     corners = charts.points_at_shares(np.arange(len(charts)), CORNER_SHARES)
     code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], all_hex_chart_ids(plan)
@@ -136,7 +141,12 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
 
 
 def facade_pictures_key(record: Record | None, staged: bool) -> str:
-    """The key of the pictures of a facade. staged: whether every stage is shown, or the texture alone."""
+    """Return the key of the pictures of a facade.
+
+    Parameters
+    ----------
+    staged : whether every stage is drawn, or the texture alone.
+    """
     made = [record["key"], record["status"], record.get("digests")] if record else None
     return join_key_parts(stage_code("pictures"), settings=staged, facade=made)
 

@@ -1,4 +1,4 @@
-"""Pictures of the report: a view of the block, or what is shown of a facade."""
+"""Worker of `pictures`: draw a view of the block, or the pictures of facades."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ CONTEXT_GREY = np.full((1, 1, 3), 176, np.uint8)
 
 
 def process_pictures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write a view, or the pictures of some facades, through the fork: a file for each unit. Arguments: of a view its name and
-    camera; of a facade the name of its file, its number, and whether it is shown stage by stage.
+    """Write a view, or the pictures of some facades, through the fork: one file per unit.
 
-    One that cannot be drawn is set aside with its reason, also where the store cannot be read: the block is published without.
+    A picture that cannot be drawn, also from an unreadable store, is recorded as failed: the block is published without it.
+    Unit arguments: of a view its name and camera; of a facade its file name, its index, and whether all stages are drawn.
     """
     plan, group = plan_of_run(run), open_root(fork)
     records: dict[int, Record] = {}
@@ -75,7 +75,7 @@ def process_pictures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
 
 
 def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
-    """A view as JPEG, painted from the pages that it shows, or from coarse rasters of tiles where these are very many."""
+    """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     _, camera = unit.arguments
     picture = cast_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
     own = plan.in_core[picture.visible_charts]
@@ -87,8 +87,7 @@ def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Pictur
 
 
 def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
-    """The stages of a facade that the report shows, or its texture alone, as WebP files one after the other; nothing where it
-    has none."""
+    """Draw the stages of a facade, or its texture alone, as consecutive WebP files; nothing if it has none."""
     _, facade, staged = unit.arguments
     (made,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
     stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
@@ -103,7 +102,7 @@ def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Pict
 
 
 def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
-    """Put the file of a unit in the store; there is none of a facade without pictures."""
+    """Write the file of a unit; a facade without pictures has none."""
     name = unit.arguments[0]
     path = picture_path(name)
     if data:
@@ -115,7 +114,7 @@ def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
 
 
 def _read_page_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
-    """The rasters (h, w, 3) of some charts (k,) as the encoded pages show them, by chart, a page at a time."""
+    """Iterate over the rasters (h, w, 3) of some charts (k,) from encoded pages, by chart, a page at a time."""
     from PIL import Image
 
     place = plan.scene.placement
@@ -131,7 +130,7 @@ def _read_page_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Ite
 
 
 def _read_coarse_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
-    """The coarse rasters of the tiles that have some of these charts (k,), by chart, a tile at a time."""
+    """Iterate over the coarse rasters of the tiles of some charts (k,), by chart, a tile at a time."""
     place = plan.scene.placement
     texels = np.column_stack([place.width, place.height]).astype(np.int64)
     for tile, record in zip(plan_block_tiles(plan), read_journal(group, "tiles", TileRecord), strict=True):

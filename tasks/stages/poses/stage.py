@@ -1,4 +1,4 @@
-"""The poses of panoramas, refined against the block before facades are taken from them."""
+"""Stage `poses`: refine the poses of panoramas before facades are taken from them."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
 
 
 def carries_heights(block: Block) -> list[bool]:
-    """Of each panorama, whether its height over the ground says more than the roofs around it: where no height is stated, or a
-    roof in reach is as high as was guessed."""
+    """Return for each panorama whether its height over the ground is more reliable than the roofs around it.
+
+    That holds without a stated height, and near a roof whose height is a guess.
+    """
     guessed = [building.footprint for building in block.buildings if building.height_source not in ("height", "model")]
     near = shapely.STRtree(guessed)
     poses = [panorama.pose for panorama in block.panoramas]

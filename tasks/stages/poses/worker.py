@@ -1,4 +1,4 @@
-"""The pose of one panorama, refined."""
+"""Worker of `poses`: refine the pose of one panorama."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ MIN_TRUSTED_FIT = 0.5
 
 
 def process_pose(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Refine the pose of one panorama against the block; returns the fork, to which nothing is written, and its record.
+    """Refine the pose of one panorama against the block; returns the unchanged fork and the record.
 
-    Raises ImageError for a picture that is no panorama, or that was not taken as its pose says.
+    Raises
+    ------
+    ImageError : the picture is no panorama, or was not taken as its pose says.
     """
     start = time.time()
     (unit,) = units

@@ -1,4 +1,4 @@
-"""Publish a snapshot: tables, pages, tiles, models, report and catalogue, then point `current` at it."""
+"""Task of `publish`: write tables, pages, tiles, models, report and catalogue of a snapshot, then update `current`."""
 
 from __future__ import annotations
 
@@ -56,13 +56,14 @@ STEP_COUNT = 8
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
 def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
-    """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it, whole.
+    """Write published/<snapshot>/ from the newest snapshot, unless `current` names it and it is complete.
 
-    Where too many units failed, `current` stays, and so does the snapshot that it names; the summary says so as `withheld`.
+    If too many units failed, `current` stays; the summary says so as `withheld`. Parts that could not be published are listed in
+    the summary as `unpublished`, each with its reason; the next run tries again. Equal files of the previous snapshot are linked.
 
-    block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
-    earlier version, and files that it has of the same are linked. What could not be published, each with its reason, is in the
-    summary as `unpublished_reason`; the rest is, and the next run tries again.
+    Parameters
+    ----------
+    block_file : file of the block; the catalogue names its sources.
     """
     _record_publishing_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
@@ -95,7 +96,7 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
 
 
 def _install(written: Path, final: Folder, made: SnapshotFiles) -> None:
-    """Give what was written its name, or send it there; what has that name is damaged."""
+    """Move the written folder to its final name, or upload it; a damaged one is replaced."""
     if isinstance(final, S3Folder):
         upload_snapshot(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
         shutil.rmtree(written)
@@ -108,14 +109,14 @@ def _install(written: Path, final: Folder, made: SnapshotFiles) -> None:
 
 
 def _hidden_folder(snapshot: Snapshot[Path], suffix: str) -> Path:
-    """A folder beside a snapshot's that no reader looks into, and that is not there yet."""
+    """Return a free folder beside a snapshot's that readers ignore."""
     folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
     shutil.rmtree(folder, ignore_errors=True)
     return folder
 
 
 def _record_publishing_code(run: Run) -> None:
-    """Have the store say which code publishes it: by another the same texels are another snapshot, in a folder of its own."""
+    """Record in the store which code publishes it: other code publishes the same texels as another snapshot."""
     session = open_repository(run.store).writable_session(BRANCH)
     root = open_root(session)
     if root.attrs.get("published_by") != stage_code("publish"):
@@ -124,8 +125,7 @@ def _record_publishing_code(run: Run) -> None:
 
 
 def _expire_history(run: Run, last: Snapshot | None) -> None:
-    """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
-    published last, it is left to the next run."""
+    """Expire history that no unit needs; left to the next run while somebody reads the previous snapshot."""
     try:
         with last.lock_exclusively() if last else nullcontext(True) as nobody:
             if nobody:
@@ -144,10 +144,9 @@ def _write_snapshot(
     predecessor: str | None,
     published: Folder,
 ) -> Aside:
-    """Everything that is published of a session's snapshot; what is set aside of it.
+    """Write all parts of a snapshot; returns those that were left out.
 
-    Tables come first, as a snapshot is nothing without them. All else may fail by itself; whatever is written at once is one
-    file, so that the memory that this takes does not grow with the pictures of a block.
+    Tables come first and must succeed; any other part may fail alone. One file is held in memory at a time.
     """
     snapshot, aside = Snapshot(made.folder), Aside()
     block = stored_block(session)

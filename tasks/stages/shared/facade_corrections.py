@@ -1,4 +1,4 @@
-"""Which facade each correction is of."""
+"""Corrections of facades, matched by id or by place."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 def match_corrections(
     plan: Plan, corrections: Corrections, crs: CRS | str
 ) -> tuple[dict[int, FacadeCorrection], list[str]]:
-    """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with
-    another id is known by its place and width."""
+    """Return the corrections of each facade of a plan, by index, and the ids without a facade.
+
+    A facade whose id changed is matched by its place and width.
+    """
     said = corrections.rename_targets(facades_by_place(plan, corrections, crs)).select_kinds(FACADE_CORRECTION_KINDS)
     at = {name: index for index, name in enumerate(plan.facades.id)}
     found = {
@@ -36,8 +38,7 @@ def match_corrections(
 
 
 def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> dict[str, str]:
-    """Of corrected facades that have another id now, that one: of the facade whose middle is within PLACE_M of where each was
-    corrected, and as wide."""
+    """Return the present id of each corrected facade whose id changed: within PLACE_M of the recorded place, and as wide."""
     facades, known = plan.facades, set(plan.facades.id)
     said = corrections.select_kinds(FACADE_CORRECTION_KINDS)
     lost = [(id, next(iter(of.values()))) for id, of in said.items() if id not in known]

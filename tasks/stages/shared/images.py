@@ -1,4 +1,4 @@
-"""Image files into arrays, none larger than its use needs."""
+"""Image files as arrays, none larger than its use needs."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ MAX_EXEMPLAR_SIDE = 2000
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Rows and columns of an image file, from its header."""
+    """Return rows and columns of an image file, from its header."""
     with open_picture(path) as image:
         return image.height, image.width
 
 
 def focal_length(path: Path) -> float | None:
-    """The focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None where that is not told."""
+    """Return the focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None if unknown."""
     from PIL import ExifTags
 
     with open_picture(path) as image:
@@ -44,15 +44,19 @@ def focal_length(path: Path) -> float | None:
 
 
 def capture_date(path: Path) -> str | None:
-    """The day that a picture was taken, as "2024-05-17", from its EXIF; None where that does not tell."""
+    """Return the day of a picture from its EXIF, as "2024-05-17"; None if unknown."""
     with open_picture(path) as image:
         return exif_capture_date(image)
 
 
 def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
-    """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none.
+    """Read the used pictures (h, w, 3) uint8.
 
-    Why one cannot be read is added to `rejected_buildings`.
+    Parameters
+    ----------
+    paths : files of all textures.
+    used : indices into `paths`; negative ones are ignored.
+    refused : errors of unreadable pictures are appended.
     """
     found = {}
     for index in np.unique(used[used >= 0]).tolist():
@@ -62,7 +66,7 @@ def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Excepti
 
 
 def read_panorama(path: Path) -> np.ndarray:
-    """A panorama (h, w, 3) uint8; facades of one building come one after the other and share it."""
+    """Read a panorama (h, w, 3) uint8; consecutive units share it."""
     state = path.stat()
     return _read_panorama(path, state.st_size, state.st_mtime_ns)
 
@@ -73,25 +77,27 @@ def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
 
 
 def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """An image file as RGB (h, w, 3) uint8 and its hidden part (h, w) bool, as read_whole has them."""
+    """Read an image file as RGB (h, w, 3) uint8, and its hidden part (h, w) bool."""
     picture = read_bounded_picture(path)
     return picture.rgb, picture.hidden
 
 
 def read_bounded_picture(path: Path, *, least: int = 1) -> Picture:
-    """A picture of at most MOST_PIXELS; a larger one is reduced as it is read, to the scale that comes with it."""
+    """Read a picture of at most MAX_PIXELS; a larger one is reduced on reading."""
     return read_picture(path, max_pixels=MAX_PIXELS, min_side=least)
 
 
 def read_exemplar_picture(path: Path) -> Picture:
-    """An exemplar, reduced to what can be prepared from it."""
+    """Read an exemplar, reduced to MAX_EXEMPLAR_SIDE."""
     return read_picture(path, max_side=MAX_EXEMPLAR_SIDE, min_side=MIN_SIDE_PX)
 
 
 def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
-    """The labels (h, w) uint8 that lie beside an exemplar, at the size it was reduced to; None where there are none.
+    """Read the label map beside an exemplar at a size (h, w), uint8; None without one.
 
-    Raises ImageError where they are not of a picture of these proportions, or no classes of `facade_core.core.labels`.
+    Raises
+    ------
+    ImageError : it has other proportions, or unknown classes.
     """
     import cv2
 

@@ -1,7 +1,4 @@
-"""Keys of units: what each depends on, and nothing else of the block, so that a change makes due only what it reaches.
-
-A key is text, one digest for each kind of input ("code:0f3a... photo:77b1..."): two keys of a unit tell why it is due.
-"""
+"""Parts of keys that several stages share: each covers the inputs of a unit and nothing else of the block."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from facade_core.core.types import ModelFiles, Pose
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 if TYPE_CHECKING:
     pass
@@ -32,17 +29,17 @@ MIN_OCCLUDER_RISE_M = 0.01
 
 
 def material_digests(run: Run) -> list[Any]:
-    """What a block's own pictures of materials are."""
+    """Return digests of a block's own material pictures."""
     return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
 
 
 def model_parts(models: ModelFiles) -> dict[str, Any]:
-    """What models of a block's own are, where there are some."""
+    """Return the key part of a block's own models, if it has some."""
     return {"models": model_digests(models)} if models.files else {}
 
 
-def panorama_parts(plan: Plan, charts_of: Mapping[PosedPanorama, Sequence[int]]) -> dict[str, Any]:
-    """What panoramas are, which charts are taken from each, and what may stand between."""
+def panorama_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, Any]:
+    """Return the key parts of panoramas: the pictures, the charts taken from each, and the objects between."""
     return {
         "panoramas": [
             [
@@ -68,7 +65,7 @@ def pose_parts(pose: Pose) -> list[Any]:
 
 
 def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
-    """What may stand between a panorama and charts, or is one of them."""
+    """Return digests of the objects that may be between a panorama and charts, and of the charts themselves."""
     place = np.array([pose.x, pose.y, pose.z])
     low, high = bounding_box(plan, charts)
     # what lies below both hides nothing: level ground does not count
@@ -77,13 +74,13 @@ def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> lis
 
 
 def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """The corners (3,) of the box around some charts."""
+    """Return the lower and upper corner (3,) of the box around some charts."""
     corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
 def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
-    """The textures that some charts carry, by chart: where each corner lies on which picture."""
+    """Return the key part of the textures that some charts carry: the place of each corner on its picture."""
     mesh = plan.scene.mesh
     found = []
     for chart in charts:

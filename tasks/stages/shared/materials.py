@@ -1,5 +1,4 @@
-"""What a block's charts are made of, and what its own imagery says of roofs and ground: a picture from above, or one of the
-roofs' material."""
+"""Materials of a block's charts, and its own pictures of roofs, ground and materials."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ SAMPLES_PER_SIDE = 8
 
 
 def mark_aerial_roofs(plan: Plan, aerial: Aerial) -> Plan:
-    """The plan with the roofs that the picture shows marked as textured."""
+    """Return the plan with the roofs that the aerial picture shows marked as textured."""
     scene, charts = plan.scene, plan.scene.charts
     roofs = np.flatnonzero(roofs_seen_from_above(scene) & plan.in_core)
     share = (np.stack(np.meshgrid(*[np.arange(SAMPLES_PER_SIDE)] * 2), axis=-1).reshape(-1, 2) + 0.5) / SAMPLES_PER_SIDE
@@ -41,21 +40,26 @@ def mark_aerial_roofs(plan: Plan, aerial: Aerial) -> Plan:
 
 
 def aerial_sampler(run: Run) -> Sampler | None:
-    """Colours of the block from above, None where there is no picture."""
+    """Return a sampler of colours from above, None without a picture."""
     return None if run.aerial is None else run.aerial.sample
 
 
-def materials(
+def material_field(
     plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
 ) -> MaterialField:
-    """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given;
-    pictures: those of other materials."""
+    """Return the material field of a block.
+
+    Parameters
+    ----------
+    roofs : picture of the roof material and its metres per pixel, if given.
+    pictures : pictures of other materials.
+    """
     laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), own_grains(pictures)
     return MaterialField(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
 
 
 def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
-    """The grain of all materials with that of a block's pictures, by what makes those that are shipped; None without any."""
+    """Return the grain of all materials with that of a block's pictures; None without any."""
     examples = {}
     for name, path, metres in pictures:
         try:
@@ -65,13 +69,13 @@ def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     return load_grains(examples) if examples else None
 
 
-def field_of(group: StoreGroup, plan: Plan) -> MaterialField | None:
-    """What the translator of a stored block answers with, as its ingest noted; None where that is pictures."""
+def stored_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
+    """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None
     roofs = cast(Sequence[Any] | None, group.attrs["roof_material"])
     pictures = cast(Sequence[Any], group.attrs.get("materials", []))
-    return materials(
+    return material_field(
         plan,
         cast(int, group.attrs["seed"]),
         None if roofs is None else (Path(roofs[0]), float(roofs[1])),
@@ -80,7 +84,7 @@ def field_of(group: StoreGroup, plan: Plan) -> MaterialField | None:
 
 
 def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> TiledMaterial | None:
-    """The material that roofs take, None where none is given."""
+    """Return the roof material, None if none is given."""
     if roofs is None:
         return None
     path, metres_per_pixel = roofs

@@ -1,7 +1,6 @@
-"""What a unit takes of a worker's memory at most, in bytes, beside the libraries and the run's plan.
+"""Memory of units: upper bounds in bytes, besides libraries and the run's plan.
 
-Declared from sizes that the coordinator knows before the unit starts; batches are sized by it, and a test measures that the
-parser and the rest stay below it.
+Declared from sizes that the coordinator knows before the unit starts. Batches are sized by it; a test measures the bounds.
 """
 
 from __future__ import annotations
@@ -38,18 +37,18 @@ def detection_bytes() -> int:
 
 
 def kept_pixels(pictures: Iterable[Path]) -> int:
-    """Pixels that are kept of pictures."""
-    return sum(min(count, MAX_PIXELS) for count in map(_stored, pictures))
+    """Return the pixels of pictures that are kept."""
+    return sum(min(count, MAX_PIXELS) for count in map(_picture_pixels, pictures))
 
 
 def decoding_bytes(pictures: Iterable[Path]) -> int:
-    """What the largest of pictures takes while it is decoded and reduced; nothing where none is larger than what is kept."""
-    largest = max(map(_stored, pictures), default=0)
+    """Return the bytes of the largest picture while it is decoded and reduced; 0 if none is reduced."""
+    largest = max(map(_picture_pixels, pictures), default=0)
     return largest * DECODED_PIXEL if largest > MAX_PIXELS else 0
 
 
-def _stored(path: Path) -> int:
-    """Pixels of a picture, by its header; a broken one takes none, and fails by name when its unit reads it."""
+def _picture_pixels(path: Path) -> int:
+    """Return the pixels of a picture, by its header; 0 for a broken one, which fails when its unit reads it."""
     try:
         rows, columns = image_size(path)
     except (InputError, OSError):

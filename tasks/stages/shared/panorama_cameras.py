@@ -1,4 +1,4 @@
-"""Panoramas as the units that take surfaces from them open them, and what these show, into the atlas."""
+"""Panoramas as cameras, and the surfaces that they show, written to the base layer."""
 
 from __future__ import annotations
 
@@ -21,41 +21,43 @@ from facade_core.imagery.poses.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_rejections
 from tasks.stages.shared.images import read_panorama
-from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # Panoramas of which it is kept what hides surfaces on them.
-KEPT = 8
+MAX_CACHED_MASKS = 8
 
 # What stands before surfaces on a panorama (H, W, 3) uint8 of a pose: (H, W) bool.
 Hides = Callable[[np.ndarray, Pose], np.ndarray]
 
 
-def cameras_of(
-    taken: Sequence[PosedPanorama], hides: Hides, refused: list[Exception]
-) -> tuple[list[PanoramaCamera], list[PosedPanorama]]:
-    """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `rejected_buildings`."""
-    opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
+def open_cameras(
+    taken: Sequence[SurfacePanorama], hides: Hides, refused: list[Exception]
+) -> tuple[list[PanoramaCamera], list[SurfacePanorama]]:
+    """Open panoramas as cameras; returns those that opened, and their panoramas. Errors are appended to `refused`."""
+    opened = [(camera, one) for one in taken if (camera := open_camera(one, hides, refused)) is not None]
     return [camera for camera, _ in opened], [one for _, one in opened]
 
 
-def camera_of(one: PosedPanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
-    """A panorama as a camera; where it cannot be opened None, and why is added to `rejected_buildings`."""
+def open_camera(one: SurfacePanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
+    """Open a panorama as a camera; None if that fails, with the error appended to `refused`."""
     with collect_rejections(refused):
         image = read_panorama(one.path)
         return PanoramaCamera(
-            image, one.pose, _hidden(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)
+            image, one.pose, _occluder_bits(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)
         )
     return None
 
 
-def shown_in_turn(
-    taken: Mapping[int, Sequence[PosedPanorama]],
-    opened: Callable[[PosedPanorama], PanoramaCamera | None],
+def collect_views(
+    taken: Mapping[int, Sequence[SurfacePanorama]],
+    opened: Callable[[SurfacePanorama], PanoramaCamera | None],
     show: Callable[[int, Sequence[PanoramaCamera]], CameraView | None],
-) -> tuple[dict[int, CameraView], dict[int, list[PosedPanorama]]]:
-    """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
-    could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
-    held: dict[PosedPanorama, PanoramaCamera | None] = {}
+) -> tuple[dict[int, CameraView], dict[int, list[SurfacePanorama]]]:
+    """Collect the views of charts, each from its own panoramas; returns also the panoramas that opened.
+
+    At most the panoramas of one chart are open at a time: charts with the same panoramas follow each other.
+    """
+    held: dict[SurfacePanorama, PanoramaCamera | None] = {}
     found, used = {}, {}
     for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
         # one that could not be opened is told once
@@ -70,11 +72,21 @@ def shown_in_turn(
     return found, used
 
 
-def write_shown(
-    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[PosedPanorama]]
+def write_views(
+    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[SurfacePanorama]]
 ) -> tuple[dict[str, str], list[list[Any]]]:
-    """Write what cameras show of charts, by chart, as are their panoramas; returns the charts' digests, and of each panorama
-    that shows some its name, its share of all their texels and how far it was on the mean, metres."""
+    """Write the views of charts to the base layer.
+
+    Parameters
+    ----------
+    found : view by chart.
+    used : panoramas by chart.
+
+    Returns
+    -------
+    digests : digests of the charts.
+    cameras : of each panorama that shows some: name, share of all texels, mean distance in metres.
+    """
     scene, placement = plan.scene, plan.scene.placement
     if not found:
         return {}, []
@@ -104,12 +116,12 @@ def write_shown(
     told = []
     for one, number in numbers.items():
         own = {chart: shown.camera == used[chart].index(one) for chart, shown in found.items() if one in used[chart]}
-        told.append([one.path.name, round(float((camera == number).mean()), 4), _far(scene, own, one)])
+        told.append([one.path.name, round(float((camera == number).mean()), 4), _mean_distance(scene, own, one)])
     return chart_digests(seed, evidence, placement, rasters, plan.ids), told
 
 
-def _far(scene: Scene, own: Mapping[int, np.ndarray], one: PosedPanorama) -> float:
-    """How far the camera was on the mean from some texels (h, w) bool of charts, metres."""
+def _mean_distance(scene: Scene, own: Mapping[int, np.ndarray], one: SurfacePanorama) -> float:
+    """Return the mean distance of a camera from texels (h, w) of charts, metres."""
     away = []
     for chart, texels in own.items():
         rows, columns = np.nonzero(texels)
@@ -121,20 +133,20 @@ def _far(scene: Scene, own: Mapping[int, np.ndarray], one: PosedPanorama) -> flo
 
 # What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
 # them.
-_LOOKED_AT: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
+_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
 
 
-def _hidden(one: PosedPanorama, image: np.ndarray, hides: Hides) -> np.ndarray:
-    """What stands before surfaces on a panorama, and the faces and plates that there are on it: (H, W) bool."""
+def _occluder_bits(one: SurfacePanorama, image: np.ndarray, hides: Hides) -> np.ndarray:
+    """Return the occluders, faces and plates on a panorama, (H, W) bool."""
     state = one.path.stat()
     of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
-    bits = _LOOKED_AT.get(of)
+    bits = _MASKS.get(of)
     if bits is None:
         seen = detect_on_panorama(image, one.pose.view)
         hidden = hides(image, one.pose)
         bits = np.packbits(hidden | seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else hidden)
-        _LOOKED_AT[of] = bits
-        if len(_LOOKED_AT) > KEPT:
-            _LOOKED_AT.popitem(last=False)
-    _LOOKED_AT.move_to_end(of)
+        _MASKS[of] = bits
+        if len(_MASKS) > MAX_CACHED_MASKS:
+            _MASKS.popitem(last=False)
+    _MASKS.move_to_end(of)
     return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)

@@ -12,15 +12,15 @@ from tasks.stages.poses.record import PoseRecord, RefinedPoseRecord
 
 
 def select_pose(pose: Pose, record: PoseRecord | None) -> Pose:
-    """The pose of a panorama as its record has it; the given one where it was not refined."""
+    """Return the pose of a panorama by its record; the given one if it was not refined."""
     if record is None or record["status"] != "done":
         return pose
     x, y, z, heading, pitch, roll = record["pose"]
     return Pose(x, y, z, heading, pitch, roll, pose.view)
 
 
-def is_refused(record: Record | None) -> bool:
-    """Whether a panorama could not be placed: nothing is taken from it."""
+def is_rejected(record: Record | None) -> bool:
+    """Return whether a panorama could not be placed: nothing is taken from it."""
     return record is not None and record["status"] == "failed"
 
 

@@ -8,9 +8,16 @@ from typing import NamedTuple
 from facade_core.core.types import Pose
 
 
-class PosedPanorama(NamedTuple):
-    """A panorama near a piece of ground: its file and pose, the factors to the common exposure, and the squares of ground
-    that it shows, as of `facade_core.cameras.Ground`."""
+class SurfacePanorama(NamedTuple):
+    """A panorama near a surface.
+
+    Attributes
+    ----------
+    path : its file.
+    pose : its pose.
+    factor : factors to the common exposure.
+    squares : squares of ground that it shows.
+    """
 
     path: Path
     pose: Pose

@@ -1,5 +1,8 @@
-"""The keys of a street and its viewpoints: each viewpoint stands on what it sees and on what is known of that; where panoramas
-are blended into texels, on the one before it too. The street's texels stand on all of them."""
+"""Keys of streets and viewpoints.
+
+A viewpoint depends on the charts that it sees; where panoramas are blended also on the viewpoint before it. A street depends
+on all its viewpoints.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,19 @@ from tasks.stages.streets.record import ViewpointRecord
 _Read = Callable[[str, np.ndarray], list[Record | None]]
 
 # Settings that streets' texels depend on.
-SETTINGS = ("texels_per_metre", "panorama_width", "translator")
+KEY_SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 
 
 @dataclass(frozen=True)
 class StreetKeys:
-    """The key of a street's texels, and of each of its viewpoints in order; chain: a digest of these where the texels are made
-    of what the viewpoints made, else empty."""
+    """Keys of a street.
+
+    Attributes
+    ----------
+    street : key of its texels.
+    viewpoints : keys of its viewpoints in order.
+    chain : digest of the viewpoint keys if texels are blended from panoramas, else empty.
+    """
 
     street: str
     viewpoints: tuple[str, ...]
@@ -39,12 +48,14 @@ class StreetKeys:
 def street_keys(
     run: Run, plan: Plan, group: StoreGroup, street: int, journals: Mapping[str, Sequence[Record | None]] | None = None
 ) -> StreetKeys:
-    """The keys of a street as the journal stands, when those of earlier waves and all that seed are done.
+    """Return the keys of a street by the journal, once earlier waves and the base layer are done.
 
-    A translator that answers with a field gives the same texels whatever lies elsewhere in a panorama: then a viewpoint stands
-    on no other, and the street's texels on no seeds of charts that it does not write.
+    A translator that returns a material field gives the same texels for any panorama: a viewpoint then depends on no other, and
+    the street not on base layers of charts that it does not write.
 
-    journals: those of all that seed and of viewpoints, where they were read as a whole, for one who asks for many streets.
+    Parameters
+    ----------
+    journals : those of base layer stages and viewpoints, if they were read for many streets.
     """
 
     def records(stage: str, units: np.ndarray) -> list[Record | None]:
@@ -54,12 +65,12 @@ def street_keys(
     blends = run.texture.translator == "neural"
     code, settings = stage_code("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
-    seeds = _seeds(plan, records, charts)
-    shown = _shown_by_cameras(plan, records, charts)
+    seeds = _base_layer_records(plan, records, charts)
+    shown = _camera_records(plan, records, charts)
     known = latest_digests(seeds + shown, [])
     names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
     visible = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
-    earlier, passed = _earlier(plan, records, street, charts)
+    earlier, passed = _earlier_views(plan, records, street, charts)
 
     key = first = unit_key(code, settings)
     keys: list[str] = []
@@ -79,7 +90,7 @@ def street_keys(
             views=views,
             seeds=read if blends else [],
             earlier=passes,
-            others=[_seeding(plan, seeds, charts), _later(plan, street, charts)],
+            others=[_base_layer_keys(plan, seeds, charts), _charts_of_later_streets(plan, street, charts)],
             **({"ground": photographed} if photographed else {}),
         ),
         tuple(keys),
@@ -88,7 +99,7 @@ def street_keys(
 
 
 def _settings(run: Run, plan: Plan) -> dict[str, Any]:
-    settings: dict[str, Any] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in SETTINGS}
+    settings: dict[str, Any] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in KEY_SETTINGS}
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings["roof_material"] = [file_digest(path), metres_per_pixel]
@@ -97,16 +108,16 @@ def _settings(run: Run, plan: Plan) -> dict[str, Any]:
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 
-def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
-    """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
+def _base_layer_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """Return the records of units that write the base layer of the buildings of some charts, in the order of writing."""
     buildings = np.unique(plan.scene.charts.building[charts])
     textures = np.flatnonzero(np.isin(plan.buildings_with_textures(), buildings))
     facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
     return records("textures", textures) + records("facades", facades)
 
 
-def _shown_by_cameras(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
-    """The records of those who took some charts, of the ground and of buildings, from panoramas."""
+def _camera_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """Return the records of ground and walls from panoramas, of some charts."""
     near, own = plan.ground_near_cameras(), np.unique(charts)
     at = np.searchsorted(near, own)
     buildings = np.array(list(plan.walls_near_cameras()), np.int64)
@@ -114,9 +125,13 @@ def _shown_by_cameras(plan: Plan, records: _Read, charts: np.ndarray) -> list[Re
     return records("grounds", at[np.append(near, -1)[at] == own]) + records("walls", walls)
 
 
-def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:
-    """Pairs (k, 2) of a viewpoint of an earlier wave and a chart that it shows and this street writes, and by viewpoint the
-    digest of what it passes on, None where it is not done."""
+def _earlier_views(
+    plan: Plan, records: _Read, street: int, charts: np.ndarray
+) -> tuple[np.ndarray, dict[int, str | None]]:
+    """Return pairs (k, 2) of a viewpoint of an earlier wave and a chart that both see and this street writes.
+
+    Also returns the digest of each such viewpoint's shared pixels, None if it is not done.
+    """
     pairs = plan.views_of_charts(charts[plan.writable[charts]])
     pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
     viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
@@ -127,15 +142,15 @@ def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tup
     }
 
 
-def _seeding(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> list[str]:
-    """The keys of those who seed charts that the street writes too: when they write again, so must the street."""
+def _base_layer_keys(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> list[str]:
+    """Return the keys of units whose base layer the street writes too: it follows when they change."""
     if not plan.writable[np.concatenate([plan.facades.chart, np.flatnonzero(plan.textured)])].any():
         return []
     return [record["key"] for record in seeds if record and record["status"] == "done"]
 
 
-def _later(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
-    """Which charts of the street others write in later waves: one that they write no longer is this street's again."""
+def _charts_of_later_streets(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
+    """Return the charts of the street that later waves write, by street: charts that they give up are this street's again."""
     pairs = plan.streets_of_charts(charts[plan.writable[charts]])
     found: dict[int, set[str]] = {}
     for other, chart in pairs[plan.wave[pairs[:, 0]] > plan.wave[street]].tolist():

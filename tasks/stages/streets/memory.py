@@ -14,7 +14,14 @@ WRITTEN_TEXEL = 64
 
 
 def street_memory(read: int, written: int, *, network: int = 0) -> int:
-    """Of a street that sees so many texels and writes so many of them; network: pixels of a panorama for the network."""
+    """Return the memory of a street.
+
+    Parameters
+    ----------
+    read : texels that it sees.
+    written : texels that it writes.
+    network : pixels of a panorama for the network.
+    """
     return (
         LIBRARY_BYTES + read * READ_TEXEL + written * WRITTEN_TEXEL + min(network, MAX_NETWORK_PIXELS) * NETWORK_PIXEL
     )

@@ -1,4 +1,4 @@
-"""Which streets to do again, with whoever reads what they write. Asked before Prefect is there, so there is no task here."""
+"""Streets that are done again on request, with their dependants. Imported before Prefect, so it has no tasks."""
 
 from __future__ import annotations
 
@@ -14,18 +14,25 @@ from tasks.engine.run import Run
 
 
 @dataclass(frozen=True)
-class Redo:
-    """Streets to do again, and those of later waves that read what they write, by index, in the order of their waves."""
+class RedoneStreets:
+    """Streets to do again, and later ones that read their texels, by index in the order of waves."""
 
     streets: tuple[int, ...]
     dependants: tuple[int, ...]
 
 
 def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[str]]:
-    """Forget what the journal holds of a street, given by id or name, and of its dependants; with `only` these keep their
-    texels and are marked stale, which the next run mends. Returns the ids of both.
+    """Delete the records of a street, given by id or name, and of its dependants.
 
-    Raises InputError for an unknown street, and where everything is due anyway.
+    With `only`, dependants keep their texels and are marked stale; the next run updates them.
+
+    Returns
+    -------
+    names : ids of the streets, and of their dependants.
+
+    Raises
+    ------
+    InputError : the street is unknown, or everything is pending anyway.
     """
     session = open_repository(run.store).writable_session(BRANCH)
     group = open_root(session)
@@ -48,8 +55,8 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
     return names[0], names[1]
 
 
-def find_redo(plan: Plan, street: str) -> Redo:
-    """The streets of an id or name, and whoever reads what they write. Raises InputError where there is none."""
+def find_redo(plan: Plan, street: str) -> RedoneStreets:
+    """Find the streets of an id or name, and the streets that read their texels. Raises InputError if there is none."""
     chosen = [i for i, one in enumerate(plan.streets) if street in (one.id, one.name)]
     if not chosen:
         known = sorted({one.name or one.id for one in plan.streets})
@@ -62,16 +69,16 @@ def find_redo(plan: Plan, street: str) -> Redo:
         if index not in chosen and plan.wave[index] > min(plan.wave[chosen]) and reads[index] & changed:
             dependants.append(index)
             changed |= writes[index]
-    return Redo(tuple(sorted(chosen, key=lambda i: int(plan.wave[i]))), tuple(dependants))
+    return RedoneStreets(tuple(sorted(chosen, key=lambda i: int(plan.wave[i]))), tuple(dependants))
 
 
-def chosen_streets(run: Run, only: str | None) -> frozenset[int] | None:
-    """The streets to texture where only some are wanted; None for all."""
+def select_streets(run: Run, only: str | None) -> frozenset[int] | None:
+    """Return the streets to texture if only some are requested; None for all."""
     return None if only is None else frozenset(find_redo(plan_of_run(run), only).streets)
 
 
 def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
-    """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
+    """Return the chunks that a street reads, and those that it writes, as "page/row/column"."""
     charts = plan.charts_of_street(street)
     spec, placement = plan.scene.spec, plan.scene.placement
     reads, writes = set(), set()

@@ -1,4 +1,4 @@
-"""The viewpoints of streets, and the streets: one after the other, so they are not fanned out as the other kinds are."""
+"""Stages `viewpoints` and `streets`: processed in the order of streets, not fanned out."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from facade_core.atlas.journal import Record
 from tasks.engine.stage import Change, Records, Stage
 from tasks.stages.streets.forecast import forecast_streets, forecast_viewpoints
 from tasks.stages.streets.integrity import (
-    charts_written_by_streets,
     confirm_lost_streets,
     find_differing_panoramas,
     find_lost_streets,
     find_lost_viewpoints,
     viewpoint_names,
+    written_charts,
 )
 
 
-def _same_streets(change: Change) -> dict[int, int]:
-    """Streets with the same line, else the same id."""
+def _match_streets(change: Change) -> dict[int, int]:
+    """Match streets with the same line, else the same id."""
     before, after = change.before.streets, change.after.streets
     lines = {street.line.wkb: i for i, street in reversed(list(enumerate(before)))}
     names = {street.id: i for i, street in enumerate(before)}
@@ -34,8 +34,8 @@ def _same_streets(change: Change) -> dict[int, int]:
     return again
 
 
-def _moved_streets(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """Under the names and waves that they have now."""
+def _relocate_streets(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Update the names and waves of streets."""
     plan = change.after
     return [
         cast(Record, {**record, "unit": plan.streets[index].id, "wave": int(plan.wave[index])}) if record else None
@@ -43,21 +43,21 @@ def _moved_streets(change: Change, again: Mapping[int, int], records: Records) -
     ]
 
 
-def _same_viewpoints(change: Change) -> dict[int, int]:
-    """The viewpoints of streets that are still there, by their number along the street; none where panoramas begin anew."""
+def _match_viewpoints(change: Change) -> dict[int, int]:
+    """Match viewpoints by their number along their street; none if the panorama width changed."""
     if change.last["panoramas/rgb"].shape[2] != change.run.texture.panorama_width:
         return {}
     return {
         viewpoint.id: earlier.id
-        for street, before in _same_streets(change).items()
+        for street, before in _match_streets(change).items()
         for viewpoint, earlier in zip(
             change.after.street_viewpoints(street), change.before.street_viewpoints(before), strict=False
         )
     }
 
 
-def _moved_viewpoints(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """Under the names that their streets have now, with their panoramas."""
+def _relocate_viewpoints(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Update the names of viewpoints, and move their panoramas."""
     plan = change.after
     for new, old in again.items():
         if new != old:
@@ -73,9 +73,9 @@ VIEWPOINTS = Stage(
     "viewpoints",
     "viewpoint",
     count=lambda block, plan: len(plan.viewpoints),
-    match_previous=_same_viewpoints,
+    match_previous=_match_viewpoints,
     in_every_block=True,
-    relocate=_moved_viewpoints,
+    relocate=_relocate_viewpoints,
     part_of="streets",
     array_folder="panoramas",
     unit_names=viewpoint_names,
@@ -87,10 +87,10 @@ STREETS = Stage(
     "streets",
     "street",
     count=lambda block, plan: len(plan.streets),
-    match_previous=_same_streets,
-    relocate=_moved_streets,
+    match_previous=_match_streets,
+    relocate=_relocate_streets,
     follows_base_layer=True,
-    unit_charts=charts_written_by_streets,
+    unit_charts=written_charts,
     unit_names=lambda plan: [street.id for street in plan.streets],
     find_lost=find_lost_streets,
     confirm_lost=confirm_lost_streets,

@@ -8,10 +8,10 @@ from facade_core.core.zarr_types import StoreGroup
 
 
 def street_tag(record: Record) -> str:
-    """The tag of the snapshot in which a street ended, by the street's record."""
+    """Return the tag of the snapshot in which a street ended, by the street's record."""
     return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
 
 
 def street_tags(group: StoreGroup) -> set[str]:
-    """The tags of the streets that a snapshot holds as done."""
+    """Return the tags of the streets that a snapshot holds as done."""
     return {street_tag(record) for record in read_journal(group, "streets") if record and record["status"] == "done"}

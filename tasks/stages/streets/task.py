@@ -1,4 +1,4 @@
-"""Texture one street, viewpoint by viewpoint, in order."""
+"""Task of `streets`: texture one street, viewpoint by viewpoint."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.record import StreetRecord
 from tasks.stages.streets.redo import street_chunks
 from tasks.stages.streets.tags import street_tag
-from tasks.stages.streets.worker import forget_street, street_unit, viewpoints_unit
+from tasks.stages.streets.worker import forget_street, process_street, process_viewpoints
 
 
-def note_partial(run: Run, partial: bool) -> None:
-    """Have the store say whether the last run left streets out: then there is more to do than its records show."""
+def record_partial_run(run: Run, partial: bool) -> None:
+    """Record in the store whether the last run left streets out: then more is pending than the records show."""
     session = open_repository(run.store).writable_session(BRANCH)
     root = open_root(session)
     if bool(root.attrs.get("partial", False)) != partial:
@@ -43,12 +43,15 @@ def note_partial(run: Run, partial: bool) -> None:
         commit(session, "streets were left out" if partial else "no street is left out")
 
 
-def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]) -> dict[int, Outcome]:
-    """The streets of which nothing is due, with what came of them: asked at once, as each would read its records by itself.
+def find_finished_streets(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]) -> dict[int, Outcome]:
+    """Find the streets without pending work, with their outcomes, in one pass over the journals.
 
-    streets: in the order of their waves; after: for each street of the block those that it waits for. One that waits for a
-    street of which something is due is not among them: what it stands on is known when that is done. Only where a translator
-    answers with a field, by which few are due.
+    A street that waits for one with pending work is not among them. Only for translators that return a material field.
+
+    Parameters
+    ----------
+    streets : in the order of their waves.
+    after : for each street of the block those that it waits for.
     """
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     records = read_journal(group, "streets")
@@ -71,9 +74,9 @@ def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]
 
 @task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
 def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
-    """Every viewpoint not yet journalled, those of about a second in one commit, then the street's texels in one, tagged.
+    """Texture the pending viewpoints of a street, about a second of work per commit, then its texels in one tagged commit.
 
-    One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
+    One worker keeps the street's state of `memory` bytes; if it is lost, another rebuilds the state from the panoramas.
     """
     plan = plan_of_run(run)
     session = open_repository(run.store).readonly_session(BRANCH)
@@ -97,12 +100,14 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     try:
         with (
             compute.lease(memory, (forget_street, run, street, street_key)) as worker,
-            _claimed(run, name, reads, writes),
+            _claim_chunks(run, name, reads, writes),
         ):
             while due:
                 at = f"viewpoint {due[0]}"
                 session, fork = fork_store(run.store)
-                fork, made = compute.submit(viewpoints_unit, run, fork, street, due, street_key, worker=worker).result()
+                fork, made = compute.submit(
+                    process_viewpoints, run, fork, street, due, street_key, worker=worker
+                ).result()
                 records = {
                     own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
                     for k, record in zip(due, made, strict=False)
@@ -118,7 +123,9 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
                 return outcome
             at = "end of the street"
             session, fork = fork_store(run.store)
-            fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
+            fork, record = compute.submit(
+                process_street, run, fork, street, len(own), street_key, worker=worker
+            ).result()
             record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
             record["chain"] = found.chain
             snapshot = commit_units(session, fork, "streets", {street: record}, f"street {name}")
@@ -139,7 +146,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         log_units("streets", [failed])
         return outcome.add([failed])
     log_units("streets", [record])
-    _tag(run, street_tag(record), snapshot)
+    _tag_snapshot(run, street_tag(record), snapshot)
     return outcome.add([record])
 
 
@@ -149,11 +156,11 @@ _claiming = Lock()
 
 
 @contextmanager
-def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str]) -> Iterator[None]:
-    """Hold a street's chunks while it runs.
+def _claim_chunks(run: Run, name: str, reads: frozenset[str], writes: frozenset[str]) -> Iterator[None]:
+    """Claim a street's chunks while it runs.
 
-    Raises StoreError where a street under way writes what this one reads, or the other way round: forks that write one chunk
-    merge without an error, and one of the writes is lost.
+    Raises StoreError if a running street writes chunks that this one reads, or the reverse: forks that write one chunk merge
+    without an error, and one of the writes is lost.
     """
     with _claiming:
         for (store, other), (their_reads, their_writes) in _under_way.items():
@@ -171,7 +178,7 @@ def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str])
             del _under_way[run.out, name]
 
 
-def _tag(run: Run, tag: str, snapshot: str) -> None:
+def _tag_snapshot(run: Run, tag: str, snapshot: str) -> None:
     repository = open_repository(run.store)
     if tag not in repository.list_tags():
         try:
@@ -183,8 +190,10 @@ def _tag(run: Run, tag: str, snapshot: str) -> None:
 
 
 def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
-    """Clear what a street that failed left of itself before: texels that no record of another street has the digest of. Streets
-    that wrote there earlier are due again, as theirs were overwritten."""
+    """Clear the texels that a failed street left: those that match no other street's digests.
+
+    Streets that wrote there earlier are pending again, as their texels were overwritten.
+    """
     session = open_repository(run.store).writable_session(BRANCH)
     group, placement = open_root(session), plan.scene.placement
     charts = plan.charts_of_street(street)

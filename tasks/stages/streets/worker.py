@@ -1,4 +1,4 @@
-"""One viewpoint of a street, and the street's end. The truth is the translated panoramas; blend state is only a cache."""
+"""Worker of `streets`: one viewpoint, and the end of a street. The panoramas are the truth; blend state is a cache."""
 
 from __future__ import annotations
 
@@ -33,9 +33,15 @@ from tasks.stages.streets.record import StreetRecord
 
 
 @dataclass(frozen=True)
-class Context:
-    """What a worker keeps between the units of a run: its plan and translator, read once per process; the field that the
-    translator answers with, where that is no picture."""
+class StreetContext:
+    """State of a worker between the units of a run, read once per process.
+
+    Attributes
+    ----------
+    plan : plan of the run.
+    translator : translator of panoramas.
+    field : material field of the translator; None for one that returns pictures.
+    """
 
     plan: Plan
     translator: Translator
@@ -43,20 +49,20 @@ class Context:
 
 
 @lru_cache(maxsize=2)
-def context(run: Run) -> Context:
+def street_context(run: Run) -> StreetContext:
     plan = plan_of_run(run)
     if run.texture.translator == "neural":
-        return Context(plan, neural_translator.load_translator(), None)
+        return StreetContext(plan, neural_translator.load_translator(), None)
     laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
     swatches = MaterialFieldTranslator(
         plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own
     )
-    return Context(plan, swatches, swatches.materials)
+    return StreetContext(plan, swatches, swatches.materials)
 
 
 @dataclass
 class _Progress:
-    """A street in this process: its window and how many of its viewpoints are in it."""
+    """A street in this process: its texel buffer, and how many of its viewpoints it holds."""
 
     window: TexelBuffer
     done: int
@@ -64,7 +70,7 @@ class _Progress:
 
 # Seconds in which viewpoints begin that are committed together: where one takes a fraction of that, its commit would cost a
 # third of it.
-TOGETHER_S = 1.0
+COMMIT_INTERVAL_S = 1.0
 
 # A street of a run, by its key.
 _Street = tuple[Run, int, str]
@@ -75,22 +81,21 @@ _streets: dict[_Street, _Progress | object] = {}
 _taking = Lock()
 
 
-def viewpoints_unit(
+def process_viewpoints(
     run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
 ) -> tuple[Any, list[dict[str, Any]]]:
-    """Texture viewpoints of a street, by their numbers along it: the first of `steps`, and those after it that begin within
-    TOGETHER_S.
+    """Texture viewpoints of a street: the first of `steps`, and those after it that begin within COMMIT_INTERVAL_S.
 
-    Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
-    so that what they made is kept.
+    Returns the fork with their panoramas and a record of each. One that fails after others is left to the next unit, so that
+    the results before it are kept.
     """
     begun = time.time()
     records: list[dict[str, Any]] = []
     for step in steps:
-        if records and time.time() - begun > TOGETHER_S:
+        if records and time.time() - begun > COMMIT_INTERVAL_S:
             break
         try:
-            records.append(_viewpoint(run, open_root(fork), street, step, street_key))
+            records.append(_process_viewpoint(run, open_root(fork), street, step, street_key))
         except Exception:
             if not records:
                 raise
@@ -98,13 +103,13 @@ def viewpoints_unit(
     return fork, records
 
 
-def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
+def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
-    here = context(run)
+    here = street_context(run)
     entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
-    progress, mark = _take(entry, here, group, step if here.field is None else None)
+    progress, mark = _take_buffer(entry, here, group, step if here.field is None else None)
     viewpoint = here.plan.street_viewpoints(street)[step]
     size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
@@ -127,14 +132,14 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
         mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
     group["panoramas/rgb"][viewpoint.id] = rgb
-    _keep(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
+    _keep_buffer(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
     lap("write")
     return {
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
         if (panorama.chart >= 0).any()
         else 0.0,
         # what of a field others see is told by the looks of viewpoints
-        "passes": _passes(here.plan, panorama.chart, rgb) if here.field is None else "",
+        "passes": _shared_pixels_digest(here.plan, panorama.chart, rgb) if here.field is None else "",
         "panorama": picture_digest(rgb),
         "worker": current_worker(),
         "started": start,
@@ -142,23 +147,23 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     }
 
 
-def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
-    """Write what the street's `steps` viewpoints made of its charts: colour and how many views it is of."""
+def process_street(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
+    """Write the colour and view count of a street's charts after its `steps` viewpoints."""
     start = time.time()
-    here = context(run)
+    here = street_context(run)
     group = open_root(fork)
-    window = _take((run, street, street_key), here, group, steps)[0].window
+    window = _take_buffer((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
     rasters = TexelLayout.of_charts(scene.placement, window.writable)
     if here.field is None:
         colour, views = blend_views(window.state)
     else:
-        for viewpoint in _earlier(here.plan, group, street, window.writable):
+        for viewpoint in _earlier_viewpoints(here.plan, group, street, window.writable):
             add_viewpoint(here.plan, group, window, viewpoint, field=True)
         paint_visible_texels(window, scene.placement, here.field)
         views = window.state.views
         colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
-    written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])
+    written = replace(rasters, charts=rasters.charts[~_written_by_later(here.plan, group, street, rasters.charts)])
     for name, flat in {"street": colour, "street_views": views}.items():
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
     return fork, {
@@ -170,16 +175,16 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     }
 
 
-def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
-    """A digest of what other streets may take of a panorama: its pixels on charts that the street stage writes."""
+def _shared_pixels_digest(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
+    """Return a digest of the pixels of a panorama that other streets may blend: those on charts of the street stage."""
     shared = (chart >= 0) & plan.writable[chart]
     return picture_digest(np.where(shared[..., None], rgb, np.uint8(0)))
 
 
-def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
-    """Which of the charts (k,) of a street that is done again hold the texels of one of a later wave: (k,) bool.
+def _written_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
+    """Return which charts (k,) of a street hold texels of a later wave, (k,) bool.
 
-    Those are blended of more views than this street's, or will be once that street is done again too.
+    Those are blended from more views, or will be once that street is done again.
     """
     pairs = plan.streets_of_charts(charts)
     pairs = pairs[plan.wave[pairs[:, 0]] > plan.wave[street]]
@@ -194,14 +199,16 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
 
 
 def forget_street(run: Run, street: int, street_key: str) -> None:
-    """Let go of what this process keeps of a street."""
+    """Release what this process keeps of a street."""
     _streets.pop((run, street, street_key), None)
 
 
-def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
-    """The street's window with its first `step` viewpoints in it, None for any number of them: from this process, else replayed
-    from panoramas. And the mark that now stands for it. Where a field answers, what other streets see is not in it: only the
-    street's end needs that."""
+def _take_buffer(entry: _Street, here: StreetContext, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
+    """Take the street's buffer with its first `step` viewpoints, None for any number, from this process or by replay.
+
+    Also returns the mark that is stored in its place. With a material field the panoramas of other streets are left out: only the
+    end of the street needs them.
+    """
     for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
     mark = object()
@@ -209,22 +216,29 @@ def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) ->
         held, _streets[entry] = _streets.get(entry), mark
     if not isinstance(held, _Progress) or step not in (None, held.done):
         field = here.field is not None
-        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=field, own=field), step or 0)
+        held = _Progress(replay_street(here.plan, group, entry[1], step or 0, field=field, own=field), step or 0)
     return held, mark
 
 
-def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
+def _keep_buffer(entry: _Street, mark: object, progress: _Progress) -> None:
     with _taking:
         if _streets.get(entry) is mark:
             _streets[entry] = progress
 
 
-def replay(
+def replay_street(
     plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
 ) -> TexelBuffer:
-    """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
-    one of its charts, then the street's own, or its `own` alone. field: whether the translator answers with one; its texels are
-    left to `paint`."""
+    """Rebuild a street's buffer after its first `step` viewpoints.
+
+    It holds the base layer, the panoramas of earlier waves that show its charts, and its own.
+
+    Parameters
+    ----------
+    field : whether the translator returns a material field; its texels are left to `paint_visible_texels`.
+    own : whether panoramas of other streets are left out.
+    threads : threads of the kernels.
+    """
     scene = plan.scene
     viewpoints = plan.street_viewpoints(street)
     charts = plan.charts_of_street(street)
@@ -236,14 +250,14 @@ def replay(
         scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range
     )
 
-    earlier = [] if own else _earlier(plan, group, street, writable)
+    earlier = [] if own else _earlier_viewpoints(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
         add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
     return window
 
 
-def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
-    """The viewpoints of earlier waves that are done and show some charts (k,)."""
+def _earlier_viewpoints(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
+    """Return the viewpoints of earlier waves that are done and show some charts (k,)."""
     shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
     shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
     records = read_records(group, "viewpoints", shows)
@@ -255,7 +269,7 @@ def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> 
 def add_viewpoint(
     plan: Plan, group: StoreGroup, window: TexelBuffer, viewpoint: Viewpoint, *, field: bool, threads: int = 1
 ) -> None:
-    """Take a viewpoint that is done into a window: its panorama, or what it sees."""
+    """Add a viewpoint that is done to a buffer: its panorama, or its visibility."""
     if field:
         mark_first_visible(
             plan.scene, window, viewpoint, plan.scene.cast_panorama(viewpoint, group["panoramas/rgb"].shape[2])[2]

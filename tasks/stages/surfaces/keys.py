@@ -1,4 +1,4 @@
-"""The keys of finished surfaces: what they are made of, what is known of them and beside them, and what takes their light."""
+"""Keys of surfaces: their base layer and street texels, those of neighbouring charts, and the sun."""
 
 from __future__ import annotations
 
@@ -26,8 +26,15 @@ def surface_key(
     seeds: Mapping[str, str],
     streets: Mapping[str, str],
 ) -> str:
-    """Of the charts of a unit, with those beside them that they are levelled to; seeds, streets: the digests of what facade
-    stages and streets made of charts, by their ids."""
+    """Return the key of the charts of a unit.
+
+    Parameters
+    ----------
+    charts : its charts.
+    beside : neighbouring charts to which it is levelled.
+    seeds : digests of the base layer of charts, by id.
+    streets : digests of street texels of charts, by id.
+    """
     known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
     corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))

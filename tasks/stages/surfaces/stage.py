@@ -1,4 +1,4 @@
-"""Everything that is no panorama: the charts of each building and each piece of ground, finished once all streets are."""
+"""Stage `surfaces`: final colour of the charts of each building and piece of ground, after all streets."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.keys import surface_key
-from tasks.stages.surfaces.worker import surface_unit
+from tasks.stages.surfaces.worker import process_surface
 
 # Bytes per texel that is painted and levelled, with its surroundings (measured: 150).
 SURFACE_TEXEL = 155
 # Bytes per texel of the largest chart on which pictures are continued by example.
 CONTINUED_TEXEL = 300
 # Bytes that the sources of a continuation take, once for a piece (measured: 187 MB of 640,000 texels, 106 of 260,000).
-CONTINUED = 50_000_000
+CONTINUATION_BYTES = 50_000_000
 
 # Of a chart that is context: no building has this row, nor has the ground.
-NOT_OWN = -2
+CONTEXT_CHART = -2
 
 
-def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
-    """The units: name and charts of each of the block's own buildings that has some, then of each piece of ground."""
-    owner = RowIndex(np.where(plan.in_core, plan.scene.charts.building, NOT_OWN))
+def block_parts(plan: Plan) -> list[tuple[str, list[int]]]:
+    """Return the units, as name and charts: the block's own buildings, then its pieces of ground."""
+    owner = RowIndex(np.where(plan.in_core, plan.scene.charts.building, CONTEXT_CHART))
     buildings = [(name, owner.rows_with(building).tolist()) for building, name in enumerate(plan.scene.names)]
     ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.rows_with(-1).tolist()]
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]
 
 
 def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: what facades, textures and streets made."""
+    """Return the units, by the results of facades, textures and streets."""
     seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets", StreetRecord))
     texels, ids = plan.texel_counts(), [f"{number:016x}" for number in plan.ids.tolist()]
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []
-    for index, (name, charts) in enumerate(parts_of_block(plan)):
+    for index, (name, charts) in enumerate(block_parts(plan)):
         beside = sorted(
             {int(one) for chart in charts for one in coplanar_pieces(plan.scene.charts, chart, LEVELLING_MARGIN_M)}
             - set(charts)
@@ -76,20 +76,25 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     return units
 
 
-def _again(change: Change) -> dict[int, int]:
-    """Buildings and ground of which every chart stays: the charts of others are cleared."""
-    before = {name: (unit, charts) for unit, (name, charts) in enumerate(parts_of_block(change.before))}
+def _match_previous(change: Change) -> dict[int, int]:
+    """Match buildings and ground whose charts all stay: the charts of others are cleared."""
+    before = {name: (unit, charts) for unit, (name, charts) in enumerate(block_parts(change.before))}
     return {
         unit: before[name][0]
-        for unit, (name, charts) in enumerate(parts_of_block(change.after))
+        for unit, (name, charts) in enumerate(block_parts(change.after))
         if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]
     }
 
 
 def surface_memory(texels: np.ndarray, *, continued: bool = False) -> int:
-    """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled.
-    continued: whether pictures go on by example there."""
-    example = CONTINUED + int(texels.max()) * CONTINUED_TEXEL if continued else 0
+    """Return the memory of a building or piece of ground: all charts are kept, one at a time is levelled.
+
+    Parameters
+    ----------
+    texels : (k,) texels of its charts.
+    continued : whether pictures are continued by example.
+    """
+    example = CONTINUATION_BYTES + int(texels.max()) * CONTINUED_TEXEL if continued else 0
     return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
 
 
@@ -121,14 +126,14 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
 SURFACES = Stage(
     "surfaces",
     "surface",
-    count=lambda block, plan: len(parts_of_block(plan)),
-    match_previous=_again,
+    count=lambda block, plan: len(block_parts(plan)),
+    match_previous=_match_previous,
     units=surface_units,
-    function=surface_unit,
+    function=process_surface,
     reads=(*BASE_LAYER_STAGES, "streets"),
     in_every_block=True,
-    unit_charts=lambda plan: [charts for _, charts in parts_of_block(plan)],
-    unit_names=lambda plan: [name for name, _ in parts_of_block(plan)],
+    unit_charts=lambda plan: [charts for _, charts in block_parts(plan)],
+    unit_names=lambda plan: [name for name, _ in block_parts(plan)],
     find_lost=_find_lost,
     forecast=_forecast,
 )

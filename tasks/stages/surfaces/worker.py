@@ -1,4 +1,4 @@
-"""The charts of a building, or a piece of ground, finished into the atlas: material where nobody saw them, seams levelled."""
+"""Worker of `surfaces`: resolve colour and provenance of charts, fill unseen texels, level seams."""
 
 from __future__ import annotations
 
@@ -23,30 +23,32 @@ from facade_core.street.surfaces import KnownTexture, TranslatedViews, finish_ch
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.materials import materials, aerial_sampler
+from tasks.stages.shared.materials import aerial_sampler, material_field
 from tasks.stages.surfaces.record import SurfaceRecord
 
 
 @lru_cache(maxsize=2)
-def _field(run: Run) -> MaterialField:
-    return materials(plan_of_run(run), run.seed, run.roof_material, run.materials)
+def _run_material_field(run: Run) -> MaterialField:
+    return material_field(plan_of_run(run), run.seed, run.roof_material, run.materials)
 
 
-def surface_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write colour and provenance of the charts of one building, or of one piece of ground, through the fork. Arguments: these
-    charts; those that facades or textures seeded, those that streets wrote, and those of walls and roofs that cameras show,
-    among them and beside them."""
+def process_surface(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+    """Write colour and provenance of the charts of one building or piece of ground through the fork.
+
+    Unit arguments: its charts; charts with a base layer of facades or textures; charts with street texels; and charts of walls
+    and roofs from panoramas, in the unit and beside it.
+    """
     start = time.time()
     (unit,) = units
     charts, seeded, written, pictured = unit.arguments
     plan = plan_of_run(run)
     scene, group = plan.scene, open_root(fork)
-    field = _field(run)
+    field = _run_material_field(run)
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
-    known = KnownTexture(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
+    known = KnownTexture(_make_reader(group, scene.placement, seeded, written), seeded, written, pictured)
     above = aerial_sampler(run)
-    field, own = _with_own_wall(group, plan, field, charts, seeded)
+    field, own = _add_wall_material(group, plan, field, charts, seeded)
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
@@ -56,12 +58,12 @@ def surface_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
             chart,
             known,
             is_neural=run.texture.translator == "neural",
-            views=_pixels(run, plan, chart),
+            views=_network_pixels(run, plan, chart),
             levelling=run.texture.levelling,
             aerial=above,
             repaint=chart in own,
             sun=run.texture.sun,
-            labels=None if run.texture.sun is None or chart not in seeded else _labels(group, plan, chart),
+            labels=None if run.texture.sun is None or chart not in seeded else _facade_labels(group, plan, chart),
         )
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
@@ -83,16 +85,16 @@ def surface_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
     return fork, {unit.index: record}
 
 
-def _with_own_wall(
+def _add_wall_material(
     group: StoreGroup, plan: Plan, field: MaterialField, charts: Sequence[int], seeded: Collection[int]
 ) -> tuple[MaterialField, set[int]]:
-    """What a building's charts are made of, with the wall that its largest facade shows; and the charts that take that."""
+    """Return the material field with the wall of the building's largest facade, and the charts that take it."""
     placement = plan.scene.placement
     facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
     if not facades:
         return field, set()
     chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
-    part = _part(placement, chart)
+    part = _chart_slices(placement, chart)
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
     wall = measure_wall_material(image, labels, float(placement.texels_per_metre[chart]))
     if wall is None:
@@ -101,30 +103,34 @@ def _with_own_wall(
     return changed, set(own.tolist())
 
 
-def _part(placement: Placement, chart: int) -> tuple[int, slice, slice]:
-    """Where a chart is in the arrays of the atlas."""
+def _chart_slices(placement: Placement, chart: int) -> tuple[int, slice, slice]:
+    """Return the place of a chart in the arrays of the atlas."""
     y, x = int(placement.y[chart]), int(placement.x[chart])
     height, width = int(placement.height[chart]), int(placement.width[chart])
     return int(placement.page[chart]), slice(y, y + height), slice(x, x + width)
 
 
-def _labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
-    """Of a facade (h, w) uint8; None of other charts."""
+def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
+    """Return the labels (h, w) uint8 of a facade; None of other charts."""
     return (
-        np.asarray(group["facade_maps/labels"][_part(plan.scene.placement, chart)]) if plan.is_facade(chart) else None
+        np.asarray(group["facade_maps/labels"][_chart_slices(plan.scene.placement, chart)])
+        if plan.is_facade(chart)
+        else None
     )
 
 
-def _pixels(run: Run, plan: Plan, chart: int) -> TranslatedViews | None:
-    """Those of the network that a chart was translated from, where it is no facade: windows have no grain."""
+def _network_pixels(run: Run, plan: Plan, chart: int) -> TranslatedViews | None:
+    """Return the network pixels that a chart was translated from; None of facades, as windows have no grain."""
     seen = plan.views_of_charts(np.array([chart]))[:, 0]
     if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
         return None
     return TranslatedViews(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
-def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> ChartReader:
-    """What facades, textures and streets know of charts; of others nothing is read, whatever lies there."""
+def _make_reader(
+    group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]
+) -> ChartReader:
+    """Return a reader of base layer and street texels; charts without either read as empty."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         y, x = int(placement.y[chart]), int(placement.x[chart])

@@ -1,4 +1,4 @@
-"""The textures that buildings carry, and what is seen of them from above, into the atlas, a building at a time."""
+"""Stage `textures`: write the textures of building models and aerial views to the base layer, a building at a time."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoding_bytes, kept_pixels
-from tasks.stages.textures.worker import texture_unit
+from tasks.stages.textures.worker import process_textures
 
 # Bytes per texel of a model's texture: colour, cover and places in the atlas.
 TEXTURE_TEXEL = 40
 
 
 def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """A unit for each building with textures of its own, its facades aside."""
+    """Return a unit for each building with textures of its own, without its facades."""
     buildings = plan.buildings_with_textures()
     if not buildings:
         return []
-    texels = _texels(plan)
+    texels = _texels_by_building(plan)
     pictures = plan.building_pictures()
     return [
         Unit(
@@ -44,8 +44,8 @@ def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     ]
 
 
-def _texels(plan: Plan) -> np.ndarray:
-    """Texels of the textured charts of each building (b,)."""
+def _texels_by_building(plan: Plan) -> np.ndarray:
+    """Return the number of texels of the textured charts of each building, (b,)."""
     building = plan.scene.charts.building
     textured = np.flatnonzero(plan.textured & (building >= 0))
     totals = np.zeros(int(building.max(initial=-1)) + 1, np.int64)
@@ -53,8 +53,8 @@ def _texels(plan: Plan) -> np.ndarray:
     return totals
 
 
-def _again(change: Change) -> dict[int, int]:
-    """Buildings whose textured charts all stay; the charts of others stay no longer."""
+def _match_previous(change: Change) -> dict[int, int]:
+    """Match buildings whose textured charts all stay; the charts of others stay no longer."""
 
     def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
         buildings = enumerate(plan.buildings_with_textures())
@@ -71,7 +71,7 @@ def _again(change: Change) -> dict[int, int]:
 
 
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
-    """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
+    """Return the key of a building's charts that have textures of their own or are seen from above, without its facades."""
     charts = plan.textured_charts(building)
     parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
     if run.aerial is not None and charts:
@@ -90,9 +90,9 @@ TEXTURES = Stage(
     "textures",
     "textured building",
     count=lambda block, plan: len(plan.buildings_with_textures()),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=texture_units,
-    function=texture_unit,
+    function=process_textures,
     writes_base_layer=True,
     unit_charts=lambda plan: [plan.textured_charts(building) for building in plan.buildings_with_textures()],
     unit_names=lambda plan: [plan.scene.names[building] for building in plan.buildings_with_textures()],

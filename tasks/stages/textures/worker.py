@@ -1,5 +1,4 @@
-"""What a building's own textures and the picture from above show of it, into the atlas: every chart but its facades, which have
-a stage of their own."""
+"""Worker of `textures`: write a building's own textures and the aerial view of it, on every chart but facades."""
 
 from __future__ import annotations
 
@@ -23,8 +22,8 @@ from tasks.stages.shared.materials import aerial_sampler
 from tasks.stages.textures.record import TextureRecord
 
 
-def texture_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write the textured charts of one building through the fork; returns the fork and the journal record."""
+def process_textures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+    """Write the textured charts of one building through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
     building, textures = unit.arguments

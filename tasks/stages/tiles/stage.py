@@ -1,4 +1,4 @@
-"""The tiles of a block: the leaves of a quadtree over its buildings and pieces of ground, by texels."""
+"""Stage `tiles`: the leaves of a quadtree over the buildings and ground of a block, by texels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.tiles.record import tile_files
-from tasks.stages.tiles.worker import tile_unit
+from tasks.stages.tiles.worker import process_tile
 
 # Bytes per texel of a tile's picture: the rasters of its charts, the picture, and the free part of it.
 PICTURE_TEXEL = 16
@@ -49,8 +49,8 @@ def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
     ]
 
 
-def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
-    """Files are named by the paths of their tiles, and stay where they are; those of tiles that are gone do not."""
+def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Delete the files of tiles that are gone; the others keep their names, the paths of the tiles."""
     kept = {tile.path for tile in plan_block_tiles(change.after)}
     for folder in (FOLDER, COARSE):
         delete_stored_files(change.group, folder, kept)
@@ -69,7 +69,15 @@ def tile_key(
     origin: tuple[float, ...],
     digests: Mapping[str, str],
 ) -> str:
-    """The key of the tile with some charts (k,) of some buildings (b,), around a place in the world."""
+    """Return the key of a tile.
+
+    Parameters
+    ----------
+    charts : (k,) its charts.
+    buildings : (b,) its buildings.
+    origin : origin of its model in the world.
+    digests : digest of each chart, by id.
+    """
     things = np.unique(plan.scene_objects.chart_object[charts])
     ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
     return join_key_parts(
@@ -82,7 +90,7 @@ def tile_key(
 
 
 def tile_shape(plan: Plan, charts: np.ndarray) -> str:
-    """What the pictures of a tile with some charts (k,) are laid out by: these, their texels, and the code that does it."""
+    """Return a digest of the layout of a tile's pictures: its charts (k,), their texels, and the code."""
     placement = plan.scene.placement
     sides = (placement.width[charts].tolist(), placement.height[charts].tolist())
     return unit_key(stage_code("tiles"), plan.ids[charts].tolist(), *sides)
@@ -96,10 +104,10 @@ TILES = Stage(
         change.records["tiles"], [tile.path for tile in plan_block_tiles(change.after)]
     ),
     units=tile_units,
-    function=tile_unit,
+    function=process_tile,
     reads=("surfaces",),
     in_every_block=True,
-    relocate=_moved,
+    relocate=_relocate,
     derived_only=True,
     files=tile_files,
 )

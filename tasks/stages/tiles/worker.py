@@ -1,4 +1,4 @@
-"""A tile of the block: some buildings and pieces of ground as one model, and coarse rasters of it for views from afar."""
+"""Worker of `tiles`: encode the model of a tile, and coarse rasters for distant views."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.tiles.record import TileRecord
 
 
-def tile_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write the model of one tile and its coarse rasters through the fork; returns the fork and the journal record."""
+def process_tile(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+    """Write the model of one tile and its coarse rasters through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
     charts, digests, shape, origin = unit.arguments
@@ -48,9 +48,9 @@ def tile_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
         }
 
     names = dict(enumerate(plan.scene.names))
-    earlier = _earlier(group, unit, shape)
+    earlier = _earlier_tile(group, unit, shape)
     extras = {"origin": list(origin), "crs": run.crs}
-    tile = build_tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
+    tile = build_tile_model(_textured_scene(run), charts, digests, names, rasters, extras, earlier)
     model, coarse = tile_paths(unit.name)
     write_stored_file(group, model, tile.glb, f"tile {unit.name}, GLB")
     group.create_array(
@@ -79,8 +79,8 @@ def tile_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
     return fork, {unit.index: record}
 
 
-def _earlier(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
-    """The tile as the store holds it, where it has the same shape and is whole."""
+def _earlier_tile(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
+    """Return the stored tile if it has the same shape and is complete."""
     (record,) = read_records(group, "tiles", np.array([unit.index]), TileRecord)
     if record is None or record["status"] != "done" or record.get("shape") != shape:
         return None
@@ -94,8 +94,8 @@ def _earlier(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
 
 
 @lru_cache(maxsize=1)
-def _shown(run: Run) -> TexturedMesh:
-    """The block as models have it, whose charts are read elsewhere."""
+def _textured_scene(run: Run) -> TexturedMesh:
+    """Return the textured scene of the block, without pages."""
 
     def nothing(page: int) -> np.ndarray:
         raise StoreError(f"page {page} is not read as a whole")

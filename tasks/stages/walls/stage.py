@@ -1,4 +1,4 @@
-"""Walls that are no facades, and roofs, that panoramas show, a building at a time into the atlas."""
+"""Stage `walls`: write plain walls and roofs that panoramas show to the base layer, a building at a time."""
 
 from __future__ import annotations
 
@@ -30,22 +30,24 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.nearby_panoramas import cameras_of_block
-from tasks.stages.shared.surface_panorama import PosedPanorama
-from tasks.stages.walls.worker import wall_unit
+from tasks.stages.shared.nearby_panoramas import find_panoramas
+from tasks.stages.shared.surface_panorama import SurfacePanorama
+from tasks.stages.walls.worker import process_walls
 
 
 def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: poses that are refined, and one exposure of their pictures. Buildings that are taken from the same
-    panoramas follow each other, whatever their order in the source: what stands before them is found once."""
+    """Return the units, by the refined poses and the common exposure of their pictures.
+
+    Buildings with the same panoramas follow each other, whatever their order in the source: their occluders are found once.
+    """
     near = plan.walls_near_cameras()
     if not near:
         return []
-    cameras = cameras_of_block(block, plan, group, _placed)
+    cameras = find_panoramas(block, plan, group, _is_placed)
     texels = plan.texel_counts()
     units = []
     for index, (building, charts) in enumerate(near.items()):
-        taken = cameras.of_building(plan.scene.charts, charts, WALL_REACH_M)
+        taken = cameras.for_building(plan.scene.charts, charts, WALL_REACH_M)
         key = wall_key(run, plan, charts, taken)
         memory = wall_memory(texels[charts], [[one.path for one in of_chart] for of_chart in taken])
         arguments = (tuple(charts), tuple(taken))
@@ -53,17 +55,17 @@ def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
     return sorted(units, key=lambda unit: sorted({str(one.path) for of_chart in unit.arguments[1] for one in of_chart}))
 
 
-def names_of_walls(plan: Plan) -> list[str]:
-    """The buildings that have some."""
+def wall_names(plan: Plan) -> list[str]:
+    """Return the names of the buildings with such walls."""
     return [plan.scene.names[building] for building in plan.walls_near_cameras()]
 
 
-def _placed(record: Record | None) -> bool:
+def _is_placed(record: Record | None) -> bool:
     return record is not None and record["status"] == "done"
 
 
-def _again(change: Change) -> dict[int, int]:
-    """Buildings whose charts that cameras may show all stay, and are the same; the other charts of either stay no longer."""
+def _match_previous(change: Change) -> dict[int, int]:
+    """Match buildings whose charts all stay; the other charts of either stay no longer."""
 
     def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
         near = enumerate(plan.walls_near_cameras().items())
@@ -81,9 +83,9 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequence[PosedPanorama]]) -> str:
-    """Of walls and roofs of a building, and the panoramas that each is taken from."""
-    charts_of: dict[PosedPanorama, list[int]] = {}
+def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequence[SurfacePanorama]]) -> str:
+    """Return the key of the walls and roofs of a building, and the panoramas of each."""
+    charts_of: dict[SurfacePanorama, list[int]] = {}
     for chart, of_chart in zip(charts, taken, strict=True):
         for one in of_chart:
             charts_of.setdefault(one, []).append(chart)
@@ -96,8 +98,13 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
 
 
 def wall_memory(texels: np.ndarray, pictures: Sequence[Sequence[Path]]) -> int:
-    """Of a building whose charts, of so many texels (k,), are each taken from some panoramas: what these show is kept, one
-    chart at a time is taken, from its own panoramas."""
+    """Return the memory of a building.
+
+    Parameters
+    ----------
+    texels : (k,) texels of its charts.
+    pictures : panoramas of each chart; one chart at a time is processed, and all results are kept.
+    """
     pixels = {path: kept_pixels([path]) for path in {path for of_chart in pictures for path in of_chart}}
     taken = (
         count * (GROUND_TEXEL + len(of_chart) * VIEW_TEXEL) + sum(pixels[path] for path in of_chart) * CAMERA_PIXEL
@@ -110,13 +117,13 @@ WALLS = Stage(
     "walls",
     "photographed building",
     count=lambda block, plan: len(plan.walls_near_cameras()),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=wall_units,
-    function=wall_unit,
+    function=process_walls,
     reads=("poses", "bundles"),
     writes_base_layer=True,
     forecast=partial(forecast_after_poses, "walls"),
     unit_charts=lambda plan: list(plan.walls_near_cameras().values()),
-    unit_names=names_of_walls,
+    unit_names=wall_names,
     find_lost=lambda store: find_units_without_base_layer(store.session, store.records["walls"]),
 )

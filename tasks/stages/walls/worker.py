@@ -1,4 +1,4 @@
-"""What panoramas show of a building's walls that are no facades, and of its roofs, into the atlas."""
+"""Worker of `walls`: write what panoramas show of a building's plain walls and roofs."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.panorama_cameras import KEPT, camera_of, shown_in_turn, write_shown
-from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_views, open_camera, write_views
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.record import WallRecord
 
 
-def wall_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
-    """Write what panoramas show of one building's walls and roofs through the fork; returns the fork and the journal record."""
+def process_walls(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+    """Write the walls and roofs of one building from panoramas through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
     charts, taken = unit.arguments
@@ -33,16 +33,16 @@ def wall_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
     refused: list[Exception] = []
     reading: list[float] = []
 
-    def opened(one: PosedPanorama) -> PanoramaCamera | None:
+    def opened(one: SurfacePanorama) -> PanoramaCamera | None:
         begun = time.time()
-        camera = camera_of(one, mask_building_occluders, refused)
+        camera = open_camera(one, mask_building_occluders, refused)
         if camera is not None:
-            camera = replace(camera, occluded=camera.occluded | _beside_edges(run, one.pose, camera.occluded.shape))
+            camera = replace(camera, occluded=camera.occluded | _edge_mask(run, one.pose, camera.occluded.shape))
         reading.append(time.time() - begun)
         return camera
 
-    shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene))
-    digests, told = write_shown(open_root(fork), plan, shown, used)
+    shown, used = collect_views(dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene))
+    digests, told = write_views(open_root(fork), plan, shown, used)
     read = sum(reading)
     record: WallRecord = {
         "unit": unit.name,
@@ -58,14 +58,14 @@ def wall_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
     return fork, {unit.index: record}
 
 
-def _beside_edges(run: Run, pose: Pose, shape: tuple[int, ...]) -> np.ndarray:
-    """Of a panorama of so many pixels (H, W): bool."""
+def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the pixels (H, W) of a panorama beside edges of buildings."""
     rows, columns = shape
-    bits = _edges_in_bits(run, pose, rows, columns)
+    bits = _edge_bits(run, pose, rows, columns)
     return np.unpackbits(bits, count=rows * columns).reshape(rows, columns).astype(bool)
 
 
-@lru_cache(maxsize=KEPT)
-def _edges_in_bits(run: Run, pose: Pose, rows: int, columns: int) -> np.ndarray:
-    """Units side by side share them."""
+@lru_cache(maxsize=MAX_CACHED_MASKS)
+def _edge_bits(run: Run, pose: Pose, rows: int, columns: int) -> np.ndarray:
+    """Return the same as bits; consecutive units share them."""
     return np.packbits(mask_model_edges(plan_of_run(run).scene, pose, (rows, columns)))

@@ -22,7 +22,7 @@ from catalogs.published.s3 import S3Folder, folder_at, s3_filesystem
 from catalogs.published.s3_copy import copy_run, put_object
 from catalogs.query.execution import _filtered_dataset, query
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tests.bucket import served
 from tests.catalogs.stac.test_stac import aside, publish, row
 
@@ -83,7 +83,7 @@ def runs(bucket: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
     make_run(folder / "a", 5)
     make_run(folder / "north" / "b", 2, floors=9)
-    done = CliRunner().invoke(main, ["catalog", str(folder), "--to", f"{bucket}/runs"])
+    done = CliRunner().invoke(command_line, ["catalog", str(folder), "--to", f"{bucket}/runs"])
     assert done.exit_code == 0, done.output
     assert done.stdout.split() == [f"{bucket}/runs/catalog.json"]
     with s3_filesystem().open_output_stream("city/runs/idle/store/config.yaml") as stream:
@@ -227,15 +227,15 @@ def test_what_is_not_there_is_one_line(bucket: str, tmp_path: Path, monkeypatch:
     with pytest.raises(InputError, match="names no bucket"):
         folder_at("s3://")
     out = make_run(tmp_path / "out", 1)
-    done = CliRunner().invoke(main, ["catalog", str(out), "--to", "s3://nobody-has-this/x"])
+    done = CliRunner().invoke(command_line, ["catalog", str(out), "--to", "s3://nobody-has-this/x"])
     assert done.exit_code == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "there is no such bucket" in done.stderr
-    assert CliRunner().invoke(main, ["catalog", str(out), "--to", str(tmp_path)]).exit_code == 2
+    assert CliRunner().invoke(command_line, ["catalog", str(out), "--to", str(tmp_path)]).exit_code == 2
 
 
 def test_the_command_asks_a_bucket(bucket: str, runs: Path) -> None:
-    done = CliRunner().invoke(main, ["query", f"{bucket}/runs", "--where", "floors = 9", "--format", "json"])
+    done = CliRunner().invoke(command_line, ["query", f"{bucket}/runs", "--where", "floors = 9", "--format", "json"])
     assert done.exit_code == 0
     assert {found["run"] for found in json.loads(done.stdout)} == {"north/b"}
     assert "streetloom: idle is left out" in done.stderr

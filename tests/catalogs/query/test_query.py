@@ -22,7 +22,7 @@ from catalogs.query.execution import query
 from catalogs.query.formats import format_items
 from catalogs.query.where import combine_conditions, parse_since
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 
 
 @pytest.fixture(scope="module")
@@ -320,19 +320,19 @@ def test_no_run_that_can_be_read(tmp_path: Path) -> None:
 
 def test_the_command(runs: Path) -> None:
     asked = ["query", str(runs), "--since", "2026-11-12", "--where", "floors = 6", "--format", "json"]
-    done = CliRunner().invoke(main, asked)
+    done = CliRunner().invoke(command_line, asked)
     assert done.exit_code == 0
     assert [(row["run"], row["id"]) for row in json.loads(done.stdout)] == [
         ("city/night [2]", "f11"),
         ("night=1", "f11"),
     ]
     assert "streetloom: idle is left out: nothing is published there yet" in done.stderr.splitlines()
-    assert CliRunner().invoke(main, ["query", str(runs), "--since", "soon"]).exit_code == 2
+    assert CliRunner().invoke(command_line, ["query", str(runs), "--since", "soon"]).exit_code == 2
 
 
 @pytest.mark.parametrize("box", [("24", "60", "25"), ("24", "60", "25", "--format", "json"), ("a", "b", "c", "d")])
 def test_a_box_of_other_than_four_numbers_is_refused_with_an_example(out: Path, box: tuple[str, ...]) -> None:
-    done = CliRunner().invoke(main, ["query", str(out), "--bbox", *box])
+    done = CliRunner().invoke(command_line, ["query", str(out), "--bbox", *box])
     assert done.exit_code == 2
     assert done.stderr.splitlines() == [
         "streetloom: --bbox: give four numbers, WEST SOUTH EAST NORTH in degrees, such as --bbox 24.94 60.16 24.95 60.17"
@@ -340,7 +340,7 @@ def test_a_box_of_other_than_four_numbers_is_refused_with_an_example(out: Path, 
 
 
 def test_the_command_writes_geoparquet(out: Path, tmp_path: Path) -> None:
-    done = CliRunner().invoke(main, ["query", str(out), "--where", "floors = 5", "--format", "parquet"])
+    done = CliRunner().invoke(command_line, ["query", str(out), "--where", "floors = 5", "--format", "parquet"])
     assert done.exit_code == 0
     (tmp_path / "found.parquet").write_bytes(done.stdout_bytes)
     frame = gpd.read_parquet(tmp_path / "found.parquet")

@@ -33,7 +33,7 @@ from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, St
 from catalogs.stac.items import CITY3D, FILE, PROCESSING, PROJECTION, VERSION, ZARR
 from catalogs.stac.snapshot import write_stac
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 
 CORE = Path(pystac.__file__).parent / "validation" / "jsonschemas"
 assert catalogs.__file__
@@ -468,7 +468,7 @@ def test_a_new_snapshot_and_a_folder_of_runs(tmp_path: Path) -> None:
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "current").write_text("../../etc")
     (tmp_path / "city" / "b" / "catalog.json").unlink()
-    done = CliRunner().invoke(main, ["catalog", str(tmp_path)])
+    done = CliRunner().invoke(command_line, ["catalog", str(tmp_path)])
     assert done.exit_code == 0
     assert sorted(line.split(" is left out")[0] for line in done.stderr.splitlines()) == [
         "streetloom: bad",

@@ -14,7 +14,9 @@ from facade_core.imagery.detect.faces import box_ious, find_faces
 from facade_core.imagery.detect.models import INSTALL_REMEDY, missing_packages
 from facade_core.imagery.detect.text import find_text_lines
 
-pytestmark = pytest.mark.skipif(bool(missing_packages()), reason=f"{', '.join(missing_packages())} not installed; {INSTALL_REMEDY}")
+pytestmark = pytest.mark.skipif(
+    bool(missing_packages()), reason=f"{', '.join(missing_packages())} not installed; {INSTALL_REMEDY}"
+)
 
 
 @pytest.mark.parametrize("height", [16, 60])

@@ -14,7 +14,7 @@ from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.plates import is_plate
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import TextLine
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from tasks.doctor.machine import second_opinion
 from tasks.engine.stage_code import stage_code
 
@@ -148,7 +148,9 @@ def test_a_face_that_is_private_is_made_anew() -> None:
     nothing = np.zeros(painted.labels.shape, bool)
     private = nothing.copy()
     private[-30:-20, 40:50] = True
-    plain, none, hidden = (build_facade_from_photo(painted.image, nothing, private=p, clean=True) for p in (None, nothing, private))
+    plain, none, hidden = (
+        build_facade_from_photo(painted.image, nothing, private=p, clean=True) for p in (None, nothing, private)
+    )
     assert (plain.image == none.image).all()
     assert (hidden.occluded == private).all()
     assert (hidden.image[~private] == painted.image[~private]).all()

@@ -24,7 +24,7 @@ from facade_core.export.lighting.height_maps import (
     estimate_heights,
     normals_from_heights,
 )
-from facade_core.export.lighting.panes import SeededRandom, emitted_light, find_openings, glass_mask
+from facade_core.export.lighting.panes import SeededRandom, find_openings, glass_mask, opening_emission
 from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterial
 from facade_core.export.lighting.relighting import ChartTexels, RelightingInputs, relight
 from facade_core.export.models.encoders import ENCODERS
@@ -134,16 +134,16 @@ def test_windows_are_lit_by_who_they_are() -> None:
     everything = {}
     for order in (1, -1):
         for opening in list(find_openings(labels))[::order]:
-            light = emitted_light(opening, 20.0, 9.0, SeededRandom(3, 4))
+            light = opening_emission(opening, 20.0, 9.0, SeededRandom(3, 4))
             was = everything.setdefault((opening.left, opening.top), light)
             assert (was is None) == (light is None)
             assert was is None or np.array_equal(was, light)
     one_less = labels.copy()
     one_less[15:45, 20:44] = FacadeClass.WALL
     for opening in find_openings(one_less):
-        was, light = everything[opening.left, opening.top], emitted_light(opening, 20.0, 9.0, SeededRandom(3, 4))
+        was, light = everything[opening.left, opening.top], opening_emission(opening, 20.0, 9.0, SeededRandom(3, 4))
         assert (was is None) == (light is None), "whatever becomes of its neighbours"
-    lit = [emitted_light(one, 20.0, 9.0, SeededRandom(b, 1)) for b in range(60) for one in find_openings(labels)]
+    lit = [opening_emission(one, 20.0, 9.0, SeededRandom(b, 1)) for b in range(60) for one in find_openings(labels)]
     shone = [one for one in lit if one is not None]
     assert 0.15 < len(shone) / len(lit) < 0.6
     assert all(0 < one.max() <= 1 for one in shone)

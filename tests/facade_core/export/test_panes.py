@@ -8,10 +8,10 @@ import pytest
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.panes import (
     SeededRandom,
-    emitted_light,
     find_openings,
     glass_mask,
     modulate_by_picture,
+    opening_emission,
     snap_to_boxes,
 )
 from facade_core.export.lighting.shop_interiors import shop_interior_light
@@ -74,7 +74,7 @@ def test_shops_are_no_more_than_twice_as_light_as_flats_warm_and_uneven() -> Non
         (one,) = find_openings(labels)
         clear = glass_mask(one, picture, DENSITY)
         for building in range(120):
-            light = emitted_light(one, DENSITY, 4.0 if kind == FacadeClass.SHOP else 9.0, SeededRandom(building, 1))
+            light = opening_emission(one, DENSITY, 4.0 if kind == FacadeClass.SHOP else 9.0, SeededRandom(building, 1))
             if light is None:
                 continue
             shown = modulate_by_picture(one, light, picture, clear)[clear]

@@ -15,10 +15,10 @@ from facade_core.export.bodies.curtains import add_curtain_walls
 from facade_core.export.bodies.patches import (
     Patch,
     PolygonMesh,
-    connected_patches,
     is_closed,
     make_planar,
     open_edges,
+    patch_components,
     weld_polygons,
 )
 from facade_core.export.bodies.recess import intersects_box, recess_opening
@@ -101,7 +101,7 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
     body = build_body(source, triangles, semantics, 1, ORIGIN)
     assert body.is_closed
     assert is_closed(body.shell.patches)
-    assert len(connected_patches(body.shell.patches)) == 1
+    assert len(patch_components(body.shell.patches)) == 1
     down = [patch for patch in body.shell.patches if patch.semantic == 1]
     area = sum(float(body.shell.area_vector(patch)[2]) for patch in down)
     assert area == pytest.approx(-outline.area, abs=0.1), "the ground below, facing down"
@@ -137,5 +137,5 @@ def test_triangles_meet_a_box_or_pass_it() -> None:
 
 def test_pieces_hang_together_over_edges() -> None:
     patches = [Patch(((0, 1, 2),)), Patch(((5, 6, 7),)), Patch(((2, 1, 3),)), Patch(((3, 8, 9),))]
-    assert connected_patches(patches) == [[0, 2], [1], [3]]
-    assert connected_patches([]) == []
+    assert patch_components(patches) == [[0, 2], [1], [3]]
+    assert patch_components([]) == []

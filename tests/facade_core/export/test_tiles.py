@@ -20,7 +20,7 @@ from facade_core.export.city_models.attribution import Attribution, DataSource
 from facade_core.export.lighting.relighting import relight
 from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
 from facade_core.export.models.features import FeatureTable, MetadataProperty
-from facade_core.export.models.glb import embedded_images, read_glb_header
+from facade_core.export.models.glb import extract_images, read_glb_header
 from facade_core.export.models.gltf_materials import TimeOfDay
 from facade_core.export.models.textured_mesh import TexturedMesh, local_frame
 from facade_core.export.tiles import cells
@@ -220,7 +220,7 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
         return np.frombuffer(glb, kind, one["count"] * stride // size, at).reshape(one["count"], -1)[:, :width]
 
     checked = set()
-    images = embedded_images(glb)
+    images = extract_images(glb)
     for primitive in document["meshes"][0]["primitives"]:
         image = np.asarray(Image.open(io.BytesIO(images[primitive["material"]]))).astype(int)
         attributes = primitive["attributes"]

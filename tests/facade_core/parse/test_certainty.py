@@ -67,7 +67,9 @@ def test_confidence_is_put_right():
     good = rng.random(4000) < np.where(confidence == 0.9, 0.5, 0.9)
     windows = [Element("window", 0, 0, 1, 1, value) for value in confidence]
     record = certainty.fit_calibration([photo(windows, good)])
-    sure = Calibration({name: tuple(line) for name, line in record["elements"].items()}, FacadeFigures(**record["widths"]))
+    sure = Calibration(
+        {name: tuple(line) for name, line in record["elements"].items()}, FacadeFigures(**record["widths"])
+    )
     made = calibrate_elements(windows, sure, np.zeros((2, 2), bool))
     assert sorted({round(one.confidence, 1) for one in made}) == [0.5, 0.9]
     probability = np.array([one.confidence for one in made])
@@ -103,7 +105,9 @@ def test_intervals_hold_what_they_promise():
     for _ in range(200):
         doubt = rng.uniform(0.01, 0.1, 40)
         misses = np.abs(rng.normal(0, doubt))
-        width = certainty.fit_calibration([photo(miss=m, doubt=d) for m, d in zip(misses[:39], doubt[:39], strict=True)])["widths"]
+        width = certainty.fit_calibration(
+            [photo(miss=m, doubt=d) for m, d in zip(misses[:39], doubt[:39], strict=True)]
+        )["widths"]
         held.append(misses[39] <= width["windows"] * doubt[39])
     assert np.mean(held) == pytest.approx(COVERAGE, abs=0.06)
 
@@ -165,7 +169,9 @@ def test_what_is_not_labelled_is_not_held_against_a_parse():
     assert seen.is_correct.all()
     assert seen.misses == (0, 0, 0)
     whole = observe_parse(parsed(facade()), facade(), possible(facade()))
-    assert seen.uncertainty.window_share == pytest.approx(whole.uncertainty.window_share, abs=1e-4), "nor is it unsure of it"
+    assert seen.uncertainty.window_share == pytest.approx(whole.uncertainty.window_share, abs=1e-4), (
+        "nor is it unsure of it"
+    )
     truth = facade()
     truth[30:] = UNKNOWN
     assert observe_parse(parsed(facade()), truth, possible(truth)).found == [], (
@@ -215,7 +221,9 @@ def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
         }
         path.with_suffix(".json").write_text(json.dumps(record) + " " * len(known))
         if known is lines:
-            assert certainty.load_calibration(path) == Calibration({name: (1.0, 0.0) for name in lines}, FacadeFigures(20, 20, 20))
+            assert certainty.load_calibration(path) == Calibration(
+                {name: (1.0, 0.0) for name in lines}, FacadeFigures(20, 20, 20)
+            )
         else:
             with pytest.raises(ModelError, match="how sure"):
                 certainty.load_calibration(path)

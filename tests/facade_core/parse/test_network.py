@@ -22,7 +22,11 @@ def tiny_network(inputs=("image", "place"), steep=1.0):
     across speaks for sky, weakly and only so that it is used."""
     outputs = len(CLASSES) + 2
     weights = np.zeros((outputs, 3, 1, 1), np.float32)
-    weights[FacadeClass.WALL, 0], weights[[FacadeClass.ROOF, network.OUTSIDE_OUTPUT], 1], weights[network.OCCLUDER_OUTPUT, 2] = (
+    (
+        weights[FacadeClass.WALL, 0],
+        weights[[FacadeClass.ROOF, network.OUTSIDE_OUTPUT], 1],
+        weights[network.OCCLUDER_OUTPUT, 2],
+    ) = (
         steep,
         steep,
         steep,

@@ -51,7 +51,9 @@ def copy(weights):
 
 
 def train(start, course=COURSE, **options):
-    return network_training.train_parser_network({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
+    return network_training.train_parser_network(
+        {"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options
+    )
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +84,9 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights,
     resumed = train(start, state=state, progress=lambda *step: told.append(step))
     assert told == [("network", 2, 4), ("network", 3, 4)]
     assert all(torch.equal(weights[name], resumed[name]) for name in weights)
-    assert all(torch.equal(weights[name], value) for name, value in network_training.read_finished_weights(state).items())
+    assert all(
+        torch.equal(weights[name], value) for name, value in network_training.read_finished_weights(state).items()
+    )
 
 
 def test_the_state_of_another_run_is_refused(start, tmp_path):

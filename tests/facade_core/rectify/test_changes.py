@@ -8,7 +8,7 @@ import pytest
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.change_detection import detect_changes
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 
 DENSITY = 1 / 0.05
 WALL = paint((14.0, 12.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=2).image
@@ -46,7 +46,9 @@ def test_another_wall_is_told_by_the_share_that_it_takes(rows: tuple[float, floa
     told = detect_changes(view(taken(now)), view(WALL), DENSITY)
     assert told.changed_share == pytest.approx(rows[1] - rows[0], abs=0.12)
     assert told.is_changed[top:bottom].mean() > 0.8
-    assert told.is_changed[: max(0, top - 12)].sum() + told.is_changed[bottom + 12 :].sum() < 0.05 * told.is_changed.size
+    assert (
+        told.is_changed[: max(0, top - 12)].sum() + told.is_changed[bottom + 12 :].sum() < 0.05 * told.is_changed.size
+    )
 
 
 def test_paint_is_a_change_and_white_balance_is_none() -> None:

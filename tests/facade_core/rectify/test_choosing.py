@@ -70,7 +70,9 @@ def test_what_stands_before_a_wall_hides_it_from_a_panorama() -> None:
     screen = ((99.0, 194.0), (112.0, 194.0), 0.0, 20.0)
     poses = [at(105.0, 188.0), at(105.0, 197.0)]
     scene = scene_of(ROW[0], screen)
-    assert set(choose_panoramas(scene, facades_of(scene, [WallRole.STREET, WallRole.SIDE]), poses, [SIZE] * 2).chosen) == {1}
+    assert set(
+        choose_panoramas(scene, facades_of(scene, [WallRole.STREET, WallRole.SIDE]), poses, [SIZE] * 2).chosen
+    ) == {1}
 
 
 def test_of_two_that_show_the_same_the_first_is_taken() -> None:

@@ -11,14 +11,14 @@ from PIL import Image
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from facade_core.synth.street_truth import panorama, synthetic_street
+from facade_core.synth.street_truth import render_street_panorama, synthetic_street
 
 
 @pytest.fixture(scope="module")
 def whole() -> np.ndarray:
     street = synthetic_street(4, seed=3, texels_per_metre=8.0)
-    x, y = street.place(0.45 * street.length, 1.0)
-    return panorama(street, Pose(float(x), float(y), 2.5, 40.0), 1024)
+    x, y = street.world_point(0.45 * street.length, 1.0)
+    return render_street_panorama(street, Pose(float(x), float(y), 2.5, 40.0), 1024)
 
 
 def fisheye(image: np.ndarray, middles: tuple[float, ...]) -> np.ndarray:

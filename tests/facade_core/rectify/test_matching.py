@@ -73,9 +73,13 @@ def test_the_wall_is_found_that_the_ray_meets_and_none_behind_others(street: Syn
         assert walls[best] == chart
         assert 0.4 < found.hit_share[best] <= 1
         assert found.heading_offset_deg[best] == pytest.approx(-7)
-        assert found.roof_height_m[best] == pytest.approx(height, rel=0.25), "of places that are 5 m off, the middle one"
+        assert found.roof_height_m[best] == pytest.approx(height, rel=0.25), (
+            "of places that are 5 m off, the middle one"
+        )
         assert 0.5 < likely.sum() < 1
         assert likely[~np.isin(walls, street.charts)].max() < 0.01, "sides and backs do not stand there"
         wrong = PhotoOrientation(taken.ahead, 40 * height / 14)
-        assert match_walls(street.scene, walls, wrong, place, heading, seed=0).probability.sum() < 0.1, "no roof is so high"
+        assert match_walls(street.scene, walls, wrong, place, heading, seed=0).probability.sum() < 0.1, (
+            "no roof is so high"
+        )
         assert not match_walls(street.scene, walls, taken, place + 900.0, heading, seed=0).probability.any()

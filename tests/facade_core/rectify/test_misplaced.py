@@ -11,7 +11,7 @@ from facade_core.core.types import Pose
 from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_outline
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 
 @pytest.fixture(scope="module")
@@ -21,9 +21,9 @@ def street() -> SyntheticStreet:
 
 @pytest.fixture(scope="module")
 def shot(street: SyntheticStreet) -> tuple[Pose, np.ndarray]:
-    x, y = street.place(0.45 * street.length, 1.0)
+    x, y = street.world_point(0.45 * street.length, 1.0)
     pose = Pose(float(x), float(y), 2.5, 40.0)
-    return pose, panorama(street, pose, 2048)
+    return pose, render_street_panorama(street, pose, 2048)
 
 
 def why(street: SyntheticStreet, image: np.ndarray, given: Pose) -> str:
@@ -56,7 +56,7 @@ def test_a_heading_that_lies_is_told(street: SyntheticStreet, shot: tuple[Pose, 
 def test_a_place_that_lies_is_told(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:
     """Four metres down the street and two across it."""
     pose, image = shot
-    there = street.place(0.45 * street.length + 4.0, -1.0)
+    there = street.world_point(0.45 * street.length + 4.0, -1.0)
     said = why(street, image, replace(pose, x=float(there[0]), y=float(there[1])))
     assert said.startswith("was taken elsewhere: ")
     assert said.endswith("mend its place, or remove it")

@@ -10,13 +10,13 @@ import pytest
 from PIL import Image
 
 from facade_core.imagery.rectify.no_data import NO_DATA_RIM, no_data_mask
-from facade_core.synth.facade import facade
+from facade_core.synth.facade import paint_facade
 from facade_core.synth.styles import STYLES
 
 
 def warped(lean: float) -> tuple[np.ndarray, np.ndarray]:
     """A painted facade as a rectification leaves it, sheared, as a JPEG; and what of it is no part of the picture."""
-    image = facade((10.0, 14.0), floors=3, columns=4, style=STYLES[0], metres_per_pixel=0.05, seed=3).image
+    image = paint_facade((10.0, 14.0), floors=3, columns=4, style=STYLES[0], metres_per_pixel=0.05, seed=3).image
     height, width = image.shape[:2]
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     moved = corners + np.array([[lean, 0], [0, lean], [0, -lean / 2], [lean / 3, 0]], np.float32)
@@ -40,7 +40,7 @@ def test_what_a_warp_left_black_is_found(lean: float, share: float) -> None:
 
 @pytest.mark.parametrize("style", STYLES)
 def test_nothing_of_a_whole_picture_is_taken_for_a_corner(style: str) -> None:
-    image = facade((10.0, 14.0), floors=3, columns=4, style=style, metres_per_pixel=0.05, seed=4).image
+    image = paint_facade((10.0, 14.0), floors=3, columns=4, style=style, metres_per_pixel=0.05, seed=4).image
     assert not no_data_mask(image).any()
 
 

@@ -11,7 +11,7 @@ from facade_core.core.errors import GeometryError, ImageError
 from facade_core.core.types import Pose
 from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position, rotate_pose
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 WIDTH = 2048
 
@@ -23,9 +23,9 @@ def street() -> SyntheticStreet:
 
 @pytest.fixture(scope="module")
 def shot(street: SyntheticStreet) -> tuple[Pose, np.ndarray]:
-    x, y = street.place(0.45 * street.length, 1.0)
+    x, y = street.world_point(0.45 * street.length, 1.0)
     pose = Pose(float(x), float(y), 2.5, 40.0, pitch=0.6, roll=-0.4)
-    return pose, panorama(street, pose, WIDTH)
+    return pose, render_street_panorama(street, pose, WIDTH)
 
 
 def angle(one: Pose, other: Pose) -> float:

@@ -12,7 +12,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
 from facade_core.imagery.poses.panorama_camera import camera_position
 from facade_core.imagery.poses.shared_walls import GradientImage, _find_shift, _gradient_correlation, _match_patches
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 WIDTH = 2048
 # The covariance of a place that outlines of buildings told well.
@@ -29,9 +29,9 @@ def shots(street: SyntheticStreet) -> list[tuple[Pose, np.ndarray]]:
     """Three cameras on the street, and what they see."""
     found = []
     for number, (share, side) in enumerate(((0.3, 1.5), (0.5, -1.5), (0.7, 1.0))):
-        x, y = street.place(share * street.length, side)
+        x, y = street.world_point(share * street.length, side)
         pose = Pose(float(x), float(y), 2.5, 40.0 + 70 * number, pitch=0.6, roll=-0.4)
-        found.append((pose, panorama(street, pose, WIDTH, gain=1 - 0.1 * number, seed=number)))
+        found.append((pose, render_street_panorama(street, pose, WIDTH, gain=1 - 0.1 * number, seed=number)))
     return found
 
 

@@ -155,7 +155,7 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
     if brick:
         made[own], example[own] = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
     whole = MaterialField(scene, [STREET], seed=1)
-    whole.arrays = whole.arrays._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
+    whole.arrays = whole.arrays._replace(charts=surfaces._replace(material=made, tint=tint, grain=example))
     for chart in (facade, of_kind(scene, ChartKind.WALL), of_kind(scene, ChartKind.ROOF)):
         np.testing.assert_array_equal(changed.chart_raster(chart), whole.chart_raster(chart))
     assert (changed.chart_raster(facade) != plain.chart_raster(facade)).any()

@@ -181,9 +181,9 @@ def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
         return tiles
 
     with monkeypatch.context() as patched:
-        patched.setattr(module, "mark_tiles", mark)
+        patched.setattr(module, "mark_visible_tiles", mark)
         propagate(scene, marked, camera(), rgb)
-        patched.setattr(module, "mark_tiles", lambda *arguments: np.ones_like(mark_visible_tiles(*arguments)))
+        patched.setattr(module, "mark_visible_tiles", lambda *arguments: np.ones_like(mark_visible_tiles(*arguments)))
         propagate(scene, everywhere, camera(), rgb)
     assert visited[0] < 0.8
     found, all_found = marked.provenance > Provenance.UNSEEN, everywhere.provenance > Provenance.UNSEEN

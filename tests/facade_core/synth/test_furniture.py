@@ -7,7 +7,7 @@ import shapely
 
 from facade_core.core.labels import FacadeClass
 from facade_core.synth.furniture import street_furniture
-from facade_core.synth.model_relief import relief
+from facade_core.synth.model_relief import relief_image
 
 LINE = shapely.LineString([(100, 200), (160, 230)])
 
@@ -34,7 +34,7 @@ def test_openings_are_darker_than_the_wall_with_a_shadow_under_their_head_and_a_
     labels = np.full((60, 40), FacadeClass.WALL, np.uint8)
     labels[10:30, 10:20] = FacadeClass.WINDOW
     labels[40:60, 25:35] = FacadeClass.DOOR
-    grey = relief(labels, 0.05).astype(int)
+    grey = relief_image(labels, 0.05).astype(int)
     assert grey[20, 15] < grey[5, 5]
     assert grey[10, 15] < grey[20, 15]
     assert grey[31, 15] > grey[5, 5]

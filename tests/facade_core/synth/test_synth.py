@@ -9,16 +9,16 @@ import pytest
 
 from facade_core.core.errors import FacadeError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.synth.exemplars import exemplars
-from facade_core.synth.facade import PaintedFacade, facade
-from facade_core.synth.shops import parade
+from facade_core.synth.exemplars import paint_exemplar_set
+from facade_core.synth.facade import PaintedFacade, paint_facade
+from facade_core.synth.shops import design_shops
 from facade_core.synth.styles import STYLES
 
 
 def paint(style: str = "jugend", **changes) -> PaintedFacade:
     arguments = dict(floors=4, columns=4, style=style, metres_per_pixel=0.08, seed=5)
     size = changes.pop("size_m", (15.0, 12.0))
-    return facade(size, **(arguments | changes))
+    return paint_facade(size, **(arguments | changes))
 
 
 @pytest.fixture(scope="module", params=STYLES)
@@ -125,7 +125,7 @@ def test_shops_and_balconies_keep_off_the_ends_and_shops_have_piers(seed):
 
 
 def test_no_name_is_twice_in_a_parade():
-    names = [shop.name.lower() for shop in parade(12, np.random.default_rng(4))]
+    names = [shop.name.lower() for shop in design_shops(12, np.random.default_rng(4))]
     assert len(set(names)) == 12
 
 
@@ -201,7 +201,7 @@ def test_bad_input_is_named(changes, names):
 
 
 def test_exemplars_are_varied_and_to_scale():
-    library = exemplars(10, seed=3, metres_per_pixel=0.1, occluded_share=0.4)
+    library = paint_exemplar_set(10, seed=3, metres_per_pixel=0.1, occluded_share=0.4)
     assert len(library) == 10
     assert sum(p.occluded.any() for p in library) == 4
     assert len({(p.floors, p.columns) for p in library}) >= 6
@@ -210,13 +210,13 @@ def test_exemplars_are_varied_and_to_scale():
         assert 3 <= p.columns <= 8
         assert 9.9 <= p.image.shape[1] * 0.1 <= 26.1
         assert (p.labels == FacadeClass.WINDOW).mean() > 0.05
-    again = exemplars(3, seed=3, metres_per_pixel=0.1)
+    again = paint_exemplar_set(3, seed=3, metres_per_pixel=0.1)
     np.testing.assert_array_equal(again[2].labels, library[2].labels)
     assert not any(p.occluded.any() for p in again)
 
 
 def test_storeys_of_exemplars_are_about_three_metres():
-    for p in exemplars(5, seed=8, metres_per_pixel=0.1):
+    for p in paint_exemplar_set(5, seed=8, metres_per_pixel=0.1):
         named = zip(p.elements, p.element_states, strict=True)
         tops = {e.y0 for e, state in named if state.startswith("window:") and "ground" not in state}
         roof = int((p.labels[:, 0] == FacadeClass.ROOF).sum())
@@ -231,4 +231,4 @@ def test_storeys_of_exemplars_are_about_three_metres():
 )
 def test_bad_library_requests(arguments):
     with pytest.raises(FacadeError):
-        exemplars(**arguments)
+        paint_exemplar_set(**arguments)

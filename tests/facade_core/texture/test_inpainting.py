@@ -12,7 +12,7 @@ from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
 from facade_core.facade.texture.window_completion import complete_windows
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
 from facade_core.parsing.floor_structure import count_floors, find_structure, structural_lattice, window_spans
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from facade_core.synth.styles import STYLES
 
 MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m

@@ -11,9 +11,9 @@ from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
-from facade_core.synth.facade import facade
+from facade_core.synth.facade import paint_facade
 
-PAINTED = facade((13.0, 14.0), floors=4, columns=5, style="brick", metres_per_pixel=0.06, seed=2)
+PAINTED = paint_facade((13.0, 14.0), floors=4, columns=5, style="brick", metres_per_pixel=0.06, seed=2)
 
 
 def test_a_level_is_drawn_above_its_types() -> None:

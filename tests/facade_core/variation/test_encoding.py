@@ -317,12 +317,12 @@ def test_a_photographed_facade_has_levels_and_a_small_file(data):
 def test_states_of_painted_facades():
     """A floor for the median over the styles; single styles with balconies before their windows are lower. Each
     leaf of a window mirrors houses and sky of its own, which hides what hangs behind it."""
-    from facade_core.synth.facade import facade
+    from facade_core.synth.facade import paint_facade
     from facade_core.synth.styles import STYLES
 
     found = []
     for style in STYLES:
-        painted = facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=0)
+        painted = paint_facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=0)
         hierarchy = encode(painted.image, painted.elements)
         boxes = np.concatenate([g.boxes for g in hierarchy.groups])
         types = np.concatenate([g.types for g in hierarchy.groups])

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from facade_core.core.errors import InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -95,9 +95,9 @@ def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
 
 
 def test_view_says_that_a_run_has_just_begun(tmp_path: Path) -> None:
-    from flows.lock import locked
+    from flows.lock import lock_folder
 
-    with locked(tmp_path / "north"):
+    with lock_folder(tmp_path / "north"):
         for folder in (tmp_path, tmp_path / "north"):
             message = one_line_and_code_2(streetloom("view", str(folder)))
             assert f"{tmp_path / 'north'}: a run has just begun here and has no store yet; wait" in message
@@ -122,11 +122,11 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
 ) -> None:
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     (tmp_path / "block.yaml").write_text("")
     given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
-    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    shown = CliRunner().invoke(command_line, [given.get(word, word) for word in arguments])
     assert shown.exit_code == 2
     assert said in shown.stderr
     assert len(shown.stderr.splitlines()) == 1
@@ -143,11 +143,11 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
     ],
 )
 def test_a_new_block_is_of_one_map_and_one_place(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     (tmp_path / "city.gpkg").write_bytes(b"")
     given = [str(tmp_path / "city.gpkg") if word == "MAP" else word for word in options]
-    shown = CliRunner().invoke(main, ["new-block", str(tmp_path / "new.yaml"), *given])
+    shown = CliRunner().invoke(command_line, ["new-block", str(tmp_path / "new.yaml"), *given])
     assert shown.exit_code == 2
     assert said in shown.stderr
     assert len(shown.stderr.splitlines()) == 1
@@ -169,13 +169,13 @@ def test_results_go_to_folders_of_this_machine(
 ) -> None:
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     (tmp_path / "block.yaml").write_text("")
     given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    shown = CliRunner().invoke(command_line, [given.get(word, word) for word in arguments])
     assert list(Path.cwd().iterdir()) == []
     assert shown.exit_code == 2
     assert "is written to folders of this machine only" in shown.stderr
@@ -184,9 +184,9 @@ def test_results_go_to_folders_of_this_machine(
 
 def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
     """Prefect reads where its server is when it is first imported; a redo once made it look for one of its own."""
-    modules = "catalogs.block, flows.entry, flows.lock, flows.log_file, flows.server.starting"
+    modules = "catalogs.block, flows.run_entry, flows.lock, flows.log_file, flows.server.startup"
     modules += ", tasks.stages.streets.redo, tasks.engine.run, tasks.engine.store.status"
-    code = f"import sys, flows.cli.commands, flows.cli.console, {modules}; print('prefect' in sys.modules)"
+    code = f"import sys, flows.cli.commands, flows.console, {modules}; print('prefect' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert shown.stdout.strip() == "False", shown.stderr
 
@@ -194,14 +194,14 @@ def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
 def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     def crash(*_: object) -> None:
         raise KeyError("inner")
 
-    monkeypatch.setattr("flows.entry.read_block", crash)
+    monkeypatch.setattr("flows.run_entry.read_block", crash)
     (tmp_path / "block.yaml").write_text("")
-    shown = CliRunner().invoke(main, ["run", str(tmp_path / "block.yaml"), "--out", str(tmp_path / "out")])
+    shown = CliRunner().invoke(command_line, ["run", str(tmp_path / "block.yaml"), "--out", str(tmp_path / "out")])
     assert shown.exit_code == 70
     (line,) = shown.stderr.splitlines()
     told, _, log = line.rpartition(" ")
@@ -252,11 +252,11 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_slip_of_the_command_line_is_one_line(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     (tmp_path / "block.yaml").write_text("")
     given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
-    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    shown = CliRunner().invoke(command_line, [given.get(word, word) for word in arguments])
     assert (shown.exit_code, shown.stdout) == (2, "")
     assert shown.stderr == f"streetloom: {said}\n"
 
@@ -274,12 +274,12 @@ def test_a_slip_of_the_command_line_is_one_line(tmp_path: Path, arguments: tuple
 def test_a_path_that_is_not_there_is_told_with_what_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], near: str | None
 ) -> None:
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     (tmp_path / "block.yaml").write_text("")
     (tmp_path / "out" / "demo").mkdir(parents=True)
     monkeypatch.chdir(tmp_path)
-    shown = CliRunner().invoke(main, list(arguments))
+    shown = CliRunner().invoke(command_line, list(arguments))
     assert shown.exit_code == 2
     (line,) = shown.stderr.splitlines()
     assert "does not exist" in line
@@ -290,7 +290,7 @@ def test_every_command_refuses_an_unknown_option_in_one_line() -> None:
     import click
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     def commands(group: click.Group, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
         for name, command in group.commands.items():
@@ -298,10 +298,10 @@ def test_every_command_refuses_an_unknown_option_in_one_line() -> None:
             if isinstance(command, click.Group):
                 yield from commands(command, (*path, name))
 
-    known = [path for path in commands(main, ()) if path != ("bench",)]  # a benchmark's options are its own
+    known = [path for path in commands(command_line, ()) if path != ("bench",)]  # a benchmark's options are its own
     assert len(known) > 10
     for path in known:
-        shown = CliRunner().invoke(main, [*path, "--xyzzy"])
+        shown = CliRunner().invoke(command_line, [*path, "--xyzzy"])
         assert shown.exit_code == 2
         assert (
             shown.stderr
@@ -312,10 +312,10 @@ def test_every_command_refuses_an_unknown_option_in_one_line() -> None:
 def test_a_group_without_a_command_shows_its_help() -> None:
     from click.testing import CliRunner
 
-    from flows.cli.commands import main
+    from flows.cli.commands import command_line
 
     for group in ((), ("train",)):
-        assert "Commands:" in CliRunner().invoke(main, list(group)).stderr
+        assert "Commands:" in CliRunner().invoke(command_line, list(group)).stderr
 
 
 def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -327,5 +327,5 @@ def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest
 
     monkeypatch.setattr("catalogs.query.query", find)
     for more in ([], ["--where", "a or b"], ["--where", "a or b", "--where", "c"]):
-        CliRunner().invoke(main, ["query", str(tmp_path), *more])
+        CliRunner().invoke(command_line, ["query", str(tmp_path), *more])
     assert asked == [None, "a or b", "(a or b\n) AND (c\n)"]

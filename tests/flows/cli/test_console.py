@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from facade_core.core.errors import InputError, MachineError
-from flows.cli import console
-from flows.cli.console import Lines, show
-from flows.cli.endings import ending
-from flows.log_file import log_of, log_to
+from flows import console
+from flows.cli.exit_codes import describe_error
+from flows.console import ProgressLines, print_summary
+from flows.log_file import find_log, log_to
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.outcome import log_units
 from tasks.engine.progress import begin_stage, report_progress
@@ -23,8 +23,8 @@ from tasks.engine.progress import begin_stage, report_progress
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     lines: list[str] = []
-    monkeypatch.setattr(console, "Lines", lambda tell: Lines(lines.append, clock=lambda: now[0]))
-    with console.progress():
+    monkeypatch.setattr(console, "ProgressLines", lambda tell: ProgressLines(lines.append, clock=lambda: now[0]))
+    with console.show_progress():
         begin_stage("facades", 200, 100)
         for unit in range(100):
             now[0] += 30.0
@@ -57,7 +57,7 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
     ],
 )
 def test_the_code_tells_whose_fault_it_is(error: Exception, code: int, says: str) -> None:
-    ended, line = ending(error)
+    ended, line = describe_error(error)
     assert ended == code
     assert says in line
     assert len(line.splitlines()) == 1
@@ -69,7 +69,7 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     done = {"unit": "a/2", "status": "done", "seconds": {"read": 0.1}, "worker": "two"}
 
     def run() -> None:
-        with log_to(tmp_path, alone=True):
+        with log_to(tmp_path, file_only=True):
             with log_to(tmp_path):
                 log_units("facades", [failed, done])
             raise ZeroDivisionError
@@ -78,8 +78,8 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
         run()
     log_units("facades", [failed])  # of another run
     (path,) = (tmp_path / "logs").iterdir()
-    assert path == log_of(ended.value)
-    assert log_of(ZeroDivisionError()) is None  # of no run
+    assert path == find_log(ended.value)
+    assert find_log(ZeroDivisionError()) is None  # of no run
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [(line["level"], line.get("unit")) for line in lines] == [
         ("warning", "a/1"),
@@ -92,7 +92,7 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     assert lines[2]["traceback"].startswith("Traceback")
     assert "ZeroDivisionError" in lines[2]["traceback"]
     assert logging.getLogger("tasks").level == before
-    assert str(path) in ending(ended.value)[1]
+    assert str(path) in describe_error(ended.value)[1]
 
 
 def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
@@ -108,5 +108,5 @@ def test_faces_are_not_missed_on_painted_pictures(painted: bool) -> None:
         "not_looked_at": 2, "outputs": {"report": "r", "glb": [], "items": "i"}, "out": "out/demo",
     }  # fmt: skip
     written = io.StringIO()
-    show(Console(file=written, width=200), summary, painted=painted)
+    print_summary(Console(file=written, width=200), summary, painted=painted)
     assert ("faces and plates were not looked for" in written.getvalue()) is not painted

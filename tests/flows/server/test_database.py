@@ -28,24 +28,24 @@ def created(home: Path) -> Path:
 
 def test_what_one_run_created_the_next_one_finds(tmp_path: Path) -> None:
     (tmp_path / "next").mkdir()
-    assert not server_database.lay_out(tmp_path / "next")
-    server_database.keep(created(tmp_path / "first"))
-    assert server_database.lay_out(tmp_path / "next")
+    assert not server_database.restore_database(tmp_path / "next")
+    server_database.cache_database(created(tmp_path / "first"))
+    assert server_database.restore_database(tmp_path / "next")
     with closing(sqlite3.connect(tmp_path / "next" / "prefect.db")) as database:
         assert database.execute("select name from sqlite_master").fetchall() == [("flow",)]
 
 
 def test_a_run_goes_on_with_its_own(tmp_path: Path) -> None:
-    server_database.keep(created(tmp_path / "first"))
+    server_database.cache_database(created(tmp_path / "first"))
     own = created(tmp_path / "own")
     (own / "prefect.db").write_bytes(b"own")
-    assert server_database.lay_out(own)
+    assert server_database.restore_database(own)
     assert (own / "prefect.db").read_bytes() == b"own"
 
 
 def test_where_nothing_can_be_kept_nothing_is_said(tmp_path: Path, cache: Path) -> None:
     cache.write_text("a file where the folder would be")
-    server_database.keep(created(tmp_path / "first"))
-    server_database.keep(tmp_path / "without")
+    server_database.cache_database(created(tmp_path / "first"))
+    server_database.cache_database(tmp_path / "without")
     (tmp_path / "next").mkdir()
-    assert not server_database.lay_out(tmp_path / "next")
+    assert not server_database.restore_database(tmp_path / "next")

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from facade_core.core.errors import InputError
-from flows.viewer.app import application, serve
-from flows.viewer.editing import MOST_BYTES, TOKEN, Editor
-from flows.viewer.redo import told
+from flows.viewer.app import create_application, serve
+from flows.viewer.background_run import describe_outcome
+from flows.viewer.editing import MAX_BODY_BYTES, TOKEN_HEADER, Editor
 
 HERE = "http://127.0.0.1:PORT"
 ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
@@ -26,7 +26,7 @@ def served(out: Path, editor: Editor | None) -> Iterator[int]:
     import uvicorn
 
     listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning"))
+    server = uvicorn.Server(uvicorn.Config(create_application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning"))
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
     thread.start()
     try:
@@ -55,13 +55,13 @@ def ask(port: int, method: str, path: str, headers: dict[str, str], body: bytes 
 
 REFUSED: dict[str, tuple[dict[str, str], int]] = {
     "no token": ({"Origin": HERE}, 403),
-    "another token": ({TOKEN: "wrong", "Origin": HERE}, 403),
-    "a token as a cookie": ({"Cookie": f"{TOKEN}=right", "Origin": HERE}, 403),
-    "a page of another site": ({TOKEN: "right", "Origin": "http://evil.example"}, 403),
-    "a page of another port": ({TOKEN: "right", "Origin": "http://127.0.0.1:9"}, 403),
-    "a page in a sandbox": ({TOKEN: "right", "Origin": "null"}, 403),
-    "no origin": ({TOKEN: "right"}, 403),
-    "a name made to point here": ({TOKEN: "right", "Host": "evil.example", "Origin": "http://evil.example"}, 400),
+    "another token": ({TOKEN_HEADER: "wrong", "Origin": HERE}, 403),
+    "a token as a cookie": ({"Cookie": f"{TOKEN_HEADER}=right", "Origin": HERE}, 403),
+    "a page of another site": ({TOKEN_HEADER: "right", "Origin": "http://evil.example"}, 403),
+    "a page of another port": ({TOKEN_HEADER: "right", "Origin": "http://127.0.0.1:9"}, 403),
+    "a page in a sandbox": ({TOKEN_HEADER: "right", "Origin": "null"}, 403),
+    "no origin": ({TOKEN_HEADER: "right"}, 403),
+    "a name made to point here": ({TOKEN_HEADER: "right", "Host": "evil.example", "Origin": "http://evil.example"}, 400),
 }
 
 
@@ -73,13 +73,13 @@ def test_who_may_not_write(case: str, port: int) -> None:
 
 
 def test_what_is_no_correction_is_refused_in_one_line(port: int) -> None:
-    mine = {TOKEN: "right", "Origin": HERE}
+    mine = {TOKEN_HEADER: "right", "Origin": HERE}
     for body, status in (
         (b"{", 400),
         (b"[" * 100_000, 400),
         (b"[]", 400),
         (b'{"corrections": 1}', 400),
-        (b" " * (MOST_BYTES + 1), 413),
+        (b" " * (MAX_BODY_BYTES + 1), 413),
     ):
         code, said = ask(port, "POST", "/edit/corrections", mine, body)
         assert code == status, body[:20]
@@ -88,8 +88,8 @@ def test_what_is_no_correction_is_refused_in_one_line(port: int) -> None:
         assert ask(port, "POST", "/edit/decisions", mine, body)[0] == 400, body
     assert ask(port, "GET", "/edit/corrections", mine)[0] == 405
     for address in ("/edit/state", "/edit/matches", "/edit/photo?name=a.jpg"):
-        assert ask(port, "GET", address, {TOKEN: "wrong"})[0] == 403, address
-    assert json.loads(ask(port, "GET", "/edit/state", {TOKEN: "right"})[1])["who"] == "anna"
+        assert ask(port, "GET", address, {TOKEN_HEADER: "wrong"})[0] == 403, address
+    assert json.loads(ask(port, "GET", "/edit/state", {TOKEN_HEADER: "right"})[1])["who"] == "anna"
 
 
 def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
@@ -100,7 +100,7 @@ def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
             ("GET", "/edit/photo?name=a"),
             *(("POST", address) for address in ADDRESSES),
         ):
-            assert ask(port, method, address, {TOKEN: "right", "Origin": HERE})[0] == 404, address
+            assert ask(port, method, address, {TOKEN_HEADER: "right", "Origin": HERE})[0] == 404, address
 
 
 def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path) -> None:
@@ -123,6 +123,6 @@ def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path
 
 def test_a_redo_with_nothing_due_says_so() -> None:
     summary: dict[str, Any] = {"units_done": 0, "units_skipped": 680, "failures": []}
-    assert told(summary) == "there is nothing to do: all 680 units were done before"
-    assert told(summary | {"units_done": 2}) == "2 units done, 680 were done before"
-    assert told(summary | {"failures": [{"unit": "a-0", "reason": "bad"}]}).endswith("a-0: bad")
+    assert describe_outcome(summary) == "there is nothing to do: all 680 units were done before"
+    assert describe_outcome(summary | {"units_done": 2}) == "2 units done, 680 were done before"
+    assert describe_outcome(summary | {"failures": [{"unit": "a-0", "reason": "bad"}]}).endswith("a-0: bad")

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from facade_core.core.errors import InputError
-from flows.viewer.app import HEADERS, application, serve
-from flows.viewer.guard import Guard, guard
+from flows.viewer.app import HEADERS, create_application, serve
+from flows.viewer.guard import HostGuard, create_guard
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     import uvicorn
 
     listening = socket.create_server(("127.0.0.1", 0))
-    app = application(tmp_path_factory.mktemp("out"), "127.0.0.1", "127.0.0.1")
+    app = create_application(tmp_path_factory.mktemp("out"), "127.0.0.1", "127.0.0.1")
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
     thread = threading.Thread(target=server.run, args=([listening],))
     thread.start()
@@ -80,12 +80,12 @@ def test_every_answer_binds_the_browser(page: int) -> None:
 
 
 def test_names_of_a_viewer_on_all_addresses() -> None:
-    everywhere = guard("0.0.0.0", "0.0.0.0")
+    everywhere = create_guard("0.0.0.0", "0.0.0.0")
     for host in ("192.0.2.7:8", "[2001:db8::1]:8", "localhost", socket.gethostname()):
         assert everywhere.refusal([host], []) is None, host
     for host in ("evil.example", "", "192.0.2.7.evil.example", "[evil]"):
         assert everywhere.refusal([host], []), host
-    assert Guard(("one.example",)).refusal(["192.0.2.7"], [])
+    assert HostGuard(("one.example",)).refusal(["192.0.2.7"], [])
 
 
 @pytest.mark.parametrize(

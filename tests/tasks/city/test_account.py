@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from catalogs.block.reader import read_block
 from catalogs.city.keys import uses_default_partition
 from facade_core.core.errors import BlockFileError, InputError
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tasks.city import account as accounts
 from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
@@ -63,7 +63,7 @@ def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, mo
 def test_who_asks_a_city_of_which_no_block_is_done_is_told_of_its_command(tmp_path: Path) -> None:
     known(town(tmp_path), out := tmp_path / "out")
     for command in (["query", str(out)], ["metrics", str(out)], ["doctor", str(out)], ["catalog", str(out)]):
-        said = CliRunner().invoke(main, command)
+        said = CliRunner().invoke(command_line, command)
         assert f"`streetloom city CITY.yaml --out {out}`" in said.output, command
 
 
@@ -77,12 +77,12 @@ def test_a_block_that_was_cut_is_told_to_be_one(tmp_path: Path) -> None:
 def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> None:
     """And so by the command, which says how far that was off of blocks that the model was not fitted on."""
     file = town(tmp_path)
-    said = CliRunner().invoke(main, ["plan", str(file), "--json"], catch_exceptions=False)
+    said = CliRunner().invoke(command_line, ["plan", str(file), "--json"], catch_exceptions=False)
     told = json.loads(said.stdout)
     _, files = known(file, tmp_path / "out")
     assert told["facades"] == sum(len(make_plan(read_block(one)).facades) for one in files.values())
     off = told["fitted"]["error_planned"]
-    printed = CliRunner().invoke(main, ["plan", str(file)], catch_exceptions=False).stdout
+    printed = CliRunner().invoke(command_line, ["plan", str(file)], catch_exceptions=False).stdout
     assert f"at most {off['seconds']:.0%} of a processor's time, {off['bytes']:.0%} of the bytes" in printed
 
 

@@ -198,8 +198,8 @@ def test_one_that_is_interrupted_leaves_nothing(osm: Geometry, tmp_path: Path, n
 import os
 import tasks.examples.new_block as made
 made.plan_of = lambda block: os.kill(os.getpid(), {int(number)})
-from flows.cli.commands import main
-main(["new-block", "new/mine.yaml", "--osm", {str(osm.buildings)!r}, "--bbox", *map(str, {BOX})])
+from flows.cli.commands import command_line
+command_line(["new-block", "new/mine.yaml", "--osm", {str(osm.buildings)!r}, "--bbox", *map(str, {BOX})])
 """
     ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ended.returncode == 128 + number, ended.stderr

@@ -22,7 +22,7 @@ from pyproj import Transformer
 from catalogs.published.items import COLUMNS
 from facade_core.core.errors import InputError, StoreError
 from facade_core.export.models.glb import read_glb_header
-from flows.cli.commands import main
+from flows.cli.commands import command_line
 from tasks.export.formats import FORMATS, _writers, export, marker_of
 from tasks.export.models import write_3dtiles
 from tasks.published.opened import Published
@@ -32,14 +32,14 @@ Run = tuple[Path, dict[str, Any]]
 
 
 def test_the_command_line_offers_every_format() -> None:
-    (option,) = (one for one in main.commands["export"].params if "--format" in one.opts)
+    (option,) = (one for one in command_line.commands["export"].params if "--format" in one.opts)
     assert tuple(option.type.choices) == FORMATS == tuple(_writers())  # type: ignore[attr-defined]
 
 
 def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     runner = click.testing.CliRunner()
     for style in HERE:
-        done = runner.invoke(main, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
+        done = runner.invoke(command_line, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
         assert done.exit_code == 0, done.output
         about = json.loads((tmp_path / style / marker_of(style)).read_text())
         assert about["snapshot"] == (undisturbed[0] / "current").read_text().strip()
@@ -51,7 +51,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
         "geoid_separation"
         in json.loads((tmp_path / "3dtiles" / "tileset.json").read_text())["asset"]["extras"]["heights"]
     )
-    choices = next(p for p in main.commands["export"].params if p.name == "style").type
+    choices = next(p for p in command_line.commands["export"].params if p.name == "style").type
     assert tuple(choices.choices) == FORMATS
 
 
@@ -271,7 +271,7 @@ def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path
     (broken / "published" / snapshot).mkdir(parents=True)
     shutil.copy(undisturbed[0] / "published" / snapshot / "items.parquet", broken / "published" / snapshot)
     (broken / "current").write_text(snapshot)
-    done = click.testing.CliRunner().invoke(main, ["export", str(broken), "--format", "glb"])
+    done = click.testing.CliRunner().invoke(command_line, ["export", str(broken), "--format", "glb"])
     assert done.exit_code == 2
     assert "0000.jpg is missing" in done.stderr
     assert len(done.stderr.splitlines()) == 1

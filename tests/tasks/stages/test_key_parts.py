@@ -34,7 +34,7 @@ from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
 from tasks.stages.order import STAGE_NAMES
 from tasks.stages.poses.stage import pose_key
-from tasks.stages.streets.keys import SETTINGS, StreetKeys, street_keys
+from tasks.stages.streets.keys import KEY_SETTINGS, StreetKeys, street_keys
 from tasks.stages.surfaces.keys import surface_key
 from tasks.stages.textures.stage import texture_key
 
@@ -374,7 +374,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
         )
     )
     now = street_keys(changed(run, {name: value}), plan, group, street)
-    of_streets = name in {"seed", *SETTINGS}
+    of_streets = name in {"seed", *KEY_SETTINGS}
     assert differing_parts(before.street, now.street) == (["settings"] if of_streets else [])
     assert (now == before) == (not of_streets)
 

@@ -21,7 +21,7 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
-from tasks.stages.streets.keys import SETTINGS
+from tasks.stages.streets.keys import KEY_SETTINGS
 from tasks.stages.streets.stage import STREETS
 
 
@@ -49,7 +49,7 @@ def test_every_setting_of_texture_is_of_streets_or_not() -> None:
         "materials",
     }
     of_surfaces = {"levelling", "sun"}
-    assert {field.name for field in fields(TextureSettings)} == set(SETTINGS) | in_what_they_see | of_surfaces
+    assert {field.name for field in fields(TextureSettings)} == set(KEY_SETTINGS) | in_what_they_see | of_surfaces
 
 
 def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:

@@ -69,46 +69,56 @@ def retargeted(height, width):
 
 def street(height, width):
     import shapely
-    from facade_core.atlas import AtlasSpec
-    from facade_core.geometry import block_surfaces, pack, terrain_of
-    from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
-    from facade_core.street.propagation.blend import blend
+    from facade_core.core.atlas_spec import AtlasSpec
+    from facade_core.geometry.block_surfaces import build_block_surfaces
+    from facade_core.geometry.chart_packing import pack_charts
+    from facade_core.geometry.ground.terrain import build_terrain
+    from facade_core.geometry.scene import Scene
+    from facade_core.geometry.streets import Viewpoint
+    from facade_core.street.propagation.blend import blend_views
+    from facade_core.street.propagation.propagate import propagate
+    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.texel_buffer import TexelBuffer
+    from facade_core.street.translator.translators import MaterialFieldTranslator
     from facade_core.core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
-    charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = build_block_surfaces(houses, [line], terrain=build_terrain([], None), ground_margin=20, largest=100)
     density = float(height)  # texels per metre
-    placement = pack(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
+    placement = pack_charts(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
-    translator = Swatches(scene, [line], seed=1)
-    scene.look(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
+    translator = MaterialFieldTranslator(scene, [line], seed=1)
+    scene.cast_panorama(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
     chosen = range(len(charts))
     def unit():
-        rasters, write = Window.layout(placement, chosen, chosen)
+        rasters, write = TexelBuffer.plan_layout(placement, chosen, chosen)
         seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-        window = Window.of(placement, rasters, write, seed, evidence)
+        window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
         for x in (0.0, 5.0, 10.0):
             viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
             panorama = render(scene, window, viewpoint, (width // 2, width))
-            propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)
-        result = blend(window.state)
+            propagate(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)
+        result = blend_views(window.state)
         return rasters.total
     return unit
 
 def surface(height, width):
     import shapely
-    from facade_core.atlas import AtlasSpec
-    from facade_core.geometry import block_surfaces, pack, terrain_of
-    from facade_core.street import Materials, Scene
-    from facade_core.street.surfaces import Known, surface
+    from facade_core.core.atlas_spec import AtlasSpec
+    from facade_core.geometry.block_surfaces import build_block_surfaces
+    from facade_core.geometry.chart_packing import pack_charts
+    from facade_core.geometry.ground.terrain import build_terrain
+    from facade_core.geometry.scene import Scene
+    from facade_core.street.materials.field import MaterialField
+    from facade_core.street.surfaces import KnownTexture, finish_chart
     from facade_core.core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
-    charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = build_block_surfaces(houses, [line], terrain=build_terrain([], None), ground_margin=20, largest=100)
     density = float(height)  # texels per metre
-    placement = pack(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
+    placement = pack_charts(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
-    field = Materials(scene, [line], seed=1)
+    field = MaterialField(scene, [line], seed=1)
     chart = int(np.argmax(charts.size.prod(axis=1)))
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     rank = np.zeros(shape, np.uint8)
@@ -117,19 +127,21 @@ def surface(height, width):
     def read(one, rows, columns):
         return known[rows, columns], rank[rows, columns]
     def unit():
-        result = surface(scene, field, chart, Known(read, {chart}, ()), network=True)
+        result = finish_chart(scene, field, chart, KnownTexture(read, {chart}, ()), is_neural=True)
         return shape[0] * shape[1]
     return unit
 
 def walls(height, width):
-    from facade_core.atlas import AtlasSpec
-    from facade_core.geometry import block_surfaces, pack, terrain_of
-    from facade_core.street import Scene
+    from facade_core.core.atlas_spec import AtlasSpec
+    from facade_core.geometry.block_surfaces import build_block_surfaces
+    from facade_core.geometry.chart_packing import pack_charts
+    from facade_core.geometry.ground.terrain import build_terrain
+    from facade_core.geometry.scene import Scene
     from facade_core.core.types import Building
     import shapely
     houses = [Building(str(i), shapely.box(40 * i, 0, 40 * i + 39, 30), 30.0, "height") for i in range(width)]
-    charts, mesh, _ = block_surfaces(houses, [], terrain=terrain_of([], None), ground_margin=5, largest=60)
-    placement = pack(charts.size, height, charts.building, page=2048, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [], terrain=build_terrain([], None), ground_margin=5, largest=60)
+    placement = pack_charts(charts.size, height, charts.building, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, float(height)))
 
 def page(height, width):
@@ -194,10 +206,10 @@ def drawn(height, width):
     return unit
 
 def network(height, width):
-    from facade_core.street import neural
-    translator, image = neural.load(), np.zeros((height, width, 3), np.uint8)
+    from facade_core.street.translator.neural_translator import load_translator
+    translator, image = load_translator(), np.zeros((height, width, 3), np.uint8)
     def unit():
-        translator.textured(image)
+        translator.translate_image(image)
         return height * width
     return unit
 

@@ -9,11 +9,11 @@ import pytest
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.training_views import ANY_CLASS
-from facade_core.synth.exemplars import exemplars
+from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.training import corrected
 from tasks.training.corrected import CorrectedFacade, labelled, layout_of
 
-(PAINTED,) = exemplars(1, seed=3)
+(PAINTED,) = paint_exemplar_set(1, seed=3)
 HEIGHT, WIDTH = PAINTED.labels.shape
 # A window, by somebody, where the painter has whatever there is; and a balcony that lies over a part of it.
 SAID = (("window", 0.25, 0.25, 0.5, 0.5), ("balcony", 0.25, 0.4, 0.5, 0.5))

@@ -12,7 +12,7 @@ from PIL import ExifTags, Image
 from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import Detections, detectors_available
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence, read_facade_photo
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.images import capture_date, focal_length

@@ -10,7 +10,7 @@ import pytest
 from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, build_facade_from_photo
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
-from facade_core.synth.facade import facade as paint
+from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.worker import _summary
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)

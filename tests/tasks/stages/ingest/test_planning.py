@@ -22,7 +22,7 @@ from facade_core.core.errors import InputError
 from facade_core.geometry.chart_packing import PreviousPlacement
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
-from flows.block import _announced
+from flows.block import _publish_connection
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import MIN_RUN_ITEMS, map_on_workers
 from tasks.engine.run_key import create_run
@@ -122,7 +122,7 @@ def test_who_waits_for_workers_that_do_not_come_is_told() -> None:
         raise InputError("no scheduler")
         yield
 
-    with pytest.raises(InputError, match="no scheduler"), _announced(nowhere(), ready):
+    with pytest.raises(InputError, match="no scheduler"), _publish_connection(nowhere(), ready):
         pass
     with pytest.raises(CancelledError):
         ready.result(1)

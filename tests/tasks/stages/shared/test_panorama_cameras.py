@@ -17,7 +17,7 @@ from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.synth.street_truth import synthetic_street
-from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 IMAGE = np.zeros((2, 4, 3), np.uint8)
 
@@ -31,24 +31,24 @@ def test_a_panorama_is_looked_at_once_and_again_when_it_changes(
         looked.append(pose)
         return image[..., 0] > 128
 
-    monkeypatch.setattr(module, "_LOOKED_AT", type(module._LOOKED_AT)())
+    monkeypatch.setattr(module, "_MASKS", type(module._MASKS)())
     image = np.random.default_rng(0).integers(0, 255, (37, 75, 3), np.uint8)
     path = tmp_path / "a, b.jpg"
     path.write_bytes(b"a picture")
-    one = PosedPanorama(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
+    one = SurfacePanorama(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
     for _ in range(2):
-        np.testing.assert_array_equal(module._hidden(one, image, in_the_way), image[..., 0] > 128)
+        np.testing.assert_array_equal(module._occluder_bits(one, image, in_the_way), image[..., 0] > 128)
     assert len(looked) == 1
     path.write_bytes(b"another picture")
-    module._hidden(one, image, in_the_way)
+    module._occluder_bits(one, image, in_the_way)
     assert len(looked) == 2
-    for heading in range(1, 2 + module.KEPT):
-        module._hidden(one._replace(pose=Pose(0, 0, 2.5, heading)), image, in_the_way)
-    assert len(module._LOOKED_AT) == module.KEPT
+    for heading in range(1, 2 + module.MAX_CACHED_MASKS):
+        module._occluder_bits(one._replace(pose=Pose(0, 0, 2.5, heading)), image, in_the_way)
+    assert len(module._MASKS) == module.MAX_CACHED_MASKS
 
 
-def four() -> list[PosedPanorama]:
-    return [PosedPanorama(Path(f"{x}.jpg"), Pose(x, 0.0, 2.5, 0.0), (1.0, 1.0, 1.0), ()) for x in range(4)]
+def four() -> list[SurfacePanorama]:
+    return [SurfacePanorama(Path(f"{x}.jpg"), Pose(x, 0.0, 2.5, 0.0), (1.0, 1.0, 1.0), ()) for x in range(4)]
 
 
 def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
@@ -61,7 +61,7 @@ def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
             nonlocal alive
             alive -= 1
 
-    def opens(asked: PosedPanorama) -> PanoramaCamera | None:
+    def opens(asked: SurfacePanorama) -> PanoramaCamera | None:
         nonlocal alive
         opened.append((asked, alive))
         if asked == broken:
@@ -73,7 +73,7 @@ def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
         shown.append((chart, [camera.pose.x for camera in cameras]))
         return None
 
-    found, used = module.shown_in_turn(taken, opens, show)
+    found, used = module.collect_views(taken, opens, show)
     assert found == {}
     assert used == {8: [one, two], 5: [one, two], 7: [two, three], 6: [three], 9: []}
     assert shown == [(8, [0, 1]), (5, [0, 1]), (7, [1, 2]), (6, [2])]
@@ -93,7 +93,7 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         camera = np.resize(np.array(own, np.int8), size)
         found[chart] = CameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
-    digests, told = module.write_shown(group, plan, found, used)
+    digests, told = module.write_views(group, plan, found, used)
     assert sorted(digests) == [f"{0:016x}", f"{1:016x}"]
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)

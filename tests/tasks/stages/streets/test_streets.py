@@ -25,7 +25,7 @@ from tasks.stages.ingest.task import ingest_block
 from tasks.stages.streets import task
 from tasks.stages.streets import worker as viewpoint
 from tasks.stages.streets.redo import street_chunks
-from tasks.stages.streets.task import _claimed, texture_street
+from tasks.stages.streets.task import _claim_chunks, texture_street
 from tests.pipeline.stages import STREETS, texture, write_block
 
 HERE: Any = SimpleNamespace(out="/out")
@@ -33,30 +33,30 @@ CELLS = frozenset({"0/0/0"}), frozenset({"0/0/1"})
 
 
 def test_who_reads_what_another_writes_is_refused_by_name() -> None:
-    with _claimed(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]):
+    with _claim_chunks(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]):
         with (
             pytest.raises(StoreError, match=r"street b and street a share 1 chunks, such as 0/0/0"),
-            _claimed(HERE, "b", CELLS[0], frozenset()),
+            _claim_chunks(HERE, "b", CELLS[0], frozenset()),
         ):
             pass
-        with pytest.raises(StoreError, match="street c and street a"), _claimed(HERE, "c", CELLS[1], CELLS[1]):
+        with pytest.raises(StoreError, match="street c and street a"), _claim_chunks(HERE, "c", CELLS[1], CELLS[1]):
             pass
 
 
 def test_readers_of_the_same_chunks_and_other_stores_run_side_by_side() -> None:
     other: Any = SimpleNamespace(out="/other")
     with (
-        _claimed(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]),
-        _claimed(HERE, "b", CELLS[1], frozenset()),
-        _claimed(other, "a", CELLS[0], CELLS[0]),
+        _claim_chunks(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]),
+        _claim_chunks(HERE, "b", CELLS[1], frozenset()),
+        _claim_chunks(other, "a", CELLS[0], CELLS[0]),
     ):
         pass
 
 
 def test_chunks_are_free_again_after_a_street_failed() -> None:
-    with pytest.raises(ValueError, match="on the way"), _claimed(HERE, "a", CELLS[0], CELLS[0]):
+    with pytest.raises(ValueError, match="on the way"), _claim_chunks(HERE, "a", CELLS[0], CELLS[0]):
         raise ValueError("on the way")
-    with _claimed(HERE, "b", CELLS[0], CELLS[0]):
+    with _claim_chunks(HERE, "b", CELLS[0], CELLS[0]):
         pass
 
 
@@ -88,7 +88,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     """A late copy, come back to its worker while the one that was started since is at work there."""
 
     def one() -> None:
-        viewpoint.viewpoints_unit(ready, fork_store(ready.store)[1], 0, [0], "key")
+        viewpoint.process_viewpoints(ready, fork_store(ready.store)[1], 0, [0], "key")
 
     def kept() -> list[np.ndarray]:
         held = viewpoint._streets[ready, 0, "key"]
@@ -131,7 +131,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
     clear_record(open_root(session), "viewpoints", plan.street_viewpoints(first)[0].id)
     commit(session, "one viewpoint is due")
     with monkeypatch.context() as broken:
-        broken.setattr(task, "viewpoints_unit", fail)
+        broken.setattr(task, "process_viewpoints", fail)
         assert texture_street.fn(run, first, "1", 0, SerialCompute()).failed
     texture(block, tmp_path / "out")
     group = open_root(open_repository(run.store).readonly_session(BRANCH))

@@ -20,8 +20,8 @@ from facade_core.plan.ingest import IngestSettings, ingest, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import differing_parts
-from tasks.stages.shared.nearby_panoramas import CAMERAS, LONG_M
-from tasks.stages.walls.stage import WALLS, names_of_walls, wall_units
+from tasks.stages.shared.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
+from tasks.stages.walls.stage import WALLS, wall_names, wall_units
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
@@ -54,7 +54,7 @@ def planned(*poses: Pose) -> Plan:
 
 def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> None:
     plan = planned(*POSES)
-    assert names_of_walls(plan) == ["a", "b", "c", "shed"]
+    assert wall_names(plan) == ["a", "b", "c", "shed"]
     charts = plan.scene.charts
     for building, own in plan.walls_near_cameras().items():
         assert set(charts.kind[own]) <= {ChartKind.WALL, ChartKind.ROOF}
@@ -65,7 +65,7 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
     assert ChartKind.WALL in charts.kind[shed]
     assert charts.normals()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
     assert charts.normals()[shed][:, 1].max() < 0.9
-    assert names_of_walls(planned(POSES[1])) == ["c"]
+    assert wall_names(planned(POSES[1])) == ["c"]
     assert planned().walls_near_cameras() == {}
     assert wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
 
@@ -146,14 +146,14 @@ def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_p
     first = posed.units()
     own, taken = first["hall"].arguments
     of_chart = {chart: {int(one.path.stem) for one in of} for chart, of in zip(own, taken, strict=True)}
-    assert max(map(len, of_chart.values())) <= CAMERAS
+    assert max(map(len, of_chart.values())) <= MAX_PANORAMAS_PER_SURFACE
     (gable,) = (chart for chart in own if charts.normals()[chart, 0] > 0.9)
     assert of_chart[gable] == {last}, "the others stand behind it"
     roofs = [chart for chart in own if charts.kind[chart] == ChartKind.ROOF and charts.normals()[chart, 1] < -0.1]
     shown = sorted(plan.poses[one].x for one in set().union(*(of_chart[roof] for roof in roofs)))
     assert shown[0] < 20, "from one end"
     assert shown[-1] > 100, "to the other"
-    assert max(np.diff(shown)) < LONG_M
+    assert max(np.diff(shown)) < MAX_PIECE_M
     posed.path(last).write_bytes(b"another")
     assert due(posed.units(), first) == {"hall": ["panoramas"]}
     again = posed.units()

@@ -17,18 +17,18 @@ from flows.server import database as server_database
 
 # Seconds in which a server of this run must answer, and in which the user's must.
 START_UP_S, ANSWER_S = 120, 10
-LOG = "server.log"
+LOG_NAME = "server.log"
 # The last line of a traceback.
-RAISED = re.compile(r"[\w.]*(Error|Exception|Exit)\w*(:|$)")
+ERROR_LINE = re.compile(r"[\w.]*(Error|Exception|Exit)\w*(:|$)")
 # No analytics, no telemetry: nothing leaves this machine.
-QUIET = {
+TELEMETRY_OFF = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
     "DO_NOT_TRACK": "1",
 }
 # What a server of one run has no use for: schedules, workers, automations, blocks. It starts sooner without, and leaves
 # the cores to the run.
-SPARE = {
+UNUSED_SERVICES_OFF = {
     "PREFECT_SERVER_REGISTER_BLOCKS_ON_START": "false",
     "PREFECT_SERVER_MEMOIZE_BLOCK_AUTO_REGISTRATION": "false",
 } | {
@@ -64,7 +64,7 @@ class ServerDown(Exception):
 
 
 @dataclass(frozen=True)
-class Server:
+class PrefectServer:
     """The server of a run: `guard` watches one that this run has started; None: it is the user's."""
 
     url: str
@@ -81,7 +81,7 @@ class Server:
         if not answers:
             raise ServerDown(self.reason())
         if not self.laid_out:
-            server_database.keep(self.home)
+            server_database.cache_database(self.home)
 
     def answers(self) -> bool:
         from urllib.error import URLError
@@ -108,35 +108,35 @@ class Server:
         if self.guard is None:
             return f"{self.url} does not answer"
         if not self._ended():
-            return f"it does not answer; its log is {self.home / LOG}"
+            return f"it does not answer; its log is {self.home / LOG_NAME}"
         try:
-            lines = (self.home / LOG).read_text(errors="replace").splitlines()
+            lines = (self.home / LOG_NAME).read_text(errors="replace").splitlines()
         except OSError:
             lines = []
-        said = [line.strip() for line in lines if RAISED.match(line)]
-        return f"{said[-1][:200]}; its log is {self.home / LOG}" if said else f"it ended; its log is {self.home / LOG}"
+        said = [line.strip() for line in lines if ERROR_LINE.match(line)]
+        return f"{said[-1][:200]}; its log is {self.home / LOG_NAME}" if said else f"it ended; its log is {self.home / LOG_NAME}"
 
     def _ended(self) -> bool:
         return self.guard is not None and self.guard.poll() is not None
 
 
 @contextmanager
-def server(home: Path) -> Iterator[Server]:
+def prefect_server(home: Path) -> Iterator[PrefectServer]:
     """Set PREFECT_API_URL for the block: the user's where set, else of a server on loopback with its data in `home`.
 
     Settings are read when Prefect is first imported, so this is entered before. The server starts while the block goes on,
     which calls `require` before it needs the server. Raises ServerDown where it cannot be started.
     """
-    os.environ.update(QUIET)
+    os.environ.update(TELEMETRY_OFF)
     # what a run raises comes back to the command line, which says it in one line
     for logger in ("LOGGING_LEVEL", "LOGGING_ROOT_LEVEL", "INTERNAL_LOGGING_LEVEL"):
         os.environ.setdefault(f"PREFECT_{logger}", "CRITICAL")
     if url := os.environ.get("PREFECT_API_URL"):
-        yield Server(url, home)
+        yield PrefectServer(url, home)
         return
     home.mkdir(parents=True, exist_ok=True)
     port = free_port()
-    laid_out = server_database.lay_out(home)
+    laid_out = server_database.restore_database(home)
     saved = dict(os.environ)
     url = f"http://127.0.0.1:{port}/api"
     # logs are in the terminal and the run's own file; sent to a server that ends with the run, the last ones would only fail;
@@ -147,17 +147,17 @@ def server(home: Path) -> Iterator[Server]:
         PREFECT_LOGGING_TO_API_ENABLED="false",
         PREFECT_CLIENT_MAX_RETRIES="1",
     )
-    with (home / LOG).open("wb") as output:
+    with (home / LOG_NAME).open("wb") as output:
         guard = subprocess.Popen(
-            [sys.executable, "-c", _GUARD, *command(port)],
+            [sys.executable, "-c", _GUARD, *server_command(port)],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env=os.environ | SPARE | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true"},
+            env=os.environ | UNUSED_SERVICES_OFF | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true"},
             start_new_session=True,  # Ctrl-C in a terminal is for the run, which ends the server in order
         )
     try:
-        yield Server(url, home, guard, laid_out)
+        yield PrefectServer(url, home, guard, laid_out)
     finally:
         assert guard.stdin is not None
         guard.stdin.close()
@@ -166,7 +166,7 @@ def server(home: Path) -> Iterator[Server]:
         os.environ.update(saved)
 
 
-def command(port: int) -> list[str]:
+def server_command(port: int) -> list[str]:
     return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
 
 

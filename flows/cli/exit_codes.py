@@ -12,9 +12,9 @@ from catalogs.imagery.http_client import ServiceUnavailable
 from facade_core.core.errors import FacadeError, MachineError
 
 # Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.
-UNUSABLE, CRASHED, GONE = 2, 70, 75
+EXIT_UNUSABLE, EXIT_CRASHED, EXIT_UNAVAILABLE = 2, 70, 75
 # What a path raises that the user named and may not be written or read.
-DENIED = {
+ACCESS_ERRNOS = {
     errno.EACCES,
     errno.EPERM,
     errno.EROFS,
@@ -25,35 +25,35 @@ DENIED = {
 }
 
 
-def ending(error: Exception) -> tuple[int, str]:
+def describe_error(error: Exception) -> tuple[int, str]:
     """The exit code for an error that ended a command, and what to say of it in one line."""
     if isinstance(error, FacadeError):
-        return _code(error), " ".join(str(error).split())
-    if isinstance(error, OSError) and error.errno in DENIED and error.filename:
-        return UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
+        return _exit_code(error), " ".join(str(error).split())
+    if isinstance(error, OSError) and error.errno in ACCESS_ERRNOS and error.filename:
+        return EXIT_UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
     from tasks.engine.outcome import is_machine_fault, machine_error
 
     if is_machine_fault(error):
-        return CRASHED, str(machine_error("stopped", error))
+        return EXIT_CRASHED, str(machine_error("stopped", error))
     said = " ".join(f"{type(error).__name__}: {error}".split())
-    return CRASHED, f"stopped by an error of its own ({said}); {_kept(error)}"
+    return EXIT_CRASHED, f"stopped by an error of its own ({said}); {_locate_traceback(error)}"
 
 
-def _code(error: FacadeError) -> int:
+def _exit_code(error: FacadeError) -> int:
     if isinstance(error, ServiceUnavailable):
-        return GONE
+        return EXIT_UNAVAILABLE
     if not isinstance(error, MachineError):
-        return UNUSABLE
+        return EXIT_UNUSABLE
     from tasks.engine.compute.cluster import ClusterGone
 
-    return GONE if isinstance(error, ClusterGone) else CRASHED
+    return EXIT_UNAVAILABLE if isinstance(error, ClusterGone) else EXIT_CRASHED
 
 
-def _kept(error: Exception) -> str:
+def _locate_traceback(error: Exception) -> str:
     """Where the traceback is: in the run's log, else in a file of its own."""
-    from flows.log_file import log_of
+    from flows.log_file import find_log
 
-    if (log := log_of(error)) is not None:
+    if (log := find_log(error)) is not None:
         return f"where is in {log}"
     text = "".join(traceback.format_exception(error))
     try:

@@ -13,11 +13,11 @@ from typing import Any
 
 from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
-from flows.lock import is_held
+from flows.lock import is_locked
 from tasks.engine.compute.child_processes import end_with_parent
 
 
-class Redo:
+class BackgroundRun:
     """`streetloom run` of a block into the folder that the viewer shows, one at a time: the run's lock sees to that."""
 
     def __init__(self, out: Folder) -> None:
@@ -29,7 +29,7 @@ class Redo:
     def start(self, block: Path) -> None:
         """Begin, unless a run is at work in the folder, which raises InputError."""
         with self._lock:
-            if self._going or is_held(self.out):
+            if self._going or is_locked(self.out):
                 raise InputError("a run is at work in this folder already; wait for it")
             self._said, self._failed = "the run begins", False
             self._thread = threading.Thread(target=self._run, args=(block,), daemon=True, name="redo")
@@ -67,10 +67,10 @@ class Redo:
             self._failed = process.wait() != 0
             printed.seek(0)
             with suppress(LookupError, ValueError, TypeError):  # it ended early; what it said last tells why
-                self._said = told(json.loads(printed.read().strip().splitlines()[-1]))
+                self._said = describe_outcome(json.loads(printed.read().strip().splitlines()[-1]))
 
 
-def told(summary: dict[str, Any]) -> str:
+def describe_outcome(summary: dict[str, Any]) -> str:
     """What a run came to, in a line."""
     counted = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
     failures = summary["failures"]

@@ -12,9 +12,9 @@ from typing import Any
 from catalogs.block.reader import Block, read_block
 from catalogs.published.folders import Folder, local_folder
 from facade_core.atlas.journal_cache import cache_journals
-from flows.lock import locked
+from flows.lock import lock_folder
 from flows.log_file import log_to
-from flows.memory import give_back_large
+from flows.memory import release_large_allocations
 from tasks.engine.outcome import is_store_fault, raise_machine_errors
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
@@ -23,7 +23,7 @@ from tasks.engine.store.status import finished_summary, record_source
 
 
 @dataclass
-class Entry:
+class OpenRun:
     """A run that this process is in.
 
     source: its block file.
@@ -37,18 +37,18 @@ class Entry:
 
 
 # By output folder.
-_entries: dict[Folder, Entry] = {}
+_open_runs: dict[Folder, OpenRun] = {}
 
 
 @contextmanager
-def entered(
+def open_run(
     source: Path,
     out: Folder,
     *,
-    tell: Callable[[str], None],
-    before: Callable[[Run], None] | None = None,
-    alone: bool = False,
-) -> Iterator[Entry]:
+    notify: Callable[[str], None],
+    prepare: Callable[[Run], None] | None = None,
+    file_only: bool = False,
+) -> Iterator[OpenRun]:
     """Enter a run of a block file in a folder, unless this process is in it already; then it goes on as it is.
 
     tell: is told what was lost and mended, a line each. before: makes units due again, once the store is mended. alone: as of
@@ -56,27 +56,27 @@ def entered(
     Raises what `read_block`, `locked` and `mend` raise.
     """
     source, out = source.resolve(), out.resolve()
-    if (entry := _entries.get(out)) is not None and entry.source == source:
+    if (entry := _open_runs.get(out)) is not None and entry.source == source:
         yield entry
         return
-    give_back_large()
+    release_large_allocations()
     block = read_block(source)
     run = create_run(block, out)
-    with locked(out), log_to(local_folder(out), alone=alone), faults_told(run), cache_journals(run.store):
+    with lock_folder(out), log_to(local_folder(out), file_only=file_only), mark_suspect_on_error(run), cache_journals(run.store):
         record_source(out, source)
         for line in repair_store(run):
-            tell(line)
-        if before is not None:
-            before(run)
-        _entries[out] = entry = Entry(source, block, run, finished_summary(run))
+            notify(line)
+        if prepare is not None:
+            prepare(run)
+        _open_runs[out] = entry = OpenRun(source, block, run, finished_summary(run))
         try:
             yield entry
         finally:
-            del _entries[out]
+            del _open_runs[out]
 
 
 @contextmanager
-def faults_told(run: Run) -> Iterator[None]:
+def mark_suspect_on_error(run: Run) -> Iterator[None]:
     """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
     with raise_machine_errors(run.block):
         try:

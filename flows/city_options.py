@@ -9,7 +9,7 @@ from facade_core.core.errors import InputError
 
 
 @dataclass(frozen=True)
-class Asked:
+class CityOptions:
     """How a city is run: the parameters of the flow `flows.city.city`, which says what each means."""
 
     workers: int = 2
@@ -25,7 +25,7 @@ class Asked:
         return [*where, *(("--keep", str(self.keep)) if self.keep else ())]
 
 
-def ends_at(until: str, now: datetime) -> datetime:
+def next_time_of_day(until: str, now: datetime) -> datetime:
     """When a local time of day is next. Raises InputError for what is none."""
     try:
         at = datetime.strptime(until, "%H:%M")

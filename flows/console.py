@@ -19,13 +19,13 @@ console = Console(stderr=True)
 
 
 @contextmanager
-def progress(*, quiet: bool = False) -> Iterator[None]:
+def show_progress(*, quiet: bool = False) -> Iterator[None]:
     """Show the tasks' events until the block ends: a bar per stage in a terminal, else lines."""
     if quiet:
         yield
         return
     if not console.is_terminal:
-        stop = add_listener(Lines(tell))
+        stop = add_listener(ProgressLines(print_status))
         try:
             yield
         finally:
@@ -55,13 +55,13 @@ def progress(*, quiet: bool = False) -> Iterator[None]:
             stop()
 
 
-def tell(line: str) -> None:
+def print_status(line: str) -> None:
     """A line beside the bars."""
-    _line(console, f"streetloom: {line}")
+    _print_escaped(console, f"streetloom: {line}")
 
 
 @dataclass
-class Lines:
+class ProgressLines:
     """Tells events in lines: a stage that begins, each tenth of it with the time that is left, and its end."""
 
     tell: Callable[[str], None]
@@ -84,12 +84,12 @@ class Lines:
         seconds = self.clock() - self._begun[stage]
         # by what this run did: what is found done takes no time
         left = seconds * (total - finished) / max(finished - told.earlier, 1)
-        when = f"about {_lasting(left)} left" if finished < total else f"in {_lasting(seconds)}"
+        when = f"about {_format_duration(left)} left" if finished < total else f"in {_format_duration(seconds)}"
         aside = f", {told.failed} failed" if told.failed else ""
         self.tell(f"{stage}: {finished} of {total}{aside}, {when}")
 
 
-def _lasting(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     """Such as "40 s", "12 min" or "3 h 5 min"."""
     minutes = round(seconds / 60)
     if seconds < 100:
@@ -97,25 +97,25 @@ def _lasting(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def show(target: Console, summary: dict[str, Any], *, painted: bool = False) -> None:
+def print_summary(target: Console, summary: dict[str, Any], *, painted: bool = False) -> None:
     """The summary of a run for people. painted: its pictures are painted, with no face or plate to look for."""
     done = f"{summary['facades_done']} facades, {summary['viewpoints']} viewpoints in {summary['seconds']:.0f} s"
-    _line(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
+    _print_escaped(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
-        _line(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
+        _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
     if summary["not_looked_at"] and not painted:
         unseen = f"{summary['not_looked_at']} facades and exemplars were made of pictures"
-        _line(
+        _print_escaped(
             target, f"  {unseen} in which faces and plates were not looked for; `make detect-setup` installs what does"
         )
-    _line(target, f"  report  {summary['outputs']['report']}")
+    _print_escaped(target, f"  report  {summary['outputs']['report']}")
     for model in summary["outputs"]["glb"]:
-        _line(target, f"  model   {model}")
-    _line(target, f"  items   {summary['outputs']['items']}")
-    _line(target, f"  look    streetloom view {summary['out']}")
+        _print_escaped(target, f"  model   {model}")
+    _print_escaped(target, f"  items   {summary['outputs']['items']}")
+    _print_escaped(target, f"  look    streetloom view {summary['out']}")
 
 
-def _line(target: Console, *parts: str | tuple[str, str]) -> None:
+def _print_escaped(target: Console, *parts: str | tuple[str, str]) -> None:
     """One line of text, parts of it in a style; nothing in it is taken for markup or steers the terminal."""
     shown = [escape_invisible(part) if isinstance(part, str) else (escape_invisible(part[0]), part[1]) for part in parts]
     target.print(Text.assemble(*shown), soft_wrap=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 
-def say(line: object, *, err: bool = False) -> None:
+def print_line(line: object, *, err: bool = False) -> None:
     """Print one line."""
     text = str(line)
     if not text.isprintable():
@@ -15,6 +15,6 @@ def say(line: object, *, err: bool = False) -> None:
     click.echo(text, err=err)
 
 
-def note(line: str) -> None:
+def print_notice(line: str) -> None:
     """Say something to the user beside what was asked for."""
-    say(f"streetloom: {line}", err=True)
+    print_line(f"streetloom: {line}", err=True)
