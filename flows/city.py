@@ -118,7 +118,7 @@ def _run_city(
                 name = waiting.popleft()
                 before, digest = account.blocks[name], account.digests[name]
                 future = submit(
-                    run_block, out, name, files[name], options.of_a_block(), before, digest, version(), ends, options.tiles
+                    run_block, out, name, files[name], options.block_arguments(), before, digest, version(), ends, options.tiles
                 )
                 future.add_done_callback(lambda future, name=name: ended.put((name, future)))
                 running += 1

@@ -19,7 +19,7 @@ class CityOptions:
     keep: int | None = None
     tiles: bool = True
 
-    def of_a_block(self) -> list[str]:
+    def block_arguments(self) -> list[str]:
         """The command line's options of the run of one block."""
         where = ("--dask", self.dask) if self.dask else ("--workers", str(self.workers))
         return [*where, *(("--keep", str(self.keep)) if self.keep else ())]

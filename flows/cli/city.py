@@ -179,7 +179,7 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> di
         from flows.city import run_city_without_server
 
         try:
-            record.require()
+            record.wait_until_ready()
         except ServerDown as error:
             print_notice(f"no Prefect server ({error}); the run does without, and has no record there")
             return run_city_without_server(city_file, out, options)

@@ -205,7 +205,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
         from flows.block import city_block, run_block_without_server  # takes seconds, in which the server starts
 
         try:
-            record.require()
+            record.wait_until_ready()
             return cast(dict[str, Any], city_block(block_file, str(out), workers=workers, dask=dask, only=only))
         except WithheldError:
             pass  # its summary says so
@@ -214,10 +214,10 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
         except ServerDown as error:
             print_status(f"no Prefect server ({error}); the run does without, and has no record there")
         except Exception as error:
-            if record.answers() and not record.refused(error):
+            if record.is_answering() and not record.is_request_error(error):
                 raise
             print_status(
-                f"the Prefect server was lost ({record.reason()}); the run does without, and its record there is incomplete"
+                f"the Prefect server was lost ({record.describe_failure()}); the run does without, and its record there is incomplete"
             )
         return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
 

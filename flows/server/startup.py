@@ -70,20 +70,20 @@ class PrefectServer:
     url: str
     home: Path
     guard: subprocess.Popen | None = None
-    laid_out: bool = True
+    has_database: bool = True
 
-    def require(self) -> None:
+    def wait_until_ready(self) -> None:
         """Wait until it answers. Raises ServerDown as soon as it has ended, or does not answer in time."""
         patience = START_UP_S if self.guard else ANSWER_S
         deadline = time.monotonic() + patience
-        while not (answers := self.answers()) and time.monotonic() < deadline and not self._ended():
+        while not (answers := self.is_answering()) and time.monotonic() < deadline and not self._ended():
             time.sleep(0.2)
         if not answers:
-            raise ServerDown(self.reason())
-        if not self.laid_out:
+            raise ServerDown(self.describe_failure())
+        if not self.has_database:
             server_database.cache_database(self.home)
 
-    def answers(self) -> bool:
+    def is_answering(self) -> bool:
         from urllib.error import URLError
         from urllib.request import urlopen
 
@@ -95,7 +95,7 @@ class PrefectServer:
         except (URLError, OSError, ValueError):
             return False
 
-    def refused(self, error: BaseException | None) -> bool:
+    def is_request_error(self, error: BaseException | None) -> bool:
         """Whether an error is of a request to it: it answered with one of its own (a full disk, say), or not at all."""
         import httpx
 
@@ -103,7 +103,7 @@ class PrefectServer:
             error = error.__cause__ or error.__context__
         return error is not None
 
-    def reason(self) -> str:
+    def describe_failure(self) -> str:
         """Why it does not answer, in a few words."""
         if self.guard is None:
             return f"{self.url} does not answer"

@@ -29,7 +29,7 @@ def test_a_server_that_dies_at_its_start_says_why_at_once(
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     monkeypatch.setattr(server_module, "server_command", lambda port: [sys.executable, "-c", code])
     with prefect_server(tmp_path / "prefect") as record, pytest.raises(ServerDown) as down:
-        record.require()
+        record.wait_until_ready()
     assert str(down.value).startswith(says)
     assert len(str(down.value).splitlines()) == 1
 
@@ -55,7 +55,7 @@ def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
     monkeypatch.setattr(server_module, "ANSWER_S", 0)
     with prefect_server(tmp_path) as record, pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"):
-        record.require()
+        record.wait_until_ready()
 
 
 def test_the_server_killed_while_a_street_is_done_again(left_to_streets_copy: Path, tmp_path: Path) -> None:
