@@ -1,7 +1,7 @@
-"""What `mkdocs build` gathers for the site: every page of the project at its own place, with the pictures that it shows.
+"""Hooks of `mkdocs build`: the site has every page of the project at its path in the repository.
 
-So a link between two pages is the same in a clone, on a host of repositories and on the site. The drawing of the house, which
-hosts of repositories draw, is drawn here: what draws it in a browser would be fetched from a network.
+A link between two pages is therefore the same in a clone and on the site. Mermaid drawings become SVG, because the site
+works without a network.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 from benchmarks.figures.page import current_with_changes
-from docs.drawing import drawn
+from docs.drawing import as_svg, read_layers
 
 ROOT = Path(__file__).resolve().parent.parent
 _LOCAL = re.compile(r"\[([^\[\]]*)\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
@@ -51,7 +51,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     if page.file.src_uri == "docs/figures.md":
         markdown = current_with_changes()
         page.meta["hide"] = ["toc"]  # four columns
-    markdown = _DRAWING.sub(lambda drawing: drawn(drawing[1]), markdown)
+    markdown = _DRAWING.sub(lambda _: as_svg(read_layers()), markdown)
     folder = Path(page.file.src_uri).parent
 
     def kept(match: re.Match[str]) -> str:

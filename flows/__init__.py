@@ -1,1 +1,1 @@
-"""Prefect flows and the command line: order, fan-out and barriers. No array is touched here."""
+"""Prefect flows and the command line: order, fan-out and barriers, without array computations."""

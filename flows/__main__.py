@@ -1,4 +1,4 @@
-"""Where the command line begins: an interrupt ends it in order from here on, though what it needs is not imported yet."""
+"""Entry point of the command line, which handles interrupts while the heavy imports are under way."""
 
 import atexit
 import os
@@ -9,6 +9,7 @@ from flows.cli.interrupts import exit_on_signal
 
 
 def main() -> None:
+    """Run the command line and exit the process with its code."""
     exit_on_signal()
     from flows.cli.commands import command_line as commands
 
@@ -17,8 +18,8 @@ def main() -> None:
         commands()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
-    # Not the interpreter's own end: threads of native libraries (Icechunk, Arrow) now and then abort the process while that
-    # takes down what they use, and a command that has said its line would end with 134.
+    # Skip the interpreter's shutdown: threads of native libraries (Icechunk, Arrow) sometimes abort the process during it,
+    # and a successful command would exit with 134.
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):

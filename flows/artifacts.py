@@ -1,6 +1,6 @@
-"""What the Prefect UI shows of a run: progress while it goes on; its units, failures and links when it is done.
+"""Artifacts of a run in the Prefect UI: progress, then tables of units, failures and links.
 
-A server that does not take an artifact keeps less of the run; it does not end it.
+A server that rejects an artifact loses that part of the record; the run continues.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from prefect.client.schemas.actions import ArtifactUpdate
 
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
-from flows.markdown import escape_row, markdown_code, escape_markdown
+from flows.markdown import escape_markdown, escape_row, markdown_code
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.account import Account, Ended
 from tasks.city.running import TIME_IS_UP
@@ -38,13 +38,13 @@ from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
 
 log = logging.getLogger(__name__)
 
-# Seconds between two updates of the progress shown.
+# Interval between updates of the progress artifact, seconds.
 REFRESH_S = 2.0
-# Rows of the units' table at most, failed ones first; the catalogue has them all.
+# Rows of a table, failed ones first; the catalogue has all.
 MAX_TABLE_ROWS = 1000
-# States of a city's blocks in the order of their table; "done in part": published, with failed units; "left": its time was up.
+# States of a city's blocks in the order of their table. "done in part": published with failed units; "left": out of time.
 BLOCK_STATES = ("failed", "done in part", "left", "due", "done")
-# Columns of the facades' table; the catalogue has more.
+# Columns of the facade table; the catalogue has more.
 FACADE_COLUMNS = (
     "id",
     "street",
@@ -58,24 +58,24 @@ FACADE_COLUMNS = (
     "photo",
     "layout_score",
 )
-# Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
+# Stages with equal shares of the progress: the number of units of a stage is known only when it begins.
 STAGES_OF_EVERY_RUN = {"ingest", "publish"} | {kind.stage for kind in STAGES_IN_ORDER if kind.in_every_block}
 
 
 @contextmanager
 def _ignore_server_errors() -> Iterator[None]:
-    """Leave out of the server's record what it does not take, and log that."""
+    """Log errors of the Prefect server instead of raising them."""
     try:
         yield
-    except Exception as error:  # whatever a client makes of a server that has ended, is full, or is not Prefect's
+    except Exception as error:  # clients raise many types where a server has ended, is full, or is not Prefect
         log.warning("the Prefect server's record of this run is incomplete: %s", " ".join(str(error).split()))
 
 
 @contextmanager
 def track_progress(block: str) -> Iterator[None]:
-    """Keep an artifact at the share of the work that is finished, until the block ends."""
+    """Keep a progress artifact at the share of finished work until the block ends."""
     finished: dict[str, tuple[int, int]] = {}
-    over = Event()
+    ended = Event()
     key = f"{_slug(block)}-progress"
     artifact: UUID | None = None
     with _ignore_server_errors():
@@ -91,21 +91,21 @@ def track_progress(block: str) -> Iterator[None]:
         return round(100 * sum(shares) / len(STAGES_OF_EVERY_RUN | finished.keys()), 1)
 
     def refresh() -> None:
-        told = 0.0
-        # one client: each makes a TLS context, which costs as much as half a viewpoint
+        reported = 0.0
+        # one client: creating its TLS context costs as much as half a viewpoint
         with _ignore_server_errors(), get_client(sync_client=True) as client:
-            while not over.wait(REFRESH_S):
-                if (now := percent()) != told:
+            while not ended.wait(REFRESH_S):
+                if (now := percent()) != reported:
                     client.update_artifact(artifact, ArtifactUpdate(data=now))
-                    told = now
+                    reported = now
 
-    stop = add_listener(lambda told: finished.update({told.stage: (told.finished, told.total)}))
+    stop = add_listener(lambda event: finished.update({event.stage: (event.finished, event.total)}))
     thread = Thread(target=refresh, name="progress-artifact", daemon=True)
     thread.start()
     try:
         yield
     finally:
-        over.set()
+        ended.set()
         stop()
         thread.join()
     with _ignore_server_errors():
@@ -114,7 +114,7 @@ def track_progress(block: str) -> Iterator[None]:
 
 @_ignore_server_errors()
 def publish_viewer_link(run: Run) -> None:
-    """A link to where the viewer of a run answers once somebody starts it, which may be while the run goes on."""
+    """Create a link to the address of the run's viewer, which may be started while the run is in progress."""
     command = shlex.join(["streetloom", "view", run.out])
     create_link_artifact(
         f"http://{VIEWER_HOST}:{VIEWER_PORT}/",
@@ -126,10 +126,9 @@ def publish_viewer_link(run: Run) -> None:
 
 @_ignore_server_errors()
 def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
-    """Artifacts of a finished run: tables of the units and of the facades, the failures with their reasons, links to what was
-    published."""
+    """Create the artifacts of a finished run: tables of units and facades, failures with reasons, links to products."""
     slug = _slug(run.block)
-    # what ingest counts as, and what has no record in the journal since it was set aside before
+    # ingest has no journal record
     units: list[dict[str, Any]] = [
         {"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}
     ]
@@ -137,7 +136,7 @@ def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
         {
             "stage": stage,
             "unit": record["unit"],
-            # done from another source than the one that was refused
+            # the unit was done from another source after its first was refused
             "status": "refused" if record["status"] == "done" and record.get("reason") else record["status"],
             "seconds": round(sum(record.get("seconds", {}).values()), 2),
             "worker": record.get("worker", ""),
@@ -154,9 +153,15 @@ def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
         if failure["unit"] not in recorded
     ]
     units.sort(key=lambda row: row["status"] == "done")
-    shown = f"{len(units)} units" if len(units) <= MAX_TABLE_ROWS else f"{MAX_TABLE_ROWS} of {len(units)} units, those not done first"
+    caption = (
+        f"{len(units)} units"
+        if len(units) <= MAX_TABLE_ROWS
+        else f"{MAX_TABLE_ROWS} of {len(units)} units, those not done first"
+    )
     counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(failures)} failed"
-    create_table_artifact([*map(escape_row, units[:MAX_TABLE_ROWS])], key=f"{slug}-units", description=f"{shown}: {counts}")
+    create_table_artifact(
+        [*map(escape_row, units[:MAX_TABLE_ROWS])], key=f"{slug}-units", description=f"{caption}: {counts}"
+    )
     why = f"{describe_failures(summary)}, and why" if failures else "no unit failed or was set aside"
     create_table_artifact([*map(escape_row, failures)], key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
@@ -164,10 +169,11 @@ def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
     create_table_artifact(
         [*map(escape_row, facades[:MAX_TABLE_ROWS])],
         key=f"{slug}-facades",
-        description=f"{len(facades)} facades, failed ones first; {markdown_code(f'streetloom query {run.out}')} finds what you look for",
+        description=f"{len(facades)} facades, failed ones first; "
+        f"{markdown_code(f'streetloom query {run.out}')} finds what you look for",
     )
     report = folder_at(outputs["report"]).resolve()
-    # browsers do not follow links from a server's page to files, so every path is also there to be copied
+    # browsers do not follow links from a server's page to files, so each path can also be copied
     create_link_artifact(
         _file_address(report),
         link_text=f"report of {escape_markdown(run.block)}",
@@ -191,7 +197,7 @@ def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
 
 @_ignore_server_errors()
 def publish_block_table(account: Account) -> None:
-    """A table of a city's blocks as they stand now, those that want somebody or something first."""
+    """Create a table of the current state of a city's blocks, failed and pending ones first."""
     rows = [
         {
             "block": name,
@@ -206,15 +212,17 @@ def publish_block_table(account: Account) -> None:
     ]
     rows.sort(key=lambda row: BLOCK_STATES.index(row["state"]))
     counts = {state: sum(row["state"] == state for row in rows) for state in BLOCK_STATES}
-    said = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+    caption = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     create_table_artifact(
-        [*map(escape_row, rows[:MAX_TABLE_ROWS])], key=f"{_slug(account.name)}-blocks", description=f"{len(rows)} blocks: {said}"
+        [*map(escape_row, rows[:MAX_TABLE_ROWS])],
+        key=f"{_slug(account.name)}-blocks",
+        description=f"{len(rows)} blocks: {caption}",
     )
 
 
 def _block_state(outcome: Ended) -> str:
-    known = {None: "due", 0: "done", 1: "done in part", TIME_IS_UP: "left"}
-    return known.get(outcome.code, "failed")
+    names = {None: "due", 0: "done", 1: "done in part", TIME_IS_UP: "left"}
+    return names.get(outcome.code, "failed")
 
 
 def _file_address(path: Folder) -> str:
@@ -222,25 +230,25 @@ def _file_address(path: Folder) -> str:
 
 
 def _read_facade_rows(items: Folder) -> list[dict[str, Any]]:
-    """The facades of a published table with a few of their columns, failed ones first."""
+    """Load the facades of a published table with a few of their columns, failed ones first."""
     import pyarrow.parquet as pq
     from pyarrow import BufferReader
 
     table = BufferReader(items.read_bytes())
-    held = pq.read_schema(table).names  # an earlier version published fewer
-    shown = [name for name in FACADE_COLUMNS if name in held]
+    published = pq.read_schema(table).names  # earlier versions published fewer columns
+    columns = [name for name in FACADE_COLUMNS if name in published]
     table.seek(0)
-    rows = pq.read_table(table, columns=["kind", *shown]).to_pylist()
-    facades = [{name: row[name] for name in shown} for row in rows if row["kind"] == "facade"]
+    rows = pq.read_table(table, columns=["kind", *columns]).to_pylist()
+    facades = [{name: row[name] for name in columns} for row in rows if row["kind"] == "facade"]
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 
 def describe_failures(summary: dict[str, Any]) -> str:
-    """How many units failed or were set aside, in words."""
+    """Return the number of failed or set aside units in words."""
     count = len(summary["failures"])
     return f"{count} unit{'' if count == 1 else 's'} failed or set aside"
 
 
 def _slug(name: str) -> str:
-    """A name as Prefect wants keys of artifacts: lower case letters, digits and dashes."""
+    """Return a name as a Prefect artifact key: lower case letters, digits and dashes."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "block"

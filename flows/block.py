@@ -1,4 +1,4 @@
-"""The flow of one city block: ingest, poses, facades, streets, publish."""
+"""Flow of one city block: ingest, poses, facades, streets, publish."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import WithheldError
-from flows.artifacts import describe_failures, publish_outcome, track_progress, publish_viewer_link
+from flows.artifacts import describe_failures, publish_outcome, publish_viewer_link, track_progress
 from flows.console import print_status
 from flows.lock import lock_folder
 from flows.log_file import forward_to_prefect
-from flows.run_entry import OpenRun, open_run, mark_suspect_on_error
+from flows.run_entry import OpenRun, mark_suspect_on_error, open_run
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
@@ -46,27 +46,27 @@ from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.memory import street_memory
 from tasks.stages.streets.redo import select_streets
-from tasks.stages.streets.task import record_partial_run, find_finished_streets, texture_street
+from tasks.stages.streets.task import find_finished_streets, record_partial_run, texture_street
 
 log = logging.getLogger(__name__)
 
-# Tasks on their way at once; they only wait for workers, of which a cluster may have many.
+# Threads of tasks; they only wait for workers, of which a cluster may have many.
 MAX_CONCURRENT_TASKS = 64
 
 
 def block_run_name() -> str:
-    """The block and the date for which the run was scheduled: what the UI lists runs by."""
+    """Return the block and the scheduled date, under which the UI lists the run."""
     block_file = flow_run.parameters.get("block_file")
     name = NAME
     if block_file is not None:
         try:
             name = read_yaml(Path(block_file))["name"]
-        except (ValueError, TypeError, KeyError):  # the run itself will say what is wrong with the file
+        except (ValueError, TypeError, KeyError):  # the run itself reports the error in the file
             name = Path(block_file).stem
     return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
 
-# Starts a Prefect task under a name; what it returns has the task's result.
+# Starts a Prefect task under a name and returns its future.
 Submit = Callable[..., Any]
 
 
@@ -85,52 +85,69 @@ def city_block(
     deadline: float | None = None,
     keep: int | None = None,
 ) -> dict[str, Any] | State:
-    """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary.
+    """Texture the block of `block_file` into `out`; resumable and idempotent.
 
-    Args:
-        block_file: the block; the embedded demo where there is none.
-        out: folder for the results, or s3://bucket/prefix; out/NAME of the block file where there is none.
-        workers: local processes.
-        dask: address of a Dask scheduler to use instead, such as tcp://127.0.0.1:8786.
-        only: id or name of the one street to texture; all without.
-        deadline: hours after the time it was scheduled for at which the run ends, done or not; what is committed stays.
-        keep: published snapshots to keep, the newest; all without.
+    Parameters
+    ----------
+    block_file : the block; None for the embedded demo.
+    out : folder or s3://bucket/prefix of the results; None for out/NAME of the block file.
+    workers : number of local processes.
+    dask : address of a Dask scheduler that replaces the local processes, such as tcp://127.0.0.1:8786.
+    only : id or name of the single street to texture; None for all.
+    deadline : hours after the scheduled time at which the run ends, finished or not; committed work is kept.
+    keep : number of newest published snapshots to keep; None for all.
+
+    Returns
+    -------
+    summary : counts, failures and outputs of the run; in a `Completed` state where units failed.
     """
-    place = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
-    with lock_folder(place):
-        source = block_file or write_demo(local_folder(place) / "input")
-        with open_run(source, place, notify=print_status) as entry, forward_to_prefect():
+    folder = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
+    with lock_folder(folder):
+        source = block_file or write_demo(local_folder(folder) / "input")
+        with open_run(source, folder, notify=print_status) as entry, forward_to_prefect():
             publish_viewer_link(entry.run)
             if entry.summary is None:
                 with track_progress(entry.block.name):
-                    entry.summary = _texture_block(entry, workers, dask, only, _deadline_clock(deadline), _submit_to_prefect)
+                    entry.summary = _texture_block(
+                        entry, workers, dask, only, _deadline_clock(deadline), _submit_to_prefect
+                    )
             summary = entry.summary
             if keep is not None:
-                for line in pruned(place, keep):
+                for line in pruned(folder, keep):
                     print_status(line)
             publish_outcome(entry.run, summary)
     if "withheld" in summary:
         raise WithheldError(summary["withheld"])
     if summary["failures"]:
-        # not Failed: everything else is done and published, and a retry would change nothing
+        # not Failed: all else is published, and a retry would change nothing
         return Completed(name="UnitsFailed", message=describe_failures(summary), data=summary)
     return summary
 
 
 def _deadline_clock(deadline: float | None) -> float | None:
-    """When a run ends that may take so many hours, by time.monotonic(): counted anew by no retry."""
+    """Convert hours after the scheduled start to `time.monotonic()`; a retry does not extend the deadline."""
     if deadline is None:
         return None
-    gone = datetime.now(UTC) - flow_run.scheduled_start_time
-    return time.monotonic() + deadline * 3600 - gone.total_seconds()
+    elapsed = datetime.now(UTC) - flow_run.scheduled_start_time
+    return time.monotonic() + deadline * 3600 - elapsed.total_seconds()
 
 
 def run_block_without_server(
     block_file: Path, out: Folder, workers: int = 2, dask: str | None = None, only: str | None = None
 ) -> dict[str, Any]:
-    """What `city_block` does, without a Prefect server: nothing is recorded there, and all else is the same.
+    """Run `city_block` without a Prefect server and its record.
 
-    In the process in which the server was lost to `city_block`, it goes on from there.
+    In a process whose `city_block` lost the server, continues from there.
+
+    Parameters
+    ----------
+    block_file : the block.
+    out : folder of the results.
+    workers, dask, only : as of `city_block`.
+
+    Returns
+    -------
+    summary : as of `city_block`.
     """
     with open_run(block_file, out, notify=print_status) as entry:
         if entry.summary is None:
@@ -151,29 +168,29 @@ def _texture_block(
     entry: OpenRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
 ) -> dict[str, Any]:
     run, block = entry.run, entry.block
-    # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
+    # a local cluster starts in parallel with the ingest; a named one is checked first, as it may be unavailable
     ready: Future[Compute] = Future()
-    cast = partial(map_on_workers, ready)
-    ingest = submit(ingest_block, run, block, cast) if dask is None else None
-    # told here too, as the flow must end by it, whoever entered
+    map_units = partial(map_on_workers, ready)
+    ingest = submit(ingest_block, run, block, map_units) if dask is None else None
+    # again here, because the error must also end the flow where the command line opened the run
     with mark_suspect_on_error(run), _publish_connection(connect(workers, dask, run.out, deadline), ready) as compute:
-        outline = (ingest or submit(ingest_block, run, block, cast)).result()
+        outline = (ingest or submit(ingest_block, run, block, map_units)).result()
         run = replace(run, ingested=outline.ingested)
         for line in describe_set_aside(outline):
             print_status(line)
-        ahead = forecast_work(run, block, outline)
-        if ahead.said:
-            print_status(ahead.said)
+        forecast = forecast_work(run, block, outline)
+        if forecast.said:
+            print_status(forecast.said)
         outcome = Outcome()
         changed: set[str] = set()
         for kind in STAGES_IN_ORDER:
-            if kind.part_of is not None:  # done with the stage that it is part of
+            if kind.part_of is not None:  # part of another stage's units
                 continue
             if kind.units is None:
                 ended = _run_streets(run, outline, compute, only, submit)
             else:
-                # keys are computed once, unless something was done since that they stand on
-                known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
+                # reuse the forecast unless a stage that the keys depend on has changed since
+                known = None if changed & set(kind.reads) else forecast.units.get(kind.stage)
                 ended = _run_stage(run, find_pending_units(run, block, kind, known), compute, submit)
             if ended.done or ended.failed:
                 changed.add(kind.stage)
@@ -193,7 +210,7 @@ def _texture_block(
 
 @contextmanager
 def _publish_connection(connecting: AbstractContextManager[Compute], ready: Future[Compute]) -> Iterator[Compute]:
-    """Connect, and tell who waits for workers that they are there, or that there will be none."""
+    """Connect to workers and pass the connection to `ready`; cancel `ready` where the connection fails."""
     try:
         with connecting as compute:
             ready.set_result(compute)
@@ -203,7 +220,7 @@ def _publish_connection(connecting: AbstractContextManager[Compute], ready: Futu
 
 
 def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> Outcome:
-    """All batches of a stage, AT_ONCE on their way at a time."""
+    """Run all batches of a stage, at most BATCHES_AT_ONCE at a time."""
     if not pending.total:
         return Outcome()
     require_disk_space(run.local)
@@ -226,8 +243,10 @@ def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit
 
 
 def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
-    """Each street once those that it waits for are done, those of earlier waves first. No more are submitted than soon find a
-    worker: what waits for others, or for room, is a number here and no task."""
+    """Run each street after the streets that it depends on, earlier waves first.
+
+    Submits only as many streets as soon find a worker; the others have no task yet.
+    """
     chosen = select_streets(run, only)
     order = [street for wave in outline.waves for street in wave if chosen is None or street in chosen]
     begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
@@ -256,7 +275,7 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
 
 
 def _take_next_result(ended: SimpleQueue[tuple[int, Any]], outcomes: dict[int, Outcome]) -> None:
-    """Take what ends next. What ends it ends the run, however long the others would go on."""
+    """Wait for the next result and store it; its exception ends the run at once."""
     number, future = ended.get()
     outcomes[number] = future.result()
 

@@ -1,4 +1,4 @@
-"""The flow of a city: its blocks, one by one or some at a time, and what lies over all of them."""
+"""Flow of a city: its blocks, one or several at a time, and the products of the whole city."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from tasks.city.over import write_over
 from tasks.city.running import TIME_IS_UP, run_block
 from tasks.city.sources import version
 
-# Blocks at a time at most.
 MAX_CONCURRENT_BLOCKS = 64
 
-# Of the time a run spends at most so much on what lies over all blocks, which grows with them; it is written at the end anyway.
+# Share of the time for updates of the city's products while blocks run, whose cost grows with the city; the end of the run
+# updates them in any case.
 MAX_PRODUCT_TIME_SHARE = 0.05
 
-# Starts the run of a block; what it returns calls back when that has ended.
+# Starts the run of a block and returns its future.
 Submit = Callable[..., Any]
 
 
 def city_run_name() -> str:
-    """The city and the date for which the run was scheduled."""
+    """Return the city and the scheduled date of the run."""
     return f"{Path(flow_run.parameters['city_file']).stem} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
 
@@ -62,32 +62,39 @@ def city(
     keep: int | None = None,
     tiles: bool = True,
 ) -> dict[str, Any] | State:
-    """Texture the city of `city_file` into `out`; resumes by itself. Returns the run's summary.
+    """Texture the city of `city_file` into `out`; resumable and idempotent.
 
-    Args:
-        city_file: the city.
-        out: folder for the results, or s3://bucket/prefix, each block a run in out/blocks/NAME; out/NAME of the city file where
-            there is none.
-        workers: local processes of each block.
-        dask: address of a Dask scheduler to use instead, which all blocks share.
-        at_once: blocks at a time.
-        until: local time of day, such as 06:00, at which the run ends, done or not; what is committed stays. It is
-            the next after the run was to begin: one that begins later, or is tried again then, begins no block.
-        keep: published snapshots of each block to keep, the newest; all without.
-        tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
+    Parameters
+    ----------
+    city_file : the city.
+    out : folder or s3://bucket/prefix of the results, each block a run in out/blocks/NAME; None for out/NAME of the
+        city file.
+    workers : number of local processes of each block.
+    dask : address of a Dask scheduler that all blocks share instead.
+    at_once : number of concurrent blocks.
+    until : local time of day, such as 06:00, at which the run ends, finished or not; committed work is kept. It is the
+        next such time after the scheduled start: a later start or retry begins no block.
+    keep : number of newest published snapshots of each block to keep; None for all.
+    tiles : export the 3D Tiles of each block, which out/tileset.json references.
+
+    Returns
+    -------
+    summary : counts, failures and outputs of the run; in a `Completed` state where blocks failed or are left.
     """
     asked = CityOptions(workers, dask, at_once, until, keep, tiles)
     since = flow_run.scheduled_start_time.astimezone().replace(tzinfo=None)
-    summary = _run_city(city_file, folder_at(out or Path("out") / city_file.stem), asked, since, _submit_to_prefect, publish_block_table)
+    summary = _run_city(
+        city_file, folder_at(out or Path("out") / city_file.stem), asked, since, _submit_to_prefect, publish_block_table
+    )
     if summary["failures"] or summary["left"]:
-        said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
-        failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
-        return Completed(name="BlocksLeft", message=escape_markdown(f"{said}. {failed}"), data=summary)
+        counts = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
+        failed = "; ".join(f"{failure['unit']}: {failure['reason']}" for failure in summary["failures"][:3])
+        return Completed(name="BlocksLeft", message=escape_markdown(f"{counts}. {failed}"), data=summary)
     return summary
 
 
 def run_city_without_server(city_file: Path, out: Folder, options: CityOptions) -> dict[str, Any]:
-    """What `city` does, without a Prefect server."""
+    """Run `city` without a Prefect server and its record."""
     with ThreadPoolExecutor(MAX_CONCURRENT_BLOCKS, thread_name_prefix="blocks") as pool:
         return _run_city(city_file, out, options, datetime.now(), partial(_submit_to_pool, pool), lambda account: None)
 
@@ -101,24 +108,38 @@ def _submit_to_pool(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Fu
 
 
 def _run_city(
-    city_file: Path, out: Folder, options: CityOptions, scheduled: datetime, submit: Submit, show: Callable[[Account], None]
+    city_file: Path,
+    out: Folder,
+    options: CityOptions,
+    scheduled: datetime,
+    submit: Submit,
+    show: Callable[[Account], None],
 ) -> dict[str, Any]:
-    begun = time.monotonic()
+    started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out):
         account, files = known(city_file, out)
         due = account.due(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
-        lasting = f", about {estimate['hours']:.2g} h" if due else ""
-        print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{lasting}")
+        duration = f", about {estimate['hours']:.2g} h" if due else ""
+        print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
         ended: SimpleQueue[tuple[str, Any]] = SimpleQueue()
-        waiting, running, over_at = deque(due), 0, 0.0
+        waiting, running, next_update = deque(due), 0, 0.0
         while waiting or running:
             while waiting and running < options.at_once and (ends is None or time.time() < ends):
                 name = waiting.popleft()
                 before, digest = account.blocks[name], account.digests[name]
                 future = submit(
-                    run_block, out, name, files[name], options.block_arguments(), before, digest, version(), ends, options.tiles
+                    run_block,
+                    out,
+                    name,
+                    files[name],
+                    options.block_arguments(),
+                    before,
+                    digest,
+                    version(),
+                    ends,
+                    options.tiles,
                 )
                 future.add_done_callback(lambda future, name=name: ended.put((name, future)))
                 running += 1
@@ -126,18 +147,18 @@ def _run_city(
                 break
             name, future = ended.get()
             running -= 1
-            how: Ended = future.result()
-            account = account.ended(name, how)
+            outcome: Ended = future.result()
+            account = account.ended(name, outcome)
             require_lock(out)
-            write_ended(out, name, how)
-            print_status(f"block {name}: {_describe_block_outcome(how)}; {len(waiting) + running} to go")
-            if time.monotonic() >= over_at:
+            write_ended(out, name, outcome)
+            print_status(f"block {name}: {_describe_block_outcome(outcome)}; {len(waiting) + running} to go")
+            if time.monotonic() >= next_update:
                 account, took = _write_city_products(out, account, show)
-                over_at = time.monotonic() + took / MAX_PRODUCT_TIME_SHARE
+                next_update = time.monotonic() + took / MAX_PRODUCT_TIME_SHARE
         account, _ = _write_city_products(out, account, show)
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
-        summary["seconds"] = round(time.monotonic() - begun, 2)
+        summary["seconds"] = round(time.monotonic() - started, 2)
         spent = sum(account.blocks[name].processor for name in due if name not in waiting) / 3600
         taken = {"hours_taken": summary["seconds"] / 3600, "processor_hours_taken": spent}
         summary["estimate"] = estimate | {name: float(f"{value:.3g}") for name, value in taken.items()}
@@ -146,15 +167,17 @@ def _run_city(
 
 
 def _write_city_products(out: Folder, account: Account, show: Callable[[Account], None]) -> tuple[Account, float]:
-    """Show how all blocks stand, and write what lies over them where it is not of what they published last. Says of what it is,
-    and the seconds that took."""
-    begun = time.monotonic()
+    """Report the blocks' state; write the city's products unless they match the newest snapshots.
+
+    Returns the account with the snapshots of the products, and the seconds that this took.
+    """
+    started = time.monotonic()
     show(account)
     require_lock(out)
-    if account.over != (of := account.snapshots()) and write_over(out, list(account.blocks), print_status):
-        account = replace(account, over=of)
+    if account.over != (snapshots := account.snapshots()) and write_over(out, list(account.blocks), print_status):
+        account = replace(account, over=snapshots)
         write_over_of(out, account)
-    return account, time.monotonic() - begun
+    return account, time.monotonic() - started
 
 
 def _describe_block_outcome(outcome: Ended) -> str:

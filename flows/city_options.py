@@ -1,4 +1,4 @@
-"""What is asked of a city's run."""
+"""Options of a city's run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from facade_core.core.errors import InputError
 
 @dataclass(frozen=True)
 class CityOptions:
-    """How a city is run: the parameters of the flow `flows.city.city`, which says what each means."""
+    """Parameters of the flow `flows.city.city`, whose docstring explains them."""
 
     workers: int = 2
     dask: str | None = None
@@ -20,13 +20,19 @@ class CityOptions:
     tiles: bool = True
 
     def block_arguments(self) -> list[str]:
-        """The command line's options of the run of one block."""
+        """Return the command line options of the run of one block."""
         where = ("--dask", self.dask) if self.dask else ("--workers", str(self.workers))
         return [*where, *(("--keep", str(self.keep)) if self.keep else ())]
 
 
 def next_time_of_day(until: str, now: datetime) -> datetime:
-    """When a local time of day is next. Raises InputError for what is none."""
+    """Compute the next occurrence of a local time of day such as 06:00.
+
+    Raises
+    ------
+    InputError
+        `until` is not a time of day.
+    """
     try:
         at = datetime.strptime(until, "%H:%M")
     except ValueError:

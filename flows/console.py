@@ -1,4 +1,4 @@
-"""What a run looks like in a terminal: progress bars on stderr, a summary at the end. Elsewhere: a line for each tenth."""
+"""Output of a run in a terminal: progress bars on stderr and a summary; elsewhere one line per tenth."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ console = Console(stderr=True)
 
 @contextmanager
 def show_progress(*, quiet: bool = False) -> Iterator[None]:
-    """Show the tasks' events until the block ends: a bar per stage in a terminal, else lines."""
+    """Show the progress events of tasks until the block ends: a bar per stage in a terminal, else lines."""
     if quiet:
         yield
         return
@@ -42,11 +42,11 @@ def show_progress(*, quiet: bool = False) -> Iterator[None]:
         console=console,
     ) as display:
 
-        def on_event(told: StageProgress) -> None:
-            if told.stage not in bars:
-                bars[told.stage] = display.add_task(told.stage, total=told.total, failed="")
-            failed = f"{told.failed} failed" if told.failed else ""
-            display.update(bars[told.stage], completed=told.finished, total=told.total, failed=failed)
+        def on_event(event: StageProgress) -> None:
+            if event.stage not in bars:
+                bars[event.stage] = display.add_task(event.stage, total=event.total, failed="")
+            failed = f"{event.failed} failed" if event.failed else ""
+            display.update(bars[event.stage], completed=event.finished, total=event.total, failed=failed)
 
         stop = add_listener(on_event)
         try:
@@ -56,41 +56,47 @@ def show_progress(*, quiet: bool = False) -> Iterator[None]:
 
 
 def print_status(line: str) -> None:
-    """A line beside the bars."""
+    """Print a line above the progress bars."""
     _print_escaped(console, f"streetloom: {line}")
 
 
 @dataclass
 class ProgressLines:
-    """Tells events in lines: a stage that begins, each tenth of it with the time that is left, and its end."""
+    """Print progress events as lines: start of a stage, each tenth with the remaining time, and its end.
+
+    Attributes
+    ----------
+    tell : receives each line.
+    clock : current time in seconds.
+    """
 
     tell: Callable[[str], None]
     clock: Callable[[], float] = time.monotonic
     _begun: dict[str, float] = field(default_factory=dict)
     _tenths: dict[str, int] = field(default_factory=dict)
 
-    def __call__(self, told: StageProgress) -> None:
-        stage, finished, total = told.stage, told.finished, told.total
+    def __call__(self, event: StageProgress) -> None:
+        stage, finished, total = event.stage, event.finished, event.total
         tenth = 10 * finished // total if total else 10
         if stage not in self._begun:
             self._begun[stage] = self.clock()
             self._tenths[stage] = tenth
-            before = f", {told.earlier} of them done before" if told.earlier else ""
+            before = f", {event.earlier} of them done before" if event.earlier else ""
             self.tell(f"{stage}: {total}{before}")
             return
         if tenth <= self._tenths[stage]:
             return
         self._tenths[stage] = tenth
         seconds = self.clock() - self._begun[stage]
-        # by what this run did: what is found done takes no time
-        left = seconds * (total - finished) / max(finished - told.earlier, 1)
+        # estimate from units of this run only; finished units of earlier runs took no time
+        left = seconds * (total - finished) / max(finished - event.earlier, 1)
         when = f"about {_format_duration(left)} left" if finished < total else f"in {_format_duration(seconds)}"
-        aside = f", {told.failed} failed" if told.failed else ""
-        self.tell(f"{stage}: {finished} of {total}{aside}, {when}")
+        failures = f", {event.failed} failed" if event.failed else ""
+        self.tell(f"{stage}: {finished} of {total}{failures}, {when}")
 
 
 def _format_duration(seconds: float) -> str:
-    """Such as "40 s", "12 min" or "3 h 5 min"."""
+    """Format seconds such as "40 s", "12 min" or "3 h 5 min"."""
     minutes = round(seconds / 60)
     if seconds < 100:
         return f"{seconds:.0f} s"
@@ -98,7 +104,14 @@ def _format_duration(seconds: float) -> str:
 
 
 def print_summary(target: Console, summary: dict[str, Any], *, painted: bool = False) -> None:
-    """The summary of a run for people. painted: its pictures are painted, with no face or plate to look for."""
+    """Print the summary of a run for people.
+
+    Parameters
+    ----------
+    target : console to print to.
+    summary : outcome of the run.
+    painted : the pictures are painted, so that no face or number plate can be missed.
+    """
     done = f"{summary['facades_done']} facades, {summary['viewpoints']} viewpoints in {summary['seconds']:.0f} s"
     _print_escaped(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
@@ -116,6 +129,8 @@ def print_summary(target: Console, summary: dict[str, Any], *, painted: bool = F
 
 
 def _print_escaped(target: Console, *parts: str | tuple[str, str]) -> None:
-    """One line of text, parts of it in a style; nothing in it is taken for markup or steers the terminal."""
-    shown = [escape_invisible(part) if isinstance(part, str) else (escape_invisible(part[0]), part[1]) for part in parts]
+    """Print one line of styled parts, without interpretation of markup or control characters."""
+    shown = [
+        escape_invisible(part) if isinstance(part, str) else (escape_invisible(part[0]), part[1]) for part in parts
+    ]
     target.print(Text.assemble(*shown), soft_wrap=True)

@@ -1,7 +1,7 @@
-"""The lock of a run in a bucket: an object that says who holds it and until when, renewed as long as the run goes on.
+"""Lock of a run in a bucket: an object with its holder and expiry time, renewed while the run is in progress.
 
-No process can hold an object as it holds a file, so what is held is time. Every writing of the object is on the condition that
-nobody wrote it meanwhile.
+A process cannot hold an object as it holds a file, so the lock is a lease. Every write of the object has the condition
+that it did not change meanwhile.
 """
 
 from __future__ import annotations
@@ -25,49 +25,67 @@ from facade_core.core.errors import FacadeError, InputError, MachineError
 log = logging.getLogger(__name__)
 
 LOCK_NAME = ".lock"
-# A lease is for so long, and is renewed so often, seconds.
-LEASE_S, RENEWAL_S = 120.0, 30.0
-# Whoever holds it commits nothing any more so long before it is over: clocks of machines may differ by that.
+LEASE_S = 120.0  # lifetime of a lease
+RENEWAL_S = 30.0  # interval between renewals
+# The holder stops commits this long before the lease expires: clocks of machines may differ.
 CLOCK_MARGIN_S = 30.0
 
 
 @dataclass
 class Lease:
-    """A run's hold of its folder in a bucket. token: no other lease has it; tag: the object's version that this run wrote."""
+    """Lease of a run on its folder in a bucket.
+
+    Attributes
+    ----------
+    out : the folder.
+    token : unique to this lease.
+    tag : version of the object that this run wrote.
+    renewed : `time.monotonic()` of the last renewal.
+    new_holder : description of the run that took the lease over; None while this run holds it.
+    released : set when the run ends.
+    """
 
     out: S3Folder
     token: str
     tag: str
     renewed: float
-    taken_by: str | None = None
-    over: Event = field(default_factory=Event)
+    new_holder: str | None = None
+    released: Event = field(default_factory=Event)
 
-    def require(self) -> None:
-        """Raise MachineError where another run may be at work by now."""
-        if self.taken_by is not None:
-            raise MachineError(f"{self.out}: {self.taken_by} took its lock over; let that run end, and run again")
+    def require_valid(self) -> None:
+        """Raise MachineError where another run may have taken the folder over."""
+        if self.new_holder is not None:
+            raise MachineError(f"{self.out}: {self.new_holder} took its lock over; let that run end, and run again")
         if time.monotonic() > self.renewed + LEASE_S - CLOCK_MARGIN_S:
             raise MachineError(
                 f"{self.out}: its lock could not be renewed in time; see to the network, and run again: what is done is kept"
             )
 
     def renew(self) -> None:
-        """Hold the folder for some more time, from now on."""
+        """Extend the lease from now on."""
         began = time.monotonic()
         tag = object_store.upload_if_unchanged(_lock_path(self.out), _encode_lease(self.token), self.tag)
         if tag is None:
             found = lease_holder(self.out)
-            self.taken_by = found[0] if found else "another run"
+            self.new_holder = found[0] if found else "another run"
         else:
             self.tag, self.renewed = tag, began
 
 
 @contextmanager
 def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
-    """Hold a folder in a bucket. handle: of the file by which this process holds the folder's local side.
+    """Hold a lease on a folder in a bucket until the block ends.
 
-    Tokens are kept in that file: the lease of a process that held it and has ended is taken over at once, any other when it is
-    over. Raises InputError that says who holds the folder and until when.
+    Parameters
+    ----------
+    out : the folder.
+    handle : descriptor of the file by which this process locks the folder's local side. It stores the token: the lease of
+        an ended process of this machine is taken over at once, any other lease after it expires.
+
+    Raises
+    ------
+    InputError
+        Another run holds the folder; the message names it and the expiry time.
     """
     token = uuid.uuid4().hex
     kept = os.pread(handle, 64, 0).decode(errors="replace")
@@ -81,24 +99,24 @@ def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
     try:
         yield lease
     finally:
-        lease.over.set()
+        lease.released.set()
         thread.join()
-        if lease.taken_by is None:
-            try:  # nothing is lost by one that stays: it is over soon
+        if lease.new_holder is None:
+            try:  # a remaining lease expires soon
                 object_store.delete_objects([_lock_path(out)])
             except (FacadeError, OSError) as error:
                 log.warning("%s: its lock stays until it is over (%s)", out, error)
 
 
 def lease_holder(out: S3Folder) -> tuple[str, datetime] | None:
-    """Who holds a folder in a bucket, and until when; None where nobody does."""
+    """Return the holder of a folder in a bucket and the expiry time; None where the folder is free."""
     found = object_store.download_object(_lock_path(out))
     held = _decode_lease(found[0]) if found else None
     return None if held is None or held[1] <= datetime.now(UTC) else held[:2]
 
 
 def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
-    """Take the lease; the tag of what was written."""
+    """Write the lease and return the tag of the object."""
     for _ in range(3):
         found = object_store.download_object(_lock_path(out))
         held = _decode_lease(found[0]) if found else None
@@ -108,7 +126,9 @@ def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
                 f"{out}: another run is at work in it: {owner}, whose lock lasts until {until:%H:%M:%S} UTC unless renewed; "
                 "wait for it, or name another folder with --out"
             )
-        if (tag := object_store.upload_if_unchanged(_lock_path(out), _encode_lease(token), found[1] if found else None)) is not None:
+        if (
+            tag := object_store.upload_if_unchanged(_lock_path(out), _encode_lease(token), found[1] if found else None)
+        ) is not None:
             if held is not None and held[2] != previous_token:
                 log.warning("%s: took over the lock of %s, which was over at %s", out, held[0], held[1])
             return tag
@@ -116,7 +136,7 @@ def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
 
 
 def _require_conditions(out: S3Folder) -> None:
-    """Raise InputError where a bucket writes over what is there though the condition does not hold: runs would lose commits."""
+    """Raise InputError where a bucket ignores conditional writes: concurrent runs would lose commits."""
     for condition in (None, f'"{"0" * 32}"'):
         if object_store.upload_if_unchanged(_lock_path(out), b"{}", condition) is not None:
             object_store.delete_objects([_lock_path(out)])
@@ -127,13 +147,13 @@ def _require_conditions(out: S3Folder) -> None:
 
 
 def _renew_until_released(lease: Lease) -> None:
-    while not lease.over.wait(RENEWAL_S) and lease.taken_by is None:
+    while not lease.released.wait(RENEWAL_S) and lease.new_holder is None:
         try:
             lease.renew()
         except (
             FacadeError,
             OSError,
-        ) as error:  # tried again; who commits asks how long ago the last was that succeeded
+        ) as error:  # tried again; commits check the time of the last success
             log.warning("%s: its lock is not renewed (%s)", lease.out, error)
 
 
@@ -144,7 +164,7 @@ def _encode_lease(token: str) -> bytes:
 
 
 def _decode_lease(data: bytes) -> tuple[str, datetime, str] | None:
-    """Owner, end and token; None of what is no lease, which holds nothing."""
+    """Return owner, expiry time and token; None where the data is not a lease."""
     try:
         held = json.loads(data)
         owner = f"process {int(held['pid'])} on {str(held['host'])!r} (run {str(held['run'])[:8]})"

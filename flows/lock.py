@@ -1,4 +1,4 @@
-"""One run at a time in an output folder, on this machine or in a bucket."""
+"""Exclusive lock of an output folder, on this machine or in a bucket."""
 
 from __future__ import annotations
 
@@ -15,18 +15,25 @@ from facade_core.atlas.store import guard_commits
 from facade_core.core.errors import InputError, MachineError
 from flows.lease import Lease, hold_lease, lease_holder
 
-# Folders that this process holds, and of those in buckets the lease: the command line locks before it starts a server, and the
-# flow locks for itself.
+# Locked folders of this process, with the lease of those in buckets. The command line locks before it starts a server, and
+# the flow locks again.
 _held_folders: dict[Folder, Lease | None] = {}
 
 
 @contextmanager
 def lock_folder(out: Folder) -> Iterator[None]:
-    """Make the folder `out` and hold it; the lock goes with the process, however it ends. It may be nested.
+    """Create and lock the folder `out` until the block ends; reentrant.
 
-    In a bucket it is held by a lease, which is over some time after the process has ended, at once where the next run is on the
-    same machine. While it lasts, commits into its store ask whether it still does.
-    Raises InputError when the folder cannot be written, or another run is at work in it.
+    The operating system releases the lock when the process ends. A folder in a bucket is locked by a lease, which expires
+    some time after the process has ended, or at once where the next run is on the same machine. Commits into the store
+    check the lease.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written, or another run holds it.
+    MachineError
+        The disk is full.
     """
     out = out.resolve()
     if out in _held_folders:
@@ -37,7 +44,7 @@ def lock_folder(out: Folder) -> Iterator[None]:
         lease, token = None, holds.enter_context(_lock_local_folder(local, out))
         if isinstance(out, S3Folder):
             lease = holds.enter_context(hold_lease(out, token))
-            holds.enter_context(guard_commits(out / "store", lease.require))
+            holds.enter_context(guard_commits(out / "store", lease.require_valid))
         _held_folders[out] = lease
         try:
             yield
@@ -46,15 +53,14 @@ def lock_folder(out: Folder) -> Iterator[None]:
 
 
 def require_lock(out: Folder) -> None:
-    """Raise MachineError where this process may write no more into a folder in a bucket that it locked: another may be at work
-    there by now."""
+    """Raise MachineError where the lease of a locked folder in a bucket may have expired."""
     if (lease := _held_folders[out.resolve()]) is not None:
-        lease.require()
+        lease.require_valid()
 
 
 @contextmanager
 def _lock_local_folder(folder: Path, out: Folder) -> Iterator[int]:
-    """Hold a folder of this machine, for a run in `out`; yields the descriptor of the file by which it is held."""
+    """Lock a folder of this machine for a run in `out`; yields the descriptor of the lock file."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -76,7 +82,7 @@ def _lock_local_folder(folder: Path, out: Folder) -> Iterator[int]:
 
 
 def is_locked(out: Folder) -> bool:
-    """Whether a run, of this process or another, is at work in the folder `out`."""
+    """Return True if a run of this or another process holds the folder `out`."""
     if isinstance(out, S3Folder):
         return lease_holder(out) is not None
     try:

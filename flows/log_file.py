@@ -1,4 +1,4 @@
-"""A log file for each run: OUT/logs/<UTC time>.jsonl, one JSON object a line, and what of it Prefect's UI shows."""
+"""Log file of each run, OUT/logs/<UTC time>.jsonl with one JSON object per line, and forwarding to Prefect's UI."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from facade_core.core.errors import FacadeError
 
-# Every module logs under its own name, below one of these.
+# Root loggers of the project.
 LOGGED_PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
 
 log = logging.getLogger(__name__)
@@ -19,16 +19,21 @@ _logged_folders: set[Path] = set()
 
 
 def find_log(error: Exception) -> Path | None:
-    """The log in which the traceback of this error is; None where no run ended by it, or the log could not be written."""
+    """Return the log with the traceback of this error; None where no run raised it or the log could not be written."""
     path: Path | None = getattr(error, "_log", None)
     return path if path is not None and path.is_file() else None
 
 
 @contextmanager
 def log_to(out: Path, *, file_only: bool = False) -> Iterator[None]:
-    """Log to a new file in `out`/logs, which is made with the first line; what ends the block is in it with its traceback.
+    """Log to a new file in `out`/logs until the block ends, with the traceback of the exception that ends it; reentrant.
 
-    alone: nothing of it goes to a terminal too. It may be nested: the outermost counts.
+    The first line creates the file.
+
+    Parameters
+    ----------
+    out : folder of the run.
+    file_only : do not propagate to the terminal. The outermost call decides.
     """
     out = out.resolve()
     if out in _logged_folders:
@@ -62,7 +67,7 @@ def log_to(out: Path, *, file_only: bool = False) -> Iterator[None]:
 
 @contextmanager
 def forward_to_prefect() -> Iterator[None]:
-    """Within a flow: warnings and errors go to Prefect's server too, which shows them with the run and its tasks."""
+    """Forward warnings and errors to Prefect's server, which shows them with the flow run and its tasks."""
     from prefect.logging.handlers import APILogHandler
 
     handler = APILogHandler(logging.WARNING)
@@ -76,7 +81,10 @@ def forward_to_prefect() -> Iterator[None]:
 
 
 class _JsonLineHandler(logging.Handler):
-    """Writes each record as a line of JSON. The file is opened for each: others close all handlers when they set up theirs."""
+    """Handler that writes each record as a line of JSON.
+
+    Opens the file for each record, because other libraries close all handlers when they configure logging.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -88,7 +96,7 @@ class _JsonLineHandler(logging.Handler):
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
-        except (OSError, ValueError):  # a disk that is full must not end what is being logged
+        except (OSError, ValueError):  # a full disk must not end the run
             pass
 
 

@@ -1,20 +1,20 @@
-"""What a process lets go of goes back to the system."""
+"""Return freed memory of a process to the operating system."""
 
 from __future__ import annotations
 
 import ctypes
 from contextlib import suppress
 
-# Of malloc.h: from which size on memory is mapped by itself, and so goes back as soon as it is free.
+# From malloc.h: size from which malloc maps memory separately, so that free returns it at once.
 _MMAP_THRESHOLD = -3
 _LARGE_BYTES = 1 << 20
 
 
 def release_large_allocations() -> None:
-    """Have what is larger than a megabyte go back to the system when it is freed, in this process from here on.
+    """Return allocations over one megabyte to the operating system as soon as they are freed.
 
-    By itself glibc raises that size with whatever is freed, up to 32 MB, and keeps in its heaps what is smaller: one that reads
-    tile after tile ends with a multiple of what it held at any time.
+    By default glibc raises this threshold up to 32 MB with each freed allocation and keeps smaller ones in its heaps. A
+    process that reads tile after tile then ends with a multiple of its peak of live memory.
     """
     with suppress(OSError, AttributeError):  # another C library
         ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)

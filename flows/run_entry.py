@@ -1,5 +1,7 @@
-"""The way into a run: its block read, its folder held, its store mended and looked at. It is walked once, by whoever comes
-first: the command line, before a server is there, or the flow."""
+"""Start of a run: loads its block, locks its folder, repairs its store and finds whether work is pending.
+
+The command line does this before a server exists, else the flow does; once per process and folder.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,14 @@ from tasks.engine.store.status import finished_summary, record_source
 
 @dataclass
 class OpenRun:
-    """A run that this process is in.
+    """Run that this process holds.
 
-    source: its block file.
-    summary: what it came to: at once where nothing is due, else when it is done; None before.
+    Attributes
+    ----------
+    source : block file.
+    block : the loaded block.
+    run : settings and folders of the run.
+    summary : outcome of the run; set at once where nothing is pending, None until the run ends otherwise.
     """
 
     source: Path
@@ -49,11 +55,24 @@ def open_run(
     prepare: Callable[[Run], None] | None = None,
     file_only: bool = False,
 ) -> Iterator[OpenRun]:
-    """Enter a run of a block file in a folder, unless this process is in it already; then it goes on as it is.
+    """Lock and open the run of a block file in a folder; return the open one where this process already holds it.
 
-    tell: is told what was lost and mended, a line each. before: makes units due again, once the store is mended. alone: as of
-    `log_to`.
-    Raises what `read_block`, `locked` and `mend` raise.
+    Parameters
+    ----------
+    source : block file.
+    out : folder of the results.
+    notify : receives one line for each loss and repair of the store.
+    prepare : marks units pending again, after the repair of the store.
+    file_only : as of `log_to`.
+
+    Yields
+    ------
+    entry : the open run.
+
+    Raises
+    ------
+    FacadeError
+        The block is invalid, another run holds the folder, or the store is damaged beyond repair.
     """
     source, out = source.resolve(), out.resolve()
     if (entry := _open_runs.get(out)) is not None and entry.source == source:
@@ -62,7 +81,12 @@ def open_run(
     release_large_allocations()
     block = read_block(source)
     run = create_run(block, out)
-    with lock_folder(out), log_to(local_folder(out), file_only=file_only), mark_suspect_on_error(run), cache_journals(run.store):
+    with (
+        lock_folder(out),
+        log_to(local_folder(out), file_only=file_only),
+        mark_suspect_on_error(run),
+        cache_journals(run.store),
+    ):
         record_source(out, source)
         for line in repair_store(run):
             notify(line)
@@ -77,7 +101,7 @@ def open_run(
 
 @contextmanager
 def mark_suspect_on_error(run: Run) -> Iterator[None]:
-    """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
+    """Raise faults of the machine as machine errors; after a fault of the store, the next run checks it."""
     with raise_machine_errors(run.block):
         try:
             yield

@@ -1,1 +1,1 @@
-"""A procedural painter of facades with ground truth: input of the demo, of tests and of training."""
+"""Procedural painter of facades with ground truth: input of the demo, of tests and of training."""

@@ -1,7 +1,7 @@
-"""The painter's canvas: colour, relief and gloss of a wall, drawn in metres on a supersampled raster.
+"""Canvas of the painter: colour, relief and gloss of a wall in metres on a supersampled raster.
 
-Nothing here knows light. A facade is first modelled as a coloured relief (metres proud of the wall plane), then lit as
-a whole by `light.shade`, so that every shadow on it agrees with every other.
+The canvas has no lighting. A facade is first modelled as a coloured relief (metres in front of the wall plane), then
+lit as a whole by `canvas_light.light_canvas`, so that all its shadows agree.
 """
 
 from __future__ import annotations
@@ -12,20 +12,26 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-GAMMA = 2.2
+GAMMA = 2.2  # of display values
 
 
 def hex_to_linear(colour: str) -> np.ndarray:
-    """'#rrggbb' in display values -> (3,) float32 in linear light."""
+    """Convert a display colour '#rrggbb' to (3,) float32 in linear light."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float32)
     return (rgb / 255) ** np.float32(GAMMA)
 
 
 @dataclass(frozen=True)
 class Plate:
-    """A thin thing that hangs in front of the wall: colour (h, w, 3) and alpha (h, w) at raster (y, x).
+    """Thin object in front of the wall, such as a railing or an awning.
 
-    depth is its distance from the wall in metres; a hinged plate starts at the wall and reaches it at its lower edge.
+    Attributes
+    ----------
+    colour : (h, w, 3) linear light.
+    alpha : (h, w) coverage in 0..1.
+    y, x : raster position of its upper left corner.
+    depth : metres from the wall.
+    is_hinged : the plate touches the wall at its upper edge and reaches `depth` at its lower edge.
     """
 
     colour: np.ndarray
@@ -38,7 +44,16 @@ class Plate:
 
 @dataclass
 class Canvas:
-    """albedo (H, W, 3) linear light, relief (H, W) metres, gloss (H, W) in 0..1; scale in raster pixels per metre."""
+    """Raster of a wall without lighting.
+
+    Attributes
+    ----------
+    albedo : (H, W, 3) linear light.
+    relief : (H, W) metres in front of the wall plane.
+    gloss : (H, W) in 0..1.
+    scale : raster pixels per metre.
+    plates : thin objects in front of the wall.
+    """
 
     albedo: np.ndarray
     relief: np.ndarray
@@ -48,28 +63,32 @@ class Canvas:
 
     @classmethod
     def blank(cls, height: int, width: int, scale: float) -> Canvas:
+        """Create a black, flat, matt canvas."""
         shape = (height, width)
         return cls(np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32), scale)
 
     @property
     def height_m(self) -> float:
+        """Height in metres."""
         return self.relief.shape[0] / self.scale
 
     @property
     def width_m(self) -> float:
+        """Width in metres."""
         return self.relief.shape[1] / self.scale
 
-    def px(self, metres: float) -> int:
+    def to_pixels(self, metres: float) -> int:
+        """Convert metres to whole raster pixels."""
         return round(metres * self.scale)
 
     def region(self, x0: float, y0: float, x1: float, y1: float) -> tuple[slice, slice]:
-        """The raster pixels of a box in metres; at least one pixel thick, clipped to the raster."""
+        """Return the raster slices (rows, columns) of a box in metres, at least one pixel thick, clipped to the raster."""
         rows, columns = self.relief.shape
-        left, top = self.px(x0), self.px(y0)
-        right, bottom = max(self.px(x1), left + 1), max(self.px(y1), top + 1)
+        left, top = self.to_pixels(x0), self.to_pixels(y0)
+        right, bottom = max(self.to_pixels(x1), left + 1), max(self.to_pixels(y1), top + 1)
         return slice(max(top, 0), min(max(bottom, 0), rows)), slice(max(left, 0), min(max(right, 0), columns))
 
-    def box(
+    def fill_box(
         self,
         x0: float,
         y0: float,
@@ -79,7 +98,15 @@ class Canvas:
         relief: float | None = None,
         gloss: float = 0.0,
     ) -> None:
-        """Fill a box; colour None keeps the material, relief None keeps the depth."""
+        """Fill a box.
+
+        Parameters
+        ----------
+        x0, y0, x1, y1 : metres.
+        colour : (3,) linear light; None keeps the material.
+        relief : metres; None keeps the depth.
+        gloss : in 0..1.
+        """
         at = self.region(x0, y0, x1, y1)
         if colour is not None:
             self.albedo[at] = colour
@@ -87,14 +114,22 @@ class Canvas:
         if relief is not None:
             self.relief[at] = relief
 
-    def polygon(
+    def fill_polygon(
         self,
         points: Sequence[tuple[float, float]] | np.ndarray,
         colour: np.ndarray,
         relief: float | None = None,
         gloss: float = 0.0,
     ) -> None:
-        """Fill a polygon given as (x, y) in metres."""
+        """Fill a polygon.
+
+        Parameters
+        ----------
+        points : (n, 2) x, y in metres.
+        colour : (3,) linear light.
+        relief : metres; None keeps the depth.
+        gloss : in 0..1.
+        """
         corners = np.asarray(points, np.float64)
         (x0, y0), (x1, y1) = corners.min(0), corners.max(0)
         at = self.region(x0, y0, x1, y1)
@@ -109,10 +144,17 @@ class Canvas:
         if relief is not None:
             self.relief[at][inside] = relief
 
-    def moulding(
+    def add_moulding(
         self, x0: float, y0: float, x1: float, y1: float, colour: np.ndarray, profile: Sequence[float]
     ) -> None:
-        """A horizontal moulding whose projection (metres) runs through `profile` from its top to its bottom."""
+        """Fill a box with a horizontal moulding.
+
+        Parameters
+        ----------
+        x0, y0, x1, y1 : metres.
+        colour : (3,) linear light.
+        profile : projection in metres at equal steps from the top to the bottom.
+        """
         rows, columns = self.region(x0, y0, x1, y1)
         steps = np.linspace(0, len(profile) - 1, rows.stop - rows.start)
         self.albedo[rows, columns] = colour
@@ -120,18 +162,36 @@ class Canvas:
         self.relief[rows, columns] = np.interp(steps, np.arange(len(profile)), profile)[:, None]
 
     def paste(self, tile: Canvas, x: int, y: int, where: np.ndarray | None = None) -> None:
-        """Copy a tile's pixels to raster position (x, y); `where` (h, w) bool keeps the rest as it is."""
+        """Copy the pixels of a tile.
+
+        Parameters
+        ----------
+        tile : canvas to copy.
+        x, y : raster position of its upper left corner.
+        where : (h, w) bool mask of the pixels to copy; None for all.
+        """
         height, width = tile.relief.shape
         at = (slice(y, y + height), slice(x, x + width))
-        for own, new in ((self.albedo, tile.albedo), (self.relief, tile.relief), (self.gloss, tile.gloss)):
+        for target, source in ((self.albedo, tile.albedo), (self.relief, tile.relief), (self.gloss, tile.gloss)):
             if where is None:
-                own[at] = new
+                target[at] = source
             else:
-                own[at][where] = new[where]
+                target[at][where] = source[where]
 
 
 def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.random.Generator) -> np.ndarray:
-    """Smooth noise of about unit deviation, (H, W) float32; cell = raster pixels per feature, or (rows, columns)."""
+    """Draw smooth noise of about unit deviation.
+
+    Parameters
+    ----------
+    shape : rows and columns.
+    cell : raster pixels per feature, or (rows, columns) of one.
+    rng : source of randomness.
+
+    Returns
+    -------
+    noise : (H, W) float32.
+    """
     steps = cell if isinstance(cell, tuple) else (cell, cell)
     rows, columns = (max(2, round(size / max(step, 1.0))) for size, step in zip(shape, steps, strict=True))
     grid = rng.standard_normal((rows, columns), dtype=np.float32)
@@ -143,7 +203,19 @@ def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng:
 
 
 def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> np.ndarray:
-    """Octaves of noise, each half as large and 0.6 as strong; about unit deviation."""
+    """Draw the sum of octaves of smooth noise, each half as large and 0.6 as strong.
+
+    Parameters
+    ----------
+    shape : rows and columns.
+    cell : raster pixels per feature of the first octave.
+    octaves : number of octaves.
+    rng : source of randomness.
+
+    Returns
+    -------
+    noise : (H, W) float32 of about unit deviation.
+    """
     total = np.zeros(shape, np.float32)
     power = 0.0
     for octave in range(octaves):
@@ -154,7 +226,13 @@ def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.ran
 
 
 def gaussian_blur(array: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian blur; a wide one works on a reduced copy, which no eye can tell and costs a tenth."""
+    """Blur an array with a Gaussian; a wide one works on a reduced copy, at a tenth of the cost.
+
+    Parameters
+    ----------
+    array : (H, W) or (H, W, C) float32.
+    sigma : pixels.
+    """
     factor = max(1, int(sigma / 3))
     if factor == 1 or min(array.shape[:2]) < 4 * factor:
         return cv2.GaussianBlur(array, (0, 0), max(sigma, 0.3), borderType=cv2.BORDER_REPLICATE)

@@ -1,4 +1,4 @@
-"""Light on a canvas: a warm sun from the upper left, a cool sky, shadows cast along the relief."""
+"""Lighting of a canvas: a warm sun from the upper left, a cool sky, and shadows cast by the relief."""
 
 from __future__ import annotations
 
@@ -9,24 +9,32 @@ from facade_core.synth.canvas import Canvas, Plate, gaussian_blur
 
 SUN_COLOUR = np.array([0.720, 0.690, 0.640], np.float32)
 SKY_COLOUR = np.array([0.285, 0.305, 0.335], np.float32)
-# How far a shadow falls to the right and down, in metres per metre that its caster stands out.
-SHADOW_RIGHT_PER_METRE, SHADOW_DOWN_PER_METRE = 0.50, 0.78
-MAX_RELIEF_M = 1.0  # metres; nothing on a facade stands out more
+# Metres that a shadow falls to the right and down, per metre that its caster projects from the wall.
+SHADOW_RIGHT_PER_METRE = 0.50
+SHADOW_DOWN_PER_METRE = 0.78
+MAX_RELIEF_M = 1.0  # metres that anything projects from a facade
 
 
 def light_canvas(canvas: Canvas) -> np.ndarray:
-    """Light the canvas: (H, W, 3) float32 in linear light, plates included."""
+    """Light the canvas with its plates.
+
+    Returns
+    -------
+    lit : (H, W, 3) float32 linear light.
+    """
     shadow = _cast_shadows(canvas.relief, canvas.scale)
     for plate in canvas.plates:
         _add_plate_shadow(shadow, plate, canvas.scale)
     sun = (1 - shadow) * _sun_share(canvas.relief, canvas.scale)
     sky = _sky_share(canvas.relief, canvas.scale)
-    # Glass shows what it mirrors, which the light on the wall hardly changes.
+    # Light on the wall hardly changes the reflections of glass.
     sun += (0.62 - sun) * (canvas.gloss * np.float32(0.40))
     sky += (1.0 - sky) * (canvas.gloss * np.float32(0.30))
     lit = np.empty_like(canvas.albedo)
     for channel in range(3):
-        np.multiply(canvas.albedo[..., channel], sun * SUN_COLOUR[channel] + sky * SKY_COLOUR[channel], out=lit[..., channel])
+        np.multiply(
+            canvas.albedo[..., channel], sun * SUN_COLOUR[channel] + sky * SKY_COLOUR[channel], out=lit[..., channel]
+        )
     for plate in canvas.plates:
         rows, columns = plate.alpha.shape
         under = lit[plate.y : plate.y + rows, plate.x : plate.x + columns]
@@ -36,8 +44,8 @@ def light_canvas(canvas: Canvas) -> np.ndarray:
 
 
 def _cast_shadows(relief: np.ndarray, scale: float) -> np.ndarray:
-    """Soft cast shadows (H, W) in 0..1: walk from every point towards the sun and look for relief above the ray."""
-    # Half the raster is still finer than the picture, and the mouldings go on beyond its borders.
+    """Return soft cast shadows (H, W) in 0..1, by a search for relief above the ray to the sun."""
+    # Half the raster is still finer than the picture; mouldings continue beyond its borders.
     half = cv2.resize(relief, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     scale = scale / 2
     reach = min(MAX_RELIEF_M, float(relief.max() - relief.min()))
@@ -48,10 +56,13 @@ def _cast_shadows(relief: np.ndarray, scale: float) -> np.ndarray:
     highest, above = np.zeros((rows, columns), np.float32), np.empty((rows, columns), np.float32)
     for step in range(1, steps + 1):
         depth = reach * step / steps
-        y, x = pad_y - round(depth * SHADOW_DOWN_PER_METRE * scale), pad_x - round(depth * SHADOW_RIGHT_PER_METRE * scale)
+        y, x = (
+            pad_y - round(depth * SHADOW_DOWN_PER_METRE * scale),
+            pad_x - round(depth * SHADOW_RIGHT_PER_METRE * scale),
+        )
         np.subtract(wide[y : y + rows, x : x + columns], half, out=above)
         above -= np.float32(depth)
-        # The nearer the ray's blocker stands, the sharper the shadow's edge.
+        # The nearer the ray's blocker, the sharper the shadow's edge.
         above *= np.float32(1 / (0.012 + 0.16 * depth))
         np.maximum(highest, above, out=highest)
     soft = np.minimum(highest, 1, out=highest) * np.float32(0.88)
@@ -74,7 +85,7 @@ def _add_plate_shadow(shadow: np.ndarray, plate: Plate, scale: float) -> None:
 
 
 def _sun_share(relief: np.ndarray, scale: float) -> np.ndarray:
-    """How squarely the surface faces the sun, 1 for the flat wall: edges to the upper left catch the light."""
+    """Return the share of sunlight per pixel, 1 for the flat wall; edges to the upper left are brighter."""
     slope = np.zeros_like(relief)
     slope[1:] = 0.8 * (relief[1:] - relief[:-1])
     slope[:, 1:] += 0.5 * (relief[:, 1:] - relief[:, :-1])
@@ -83,9 +94,9 @@ def _sun_share(relief: np.ndarray, scale: float) -> np.ndarray:
 
 
 def _sky_share(relief: np.ndarray, scale: float) -> np.ndarray:
-    """Share of the sky that a point sees (ambient occlusion), from how far what is around and above it stands out."""
+    """Return the share of the sky that a pixel sees (ambient occlusion), from the relief around and above it."""
     open_ = np.ones_like(relief)
-    # The sky is above: what lies under a ledge loses more than what lies over it.
+    # The sky is above: a ledge darkens the wall below it more than the wall above.
     for radius, rise, strength in ((0.06, 0.03, 3.0), (0.30, 0.28, 3.0)):
         around = gaussian_blur(relief, radius * scale)
         drop = min(round(rise * scale), len(relief) - 1)

@@ -1,4 +1,4 @@
-"""Doors of houses as tiles."""
+"""House doors as canvas tiles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,16 @@ from facade_core.synth.windows import glass_reflections
 def door_tile(
     shape: tuple[int, int], scale: float, colour: np.ndarray, *, is_modern: bool, rng: np.random.Generator
 ) -> Canvas:
-    """A two-leaved door under a fanlight; modern ones are glazed from the knee up."""
+    """Paint a two-leaved door under a fanlight.
+
+    Parameters
+    ----------
+    shape : rows and columns of the tile.
+    scale : raster pixels per metre.
+    colour : (3,) linear light.
+    is_modern : glaze the leaves from the knee up.
+    rng : source of randomness.
+    """
     tile = Canvas.blank(*shape, scale)
     w, h = tile.width_m, tile.height_m
     grain = 1 + 0.06 * smooth_noise(shape, (0.9 * scale, 0.02 * scale), rng)
@@ -26,8 +35,8 @@ def door_tile(
 
     pane(0.07, 0.07, w - 0.07, light - 0.05)
     for x in np.linspace(0, w, 5)[1:-1]:
-        tile.box(x - 0.02, 0.0, x + 0.02, light, colour * 1.15, -0.25)
-    tile.box(0, light - 0.06, w, light + 0.06, colour * 1.2, -0.18)
+        tile.fill_box(x - 0.02, 0.0, x + 0.02, light, colour * 1.15, -0.25)
+    tile.fill_box(0, light - 0.06, w, light + 0.06, colour * 1.2, -0.18)
     for side in (0.0, w / 2):
         x0, x1 = side + 0.13, side + w / 2 - 0.13
         tall = h - light - step
@@ -37,14 +46,14 @@ def door_tile(
             if is_modern or number == 0:
                 pane(x0, y0, x1, y1)
                 if not is_modern:
-                    tile.box((x0 + x1) / 2 - 0.02, y0, (x0 + x1) / 2 + 0.02, y1, colour * 1.1, -0.25)
+                    tile.fill_box((x0 + x1) / 2 - 0.02, y0, (x0 + x1) / 2 + 0.02, y1, colour * 1.1, -0.25)
             else:
-                tile.box(x0, y0, x1, y1, colour * 0.72, -0.28)
-                tile.box(x0 + 0.06, y0 + 0.06, x1 - 0.06, y1 - 0.06, colour * 1.12, -0.23)
-    tile.box(w / 2 - 0.02, light, w / 2 + 0.02, h, colour * 0.45, -0.27)
+                tile.fill_box(x0, y0, x1, y1, colour * 0.72, -0.28)
+                tile.fill_box(x0 + 0.06, y0 + 0.06, x1 - 0.06, y1 - 0.06, colour * 1.12, -0.23)
+    tile.fill_box(w / 2 - 0.02, light, w / 2 + 0.02, h, colour * 0.45, -0.27)
     grip = light + 0.55 * (h - light)
-    tile.box(w / 2 + 0.06, grip, w / 2 + 0.095, grip + 0.22, hex_to_linear("#9a8658"), -0.18)
-    tile.box(0, 0, 0.06, h, colour * 1.15, -0.18)
-    tile.box(w - 0.06, 0, w, h, colour * 1.15, -0.18)
-    tile.moulding(0, h - step, w, h, hex_to_linear("#9a958d"), (0.02, 0.02, 0.0))
+    tile.fill_box(w / 2 + 0.06, grip, w / 2 + 0.095, grip + 0.22, hex_to_linear("#9a8658"), -0.18)
+    tile.fill_box(0, 0, 0.06, h, colour * 1.15, -0.18)
+    tile.fill_box(w - 0.06, 0, w, h, colour * 1.15, -0.18)
+    tile.add_moulding(0, h - step, w, h, hex_to_linear("#9a958d"), (0.02, 0.02, 0.0))
     return tile

@@ -1,4 +1,4 @@
-"""A varied library of painted facades, for walls without imagery and as training input."""
+"""Varied sets of painted facades, for walls without imagery and as training input."""
 
 from __future__ import annotations
 
@@ -11,12 +11,26 @@ from facade_core.synth.facade import PaintedFacade, paint_facade
 from facade_core.synth.facade_plan import GROUND_SHARE
 from facade_core.synth.styles import STYLE_BY_NAME, STYLES
 
-UPPER_FLOOR_HEIGHT_M = 3.2  # metres, upper storeys
+UPPER_FLOOR_HEIGHT_M = 3.2  # mean height of floors above the ground floor
 
 
-def paint_exemplar_set(n: int, *, seed: int, metres_per_pixel: float = 0.05, occluded_share: float = 0.0) -> list[PaintedFacade]:
-    """Paint n facades as `exemplar` does. occluded_share of them (rounded to whole facades, spread over the list) have one to
-    three things in front. Raises LayoutError for a negative n or a share outside 0..1."""
+def paint_exemplar_set(
+    n: int, *, seed: int, metres_per_pixel: float = 0.05, occluded_share: float = 0.0
+) -> list[PaintedFacade]:
+    """Paint n facades with `paint_exemplar`.
+
+    Parameters
+    ----------
+    n : number of facades.
+    seed : seed of the set.
+    metres_per_pixel : resolution.
+    occluded_share : share of facades with one to three occluders, rounded to whole facades and spread over the list.
+
+    Raises
+    ------
+    LayoutError
+        `n` or `seed` is negative, or the share is outside 0..1.
+    """
     if not isinstance(n, int | np.integer) or n < 0:
         raise LayoutError(f"exemplars n is {n!r}; use a whole number of at least 0")
     if not 0 <= occluded_share <= 1:
@@ -36,13 +50,23 @@ def paint_exemplar(
     occluded: bool = False,
     styles: Sequence[str] = STYLES,
 ) -> PaintedFacade:
-    """Paint the facade of an index in a library: styles in turn, 3-7 floors, 3-8 columns, 10-26 m wide, storeys of about 3.2 m;
-    with one to three things in front where it is occluded."""
+    """Paint the facade of an index: 3-7 floors of about 3.2 m, 3-8 columns, 10-26 m wide.
+
+    Parameters
+    ----------
+    index : number in the set; selects the style in turn.
+    seed : seed of the set.
+    metres_per_pixel : resolution.
+    occluded : add one to three occluders.
+    styles : names of the styles to use.
+    """
     rng = np.random.default_rng([seed, index])
     style = STYLE_BY_NAME[styles[index % len(styles)]]
     floors, columns = int(rng.integers(3, 8)), int(rng.integers(3, 9))
     width = float(np.clip(columns * rng.uniform(2.5, 3.4), 10, 26))
-    height = UPPER_FLOOR_HEIGHT_M * rng.uniform(0.96, 1.05) * (floors - 1 + GROUND_SHARE) + style.crown + style.roof_height
+    height = (
+        UPPER_FLOOR_HEIGHT_M * rng.uniform(0.96, 1.05) * (floors - 1 + GROUND_SHARE) + style.crown + style.roof_height
+    )
     return paint_facade(
         (float(height), width),
         floors=floors,

@@ -1,4 +1,4 @@
-"""Paint one facade with its ground truth."""
+"""Painter of one facade with its ground truth."""
 
 from __future__ import annotations
 
@@ -13,16 +13,24 @@ from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
 from facade_core.synth.canvas import GAMMA, Canvas, hex_to_linear
 from facade_core.synth.canvas_light import light_canvas
-from facade_core.synth.facade_plan import PaintedOpening, FacadePlan, plan_facade
+from facade_core.synth.facade_plan import FacadePlan, PaintedOpening, plan_facade
 from facade_core.synth.occluders import paint_occluders
 from facade_core.synth.styles import STYLE_BY_NAME, STYLES
 from facade_core.synth.weather import apply_weathering
-from facade_core.synth.windows import HIGH_FLOOR_SKY_PROBABILITY, LOW_FLOOR_SKY_PROBABILITY, WindowColours, vary_pane_brightness, window_tile
+from facade_core.synth.windows import (
+    HIGH_FLOOR_SKY_PROBABILITY,
+    LOW_FLOOR_SKY_PROBABILITY,
+    WindowColours,
+    vary_pane_brightness,
+    window_tile,
+)
 
-MIN_FLOOR_HEIGHT_M, MIN_COLUMN_WIDTH_M = 2.4, 1.5  # metres
-MIN_METRES_PER_PIXEL, MAX_METRES_PER_PIXEL = 0.01, 0.2  # metres per pixel
+MIN_FLOOR_HEIGHT_M = 2.4
+MIN_COLUMN_WIDTH_M = 1.5
+MIN_METRES_PER_PIXEL = 0.01
+MAX_METRES_PER_PIXEL = 0.2
 MAX_PIXELS = 12_000_000
-ROOM_VARIANTS = 4
+ROOM_VARIANTS = 4  # rooms painted per window state and size
 # Linear light that glass and air add to the darkest gap: 24 of 255. No texel of a wall is black.
 MIN_LINEAR_LIGHT = np.float32((24 / 255) ** GAMMA)
 _CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
@@ -31,12 +39,18 @@ _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 
 @dataclass(frozen=True, slots=True)
 class PaintedFacade:
-    """A painted facade and the truth about it.
+    """Painted facade and its ground truth.
 
-    image (H, W, 3) uint8 RGB; labels (H, W) uint8, amodal class ids of `facade_core.core.labels`, without sky: the facade
-    fills the raster; elements, exact rectangles in whole pixels, half-open, drawn over one another in the order of
-    `labels.ELEMENT_CLASSES`; occluded (H, W) bool, True where something stands in front; element_states, one planted
-    type per element, such as "window:blind-half"; floors below the eaves, ground floor included, and columns.
+    Attributes
+    ----------
+    image : (H, W, 3) uint8 RGB.
+    labels : (H, W) uint8 amodal class ids of `facade_core.core.labels`, without sky: the facade fills the raster.
+    elements : exact rectangles in whole pixels, half-open, painted in the order of `labels.ELEMENT_CLASSES`.
+    occluded : (H, W) bool, True where an occluder hides the facade.
+    element_states : state of each element, such as "window:blind-half".
+    metres_per_pixel : resolution.
+    floors : number of floors below the eaves, with the ground floor.
+    columns : number of window columns.
     """
 
     image: np.ndarray
@@ -59,28 +73,41 @@ def paint_facade(
     seed: int,
     occluders: int = 0,
 ) -> PaintedFacade:
-    """Paint a facade of size_m = (height, width) metres.
+    """Paint a facade with its ground truth.
 
-    floors counts the storeys below the eaves; a roof band and its dormers come on top, inside the same height.
-    occluders = how many trees, cars and lamp posts stand in front; those that would take the hidden share above
-    40 % are left out. Raises LayoutError for a size, count or style that cannot be painted.
+    Parameters
+    ----------
+    size_m : height and width in metres.
+    floors : number of floors below the eaves; a roof band with dormers is added above, inside the same height.
+    columns : number of window columns.
+    style : name of the style.
+    metres_per_pixel : resolution.
+    seed : seed of the facade.
+    occluders : number of trees, cars and lamp posts in front; those that would raise the hidden share above 40 % are
+        left out.
+
+    Raises
+    ------
+    LayoutError
+        The size, a count or the style cannot be painted.
     """
     height, width = _validate_size(size_m, floors, columns, style, metres_per_pixel, seed, occluders)
     rng = np.random.default_rng([seed, STYLES.index(style), floors, columns])
-    laid = plan_facade(
+    plan = plan_facade(
         STYLE_BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
     )
-    canvas = _paint_canvas(laid, rng)
+    canvas = _paint_canvas(plan, rng)
     small = cv2.resize(light_canvas(canvas), (width, height), interpolation=cv2.INTER_AREA)
     image = np.round(255 * np.clip(small, MIN_LINEAR_LIGHT, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
     image, occluded = paint_occluders(image, metres_per_pixel, occluders, np.random.default_rng([seed, 0x0CC]))
-    states = [opening.element_state for opening in laid.openings]
-    return PaintedFacade(image, laid.labels(), laid.elements(), occluded, states, metres_per_pixel, floors, columns)
+    states = [opening.element_state for opening in plan.openings]
+    return PaintedFacade(image, plan.labels(), plan.elements(), occluded, states, metres_per_pixel, floors, columns)
 
 
 def _validate_size(
     size_m: tuple[float, float], floors: int, columns: int, style: str, mpp: float, seed: int, occluders: int
 ) -> tuple[int, int]:
+    """Check the arguments of `paint_facade` and return height and width in pixels."""
     if style not in STYLE_BY_NAME:
         raise LayoutError(f"facade style {style!r} is not known; use one of {', '.join(STYLES)}")
     if len(size_m) != 2 or not all(math.isfinite(s) and s > 0 for s in size_m):
@@ -91,9 +118,13 @@ def _validate_size(
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise LayoutError(f"facade seed is {seed!r}; use a whole number of at least 0")
     if not MIN_METRES_PER_PIXEL <= mpp <= MAX_METRES_PER_PIXEL:
-        raise LayoutError(f"facade metres_per_pixel is {mpp!r}; use a value from {MIN_METRES_PER_PIXEL} to {MAX_METRES_PER_PIXEL}")
+        raise LayoutError(
+            f"facade metres_per_pixel is {mpp!r}; use a value from {MIN_METRES_PER_PIXEL} to {MAX_METRES_PER_PIXEL}"
+        )
     if size_m[0] < MIN_FLOOR_HEIGHT_M * floors:
-        raise LayoutError(f"facade of {size_m[0]:g} m has no room for {floors} floors; give {MIN_FLOOR_HEIGHT_M} m to each")
+        raise LayoutError(
+            f"facade of {size_m[0]:g} m has no room for {floors} floors; give {MIN_FLOOR_HEIGHT_M} m to each"
+        )
     if size_m[1] < MIN_COLUMN_WIDTH_M * columns:
         raise LayoutError(
             f"facade of {size_m[1]:g} m has no room for {columns} columns; give {MIN_COLUMN_WIDTH_M} m to each"
@@ -106,7 +137,7 @@ def _validate_size(
 
 def _paint_canvas(plan: FacadePlan, rng: np.random.Generator) -> Canvas:
     style, mpp = plan.style, plan.metres_per_pixel
-    # Fine detail is drawn at about 1.7 cm, whatever the raster.
+    # Supersampled so that fine detail has pixels of about 1.7 cm.
     factor = min(4, max(2 if mpp > 0.0167 else 1, round(mpp / 0.0167)))
     canvas = Canvas.blank(plan.height * factor, plan.width * factor, factor / mpp)
     palette = ornament.FacadePalette(
@@ -166,11 +197,11 @@ def _paint_walls(canvas: Canvas, plan: FacadePlan, palette: ornament.FacadePalet
         materials.paint_masonry(canvas, lower, palette.base, palette.base * 0.6, bond, rng, relief=0.04, groove=0.02)
     if style.roof == "mansard":
         materials.paint_slate(canvas, (0.0, 0.0, w, top), rng, max(0.2, 3 * mpp))
-        canvas.moulding(0, 0, w, 0.22, palette.roof * 0.8, (0.12, 0.16, 0.12, 0.04))
-        canvas.moulding(0, top - 0.16, w, top, palette.roof * 0.9, (0.20, 0.30, 0.34))
+        canvas.add_moulding(0, 0, w, 0.22, palette.roof * 0.8, (0.12, 0.16, 0.12, 0.04))
+        canvas.add_moulding(0, top - 0.16, w, top, palette.roof * 0.9, (0.20, 0.30, 0.34))
     elif style.roof == "metal":
         materials.paint_sheet_metal(canvas, (0.0, 0.0, w, top), palette.roof, rng)
-        canvas.moulding(0, top - 0.14, w, top, palette.roof * 0.8, (0.35, 0.52, 0.55))
+        canvas.add_moulding(0, top - 0.14, w, top, palette.roof * 0.8, (0.35, 0.52, 0.55))
 
 
 def _paint_openings(
@@ -191,7 +222,7 @@ def _paint_openings(
     for o in by_label["window"]:
         ornament.paint_surround(canvas, plan, o, metres(o), palette)
     for o in by_label["window"]:
-        # Of rooms in one state there are some: no two neighbours draw their curtains alike.
+        # Several rooms per state, so that neighbouring curtains differ.
         high = 2 * o.floor > plan.floors
         key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOM_VARIANTS)))
         if key not in tiles:
@@ -218,12 +249,12 @@ def _paint_openings(
     ornament.paint_piers(canvas, plan, [metres(o) for o in bays], palette)
     numbers = sorted({o.shop_number for o in bays})
     for number, shop in zip(numbers, shops.design_shops(len(numbers), rng), strict=True):
-        own = [o for o in bays if o.shop_number == number]
-        for place, o in enumerate(own):
-            # The name stands over the first bay, and the second has the door.
-            named, door = place == 0, place == min(1, len(own) - 1)
+        shop_bays = [o for o in bays if o.shop_number == number]
+        for place, o in enumerate(shop_bays):
+            # The first bay has the name, the second the door.
+            has_name, has_door = place == 0, place == min(1, len(shop_bays) - 1)
             tile, awning = shops.shop_tile(
-                shape(o), canvas.scale, o.state, shop, has_name=named, has_door=door, stone=palette.base, rng=rng
+                shape(o), canvas.scale, o.state, shop, has_name=has_name, has_door=has_door, stone=palette.base, rng=rng
             )
             canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
             if awning is not None:

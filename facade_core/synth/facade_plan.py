@@ -1,4 +1,4 @@
-"""Where everything on a facade goes: the storeys, and a rectangle with a kind and a state for each opening."""
+"""Layout of a painted facade: floors, and a rectangle with a kind and a state for each opening."""
 
 from __future__ import annotations
 
@@ -10,21 +10,36 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
 from facade_core.synth.styles import FacadeStyle
 
-GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
+GROUND_SHARE = 1.28  # height of the ground floor in heights of an upper floor
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
 WINDOW_ODDS = (0.50, 0.21, 0.06, 0.15, 0.08)
 BALCONY_STATES = ("bare", "flowers")
 BALCONY_ODDS = (0.85, 0.15)
 SHOP_STATES = ("plain", "awning")
 SHOP_ODDS = (0.65, 0.35)
-# Metres: what shops and balconies leave free at a facade's ends, the pier between two bays of shops, the widest such bay.
-END_MARGIN_M, PIER_WIDTH_M, MAX_BAY_WIDTH_M = 0.5, 0.5, 4.2
+# Free width between shops or balconies and the ends of a facade.
+END_MARGIN_M = 0.5
+# Width of the pier between two bays of shops.
+PIER_WIDTH_M = 0.5
+MAX_BAY_WIDTH_M = 4.2
+# Height of the lowest roof band with dormers.
 MIN_DORMER_ROOF_M = 1.7
 
 
 @dataclass(frozen=True, slots=True)
 class PaintedOpening:
-    """A window, balcony, door or shop; box in whole pixels (x0, y0, x1, y1), half-open; unit: of which shop it is a bay."""
+    """Window, balcony, door or shop of a painted facade.
+
+    Attributes
+    ----------
+    label : class name.
+    kind : variant within the class, such as "dormer".
+    state : such as "blind-half".
+    box : x0, y0, x1, y1 in whole pixels, half-open.
+    floor : floor number, 0 for the ground floor.
+    column : window column.
+    shop_number : number of the shop that this bay belongs to.
+    """
 
     label: str
     kind: str
@@ -36,13 +51,24 @@ class PaintedOpening:
 
     @property
     def element_state(self) -> str:
-        """The planted type: 'window:blind-half', or 'window:dormer-blind-half' for another kind of window."""
+        """State with the class: 'window:blind-half', or 'window:dormer-blind-half' for another kind of window."""
         return f"{self.label}:{self.state}" if self.kind == "plain" else f"{self.label}:{self.kind}-{self.state}"
 
 
 @dataclass(frozen=True, slots=True)
 class FacadePlan:
-    """height, width, roof and crown in pixels; lines[f] is the floor line of storey f, lines[floors] the top one's ceiling."""
+    """Layout of a painted facade in pixels.
+
+    Attributes
+    ----------
+    style : style of the facade.
+    height, width : size of the raster.
+    metres_per_pixel : resolution.
+    roof, crown : heights of the roof band and of the cornice below it.
+    lines : lines[f] is the row of the floor line of floor f, lines[floors] the ceiling of the top floor.
+    pitch : width of a window column.
+    openings : windows, balconies, doors and shops.
+    """
 
     style: FacadeStyle
     height: int
@@ -56,10 +82,11 @@ class FacadePlan:
 
     @property
     def floors(self) -> int:
+        """Number of floors below the eaves."""
         return len(self.lines) - 1
 
     def labels(self) -> np.ndarray:
-        """Class ids (H, W) uint8, amodal: elements drawn over wall and roof in the order of ELEMENT_CLASSES."""
+        """Return amodal class ids (H, W) uint8: elements over wall and roof in the order of ELEMENT_CLASSES."""
         labels = np.full((self.height, self.width), FacadeClass.WALL, np.uint8)
         labels[: self.roof] = FacadeClass.ROOF
         for name, value in zip(
@@ -73,6 +100,7 @@ class FacadePlan:
         return labels
 
     def elements(self) -> list[Element]:
+        """Return the openings as elements."""
         return [Element(o.label, *map(float, o.box)) for o in self.openings]
 
 
@@ -86,7 +114,16 @@ def plan_facade(
     metres_per_pixel: float,
     rng: np.random.Generator,
 ) -> FacadePlan:
-    """Lay out a facade of height x width pixels."""
+    """Lay out a facade.
+
+    Parameters
+    ----------
+    style : style of the facade.
+    height, width : size of the raster in pixels.
+    floors, columns : numbers of floors and window columns.
+    metres_per_pixel : resolution.
+    rng : source of randomness.
+    """
     mpp = metres_per_pixel
 
     def px(metres: float) -> int:
@@ -96,7 +133,7 @@ def plan_facade(
     roof = px(min(style.roof_height, 0.19 * height_m)) if style.roof_height else 0
     crown = px(min(style.crown, 0.07 * height_m))
     storey = (height - roof - crown) / (floors - 1 + GROUND_SHARE)
-    # All upper storeys have the same whole number of pixels; the ground floor takes the rest.
+    # All upper floors have the same whole number of pixels; the ground floor takes the rest.
     rise = int(storey)
     lines = (height, *(roof + crown + rise * (floors - 1 - f) for f in range(floors)))
     pitch = width / columns
@@ -131,7 +168,7 @@ def _centred_box(column: float, pitch: float, width: int, top: int, bottom: int)
 
 
 def _end_margin(width: int, mpp: float) -> int:
-    """Pixels that shops and balconies leave free at either end of a facade."""
+    """Return the pixels that shops and balconies leave free at either end of a facade."""
     return round(min(END_MARGIN_M / mpp, 0.12 * width))
 
 
@@ -183,7 +220,9 @@ def _place_balconies(
             wide = min(wide, round(3.4 / mpp))
         if column in (0, round(width / pitch) - 1):
             wide = max(min(wide, round(pitch) - 2 * edge), min(wide, window_w))
-        found.append(PaintedOpening("balcony", "plain", state, _centred_box(column, pitch, wide, top, bottom), floor, column))
+        found.append(
+            PaintedOpening("balcony", "plain", state, _centred_box(column, pitch, wide, top, bottom), floor, column)
+        )
     return found
 
 
@@ -208,7 +247,9 @@ def _place_ground_floor(
     for column in range(columns):
         if column == doorway:
             top = ceiling + round(0.20 * tall)
-            found.append(PaintedOpening("door", "plain", "leaf", _centred_box(column, pitch, door_w, top, height), 0, column))
+            found.append(
+                PaintedOpening("door", "plain", "leaf", _centred_box(column, pitch, door_w, top, height), 0, column)
+            )
         elif column in units:
             wide = min(pitch - pier, MAX_BAY_WIDTH_M / mpp)
             left = max(round((column + 0.5) * pitch - wide / 2), edge if column == 0 else 0)
@@ -221,13 +262,17 @@ def _place_ground_floor(
         else:
             state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
             top, bottom = ceiling + round(0.22 * tall), ceiling + round(0.70 * tall)
-            found.append(PaintedOpening("window", "ground", state, _centred_box(column, pitch, window_w, top, bottom), 0, column))
+            found.append(
+                PaintedOpening("window", "ground", state, _centred_box(column, pitch, window_w, top, bottom), 0, column)
+            )
     return found
 
 
 def _assign_shops(columns: int, doorway: int, rng: np.random.Generator) -> dict[int, int]:
-    """The number of its shop by column: shops are two or three bays wide where the door leaves room, and on long fronts one
-    place in three is none."""
+    """Return the shop number by column.
+
+    A shop is two or three bays wide where the door permits it; long facades often leave their shortest place without one.
+    """
     runs: list[list[int]] = []
     for side in (range(doorway), range(doorway + 1, columns)):
         left = list(side)

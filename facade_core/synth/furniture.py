@@ -1,4 +1,4 @@
-"""What stands in real streets and not in city models: cars, trees and people as plain bodies along a centreline."""
+"""Occluders of real streets that city models lack: cars, trees and people as plain bodies along a centreline."""
 
 from __future__ import annotations
 
@@ -9,20 +9,36 @@ import shapely
 
 from facade_core.geometry.charts import Mesh
 
-# Metres from the centreline, on either side.
-CAR_OFFSET_M, TREE_OFFSET_M, PERSON_OFFSET_RANGE_M = 4.6, 6.2, (5.0, 7.5)
-# Metres along the street per car, tree and person, on average.
-METRES_PER_CAR, METRES_PER_TREE, METRES_PER_PERSON = 9.0, 14.0, 11.0
+# Distances from the centreline, on either side.
+CAR_OFFSET_M = 4.6
+TREE_OFFSET_M = 6.2
+PERSON_OFFSET_RANGE_M = (5.0, 7.5)
+# Mean spacing along the street.
+METRES_PER_CAR = 9.0
+METRES_PER_TREE = 14.0
+METRES_PER_PERSON = 11.0
 
 
 def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np.ndarray], *, seed: int) -> Mesh | None:
-    """Cars, trees and people along a street as one mesh, one chart a triangle; None for a street too short for any.
+    """Build cars, trees and people along a street as one mesh with one chart per triangle.
 
-    ground: heights (n,) in metres of points (n, 2).
+    Parameters
+    ----------
+    line : centreline, world metres.
+    ground : heights (n,) in metres of points (n, 2).
+    seed : random seed.
+
+    Returns
+    -------
+    mesh : None for a street that is too short.
     """
     rng = np.random.default_rng(seed)
     bodies: list[tuple[np.ndarray, np.ndarray]] = []
-    for spacing, make in ((METRES_PER_CAR, _car_bodies), (METRES_PER_TREE, _tree_bodies), (METRES_PER_PERSON, _person_bodies)):
+    for spacing, make in (
+        (METRES_PER_CAR, _car_bodies),
+        (METRES_PER_TREE, _tree_bodies),
+        (METRES_PER_PERSON, _person_bodies),
+    ):
         for along in rng.uniform(0, line.length, int(line.length / spacing)):
             aside, body = make(rng)
             place, ahead = _point_and_direction(line, float(along))
@@ -41,7 +57,7 @@ def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np
 
 
 def _point_and_direction(line: shapely.LineString, along: float) -> tuple[np.ndarray, np.ndarray]:
-    """A point of the line and its unit direction there."""
+    """Return a point of the line and its unit direction there."""
     a, b = (np.array(line.interpolate(d).coords[0][:2]) for d in (max(along - 0.5, 0), min(along + 0.5, line.length)))
     step = b - a
     return (a + b) / 2, step / max(float(np.linalg.norm(step)), 1e-9)

@@ -1,4 +1,4 @@
-"""What walls and roofs are made of: each function fills a box of the canvas with one material."""
+"""Materials of walls and roofs; each function fills a box of the canvas."""
 
 from __future__ import annotations
 
@@ -13,15 +13,25 @@ from facade_core.street.materials.grain import (
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.synth.canvas import Canvas, fractal_noise, hex_to_linear, smooth_noise
 
-# Pixels whose grain is worked out together.
+# Pixels whose grain is computed at once, which bounds memory.
 PIXELS_PER_BATCH = 1 << 18
-# How much of the photographed grain walls have: of plaster, from trowelled to roughcast, and of bricks and stones.
-PLASTER_GRAIN_WEIGHTS, MASONRY_GRAIN_WEIGHT = (1.0, 1.6), 1.3
+# Strength of the photographic grain: of plaster, from trowelled to roughcast, and of masonry.
+PLASTER_GRAIN_WEIGHTS = (1.0, 1.6)
+MASONRY_GRAIN_WEIGHT = 1.3
 
 
 @dataclass(frozen=True)
 class MasonryBond:
-    """How stones are laid, in metres; header > 0 puts a short stone after every long one (Flemish bond)."""
+    """Dimensions of masonry in metres.
+
+    Attributes
+    ----------
+    course : height of a course with its joint.
+    length : length of a stone.
+    joint : width of a joint.
+    header : length of a short stone after every long one (Flemish bond); 0 for none.
+    spread : relative deviation of tone between stones.
+    """
 
     course: float
     length: float
@@ -38,11 +48,20 @@ def paint_plaster(
     *,
     rough: float,
 ) -> None:
-    """Rendered wall; rough in 0..1 goes from trowelled smooth to roughcast."""
+    """Paint a rendered wall.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour : (3,) linear light.
+    rng : source of randomness.
+    rough : from 0, trowelled smooth, to 1, roughcast.
+    """
     at = canvas.region(*box)
     shape = canvas.relief[at].shape
     grain = smooth_noise(shape, 0.022 * canvas.scale, rng)
-    # Grain, the strokes of the trowel, and patches as far as an arm reaches.
+    # Grain, trowel strokes, and patches of an arm's reach.
     weight = PLASTER_GRAIN_WEIGHTS[0] + (PLASTER_GRAIN_WEIGHTS[1] - PLASTER_GRAIN_WEIGHTS[0]) * rough
     tone = photographic_grain(
         shape, canvas.scale, GrainKind.PLASTER_ROUGH if rough > 0.4 else GrainKind.PLASTER_FINE, weight, rng
@@ -67,14 +86,26 @@ def paint_masonry(
     groove: float = 0.006,
     rock_face: float = 0.0,
 ) -> None:
-    """Brick or stone with visible joints; rock = metres of rock-faced swelling per stone."""
+    """Paint brick or stone with visible joints.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour, mortar : (3,) linear light.
+    bond : dimensions of the stones.
+    rng : source of randomness.
+    relief : metres in front of the wall plane.
+    groove : depth of the joints in metres.
+    rock_face : swelling of each stone in metres.
+    """
     at = canvas.region(*box)
     rows, columns = canvas.relief[at].shape
-    course = max(2, canvas.px(bond.course))
-    length, header = max(3, canvas.px(bond.length)), canvas.px(bond.header)
-    joint = max(1, canvas.px(bond.joint))
+    course = max(2, canvas.to_pixels(bond.course))
+    length, header = max(3, canvas.to_pixels(bond.length)), canvas.to_pixels(bond.header)
+    joint = max(1, canvas.to_pixels(bond.joint))
     period = length + header
-    # Courses are counted from the ground up, as they are laid; each is drawn once as a line and then made thick.
+    # Courses are counted from the ground up; each is drawn once as a line and then repeated over its rows.
     up = np.arange(rows)[::-1]
     row, in_row = up // course, up % course
     count = int(row[0]) + 1
@@ -92,9 +123,9 @@ def paint_masonry(
     for channel in range(3):
         face = (redder if channel == 0 else tone) * colour[channel]
         face[upright] = mortar[channel]
-        laid = face[row]
-        laid[in_row >= course - joint] = mortar[channel]
-        canvas.albedo[at][..., channel] = laid * grain
+        courses = face[row]
+        courses[in_row >= course - joint] = mortar[channel]
+        canvas.albedo[at][..., channel] = courses * grain
     height = (np.float32(relief) + np.float32(0.15 * groove) * value)[row]
     if rock_face:
         swell = np.sqrt(np.sin(np.pi * (in_row + 0.5) / course)).astype(np.float32)[:, None]
@@ -107,14 +138,26 @@ def paint_masonry(
 def photographic_grain(
     shape: tuple[int, int], scale: float, kind: int, weight: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """What a material's colour is multiplied by, in linear light, (H, W) float32 about 1: the grain of photographs of it
-    (`facade_core.street.materials.grain`), as pixels of 1 / scale metres see it."""
+    """Return a factor about 1 of a material's colour: the grain of photographs of it.
+
+    Parameters
+    ----------
+    shape : rows and columns.
+    scale : pixels per metre.
+    kind : `GrainKind` of the photographs, see `facade_core.street.materials.grain`.
+    weight : strength of the grain.
+    rng : source of randomness.
+
+    Returns
+    -------
+    factor : (H, W) float32, for linear light.
+    """
     rows, columns = shape
     out, grains, seed = np.empty(shape, np.float32), load_shipped_grains(), int(rng.integers(1 << 31))
     across = (np.arange(columns) + 0.5) / scale
-    together = max(1, PIXELS_PER_BATCH // max(columns, 1))
-    for first in range(0, rows, together):
-        count = min(together, rows - first)
+    batch_rows = max(1, PIXELS_PER_BATCH // max(columns, 1))
+    for first in range(0, rows, batch_rows):
+        count = min(batch_rows, rows - first)
         y = np.repeat((np.arange(first, first + count) + 0.5) / scale, columns)
         tone = np.ones(len(y))
         add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, int(kind), weight, seed, tone)
@@ -130,7 +173,16 @@ def paint_rustication(
     *,
     course: float,
 ) -> None:
-    """Rusticated plaster or stone: broad courses with deep horizontal grooves only."""
+    """Paint rusticated plaster or stone: broad courses with deep horizontal grooves only.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour : (3,) linear light.
+    rng : source of randomness.
+    course : height of a course in metres.
+    """
     paint_plaster(canvas, box, colour, rng, rough=0.25)
     x0, y0, x1, y1 = box
     canvas.relief[canvas.region(*box)] += 0.05
@@ -141,13 +193,25 @@ def paint_rustication(
         canvas.albedo[at] *= 0.72
 
 
-def paint_slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.random.Generator, course: float) -> None:
-    """Slates on a steep roof: each course laps over the next."""
+def paint_slate(
+    canvas: Canvas, box: tuple[float, float, float, float], rng: np.random.Generator, course: float
+) -> None:
+    """Paint slates on a steep roof; each course laps over the next.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    rng : source of randomness.
+    course : height of a course in metres.
+    """
     bond = MasonryBond(course=course, length=course * 1.5, joint=0.012, spread=0.13)
-    paint_masonry(canvas, box, hex_to_linear("#68727c"), hex_to_linear("#3c4248"), bond, rng, relief=-0.02, groove=0.012)
+    paint_masonry(
+        canvas, box, hex_to_linear("#68727c"), hex_to_linear("#3c4248"), bond, rng, relief=-0.02, groove=0.012
+    )
     at = canvas.region(*box)
     rows = canvas.relief[at].shape[0]
-    lap = (np.arange(rows) % max(2, canvas.px(course))) / max(2, canvas.px(course))
+    lap = (np.arange(rows) % max(2, canvas.to_pixels(course))) / max(2, canvas.to_pixels(course))
     canvas.relief[at] += np.float32(0.02) * lap.astype(np.float32)[:, None]
     canvas.gloss[at] = 0.15
 
@@ -155,7 +219,15 @@ def paint_slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.
 def paint_sheet_metal(
     canvas: Canvas, box: tuple[float, float, float, float], colour: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """Seamed sheet metal, as on Nordic roofs: standing seams every 0.55 m and a lighter upper part."""
+    """Paint seamed sheet metal, as on Nordic roofs: a seam every 0.55 m and a lighter upper part.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    colour : (3,) linear light.
+    rng : source of randomness.
+    """
     at = canvas.region(*box)
     shape = canvas.relief[at].shape
     fade = np.linspace(1.22, 0.92, shape[0], dtype=np.float32)[:, None]

@@ -1,4 +1,4 @@
-"""A painted facade as a city model with openings would show it: grey, windows and doors set back, balconies before them."""
+"""Rendering of a painted facade as an untextured city model with recessed openings and balconies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-# Grey of each class under soft light: what lies back is darker.
+# Grey of each class under soft light; recessed classes are darker.
 _GREY = {
     FacadeClass.WALL: 212,
     FacadeClass.WINDOW: 158,
@@ -15,11 +15,22 @@ _GREY = {
     FacadeClass.ROOF: 184,
     FacadeClass.SHOP: 166,
 }
-_SHADOW, _LIT_SILL = 92, 236
+_SHADOW = 92
+_LIT_SILL = 236
 
 
 def relief_image(labels: np.ndarray, metres_per_pixel: float) -> np.ndarray:
-    """Grey (h, w) uint8 of a facade's labels (h, w): openings have a shadow below their head and a lit sill."""
+    """Render the relief of a facade in grey: openings have a shadow below their head and a lit sill.
+
+    Parameters
+    ----------
+    labels : (h, w) uint8 class ids.
+    metres_per_pixel : resolution.
+
+    Returns
+    -------
+    grey : (h, w) uint8.
+    """
     grey = np.full(labels.shape, _GREY[FacadeClass.WALL], np.uint8)
     for name, value in _GREY.items():
         grey[labels == name] = value

@@ -1,11 +1,11 @@
-"""Things that stand in front of a facade: trees, parked cars, lamp posts, painted last and with their own generator."""
+"""Occluders of painted facades: trees, parked cars and lamp posts, painted last with their own generator."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from facade_core.synth.canvas import GAMMA, gaussian_blur, fractal_noise, hex_to_linear, smooth_noise
+from facade_core.synth.canvas import GAMMA, fractal_noise, gaussian_blur, hex_to_linear, smooth_noise
 
 MAX_HIDDEN_SHARE = 0.40
 _LEAF_COLOURS = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")
@@ -17,7 +17,20 @@ Sprite = tuple[np.ndarray, np.ndarray]  # colour (H, W, 3) linear and alpha (H, 
 def paint_occluders(
     image: np.ndarray, metres_per_pixel: float, count: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Paint `count` things over the image; returns it with the (H, W) bool mask of exactly the pixels that changed."""
+    """Paint occluders over an image.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 RGB.
+    metres_per_pixel : resolution.
+    count : number of occluders.
+    rng : source of randomness.
+
+    Returns
+    -------
+    image : (H, W, 3) uint8.
+    hidden : (H, W) bool, exactly the pixels that changed.
+    """
     hidden = np.zeros(image.shape[:2], bool)
     if count == 0:
         return image, hidden
@@ -42,16 +55,16 @@ def paint_occluders(
         )
         painted += small[..., None] * (layer - painted)
         hidden |= small > 0
-    shown = np.round(255 * np.clip(painted, 0, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
-    shown[~hidden] = image[~hidden]
-    # A hidden pixel must differ from what it hides, or the mask could not be read off the picture.
-    same = hidden & (shown == image).all(2)
-    shown[same, 1] = np.where(image[same, 1] > 127, image[same, 1] - 1, image[same, 1] + 1)
-    return shown, hidden
+    result = np.round(255 * np.clip(painted, 0, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
+    result[~hidden] = image[~hidden]
+    # Every hidden pixel must differ from the facade, so that the mask equals the changed pixels.
+    same = hidden & (result == image).all(2)
+    result[same, 1] = np.where(image[same, 1] > 127, image[same, 1] - 1, image[same, 1] + 1)
+    return result, hidden
 
 
 def _paint_tree(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
-    """A street tree: the crown is a heap of leafy balls, lit from the upper left, with holes where the wall shows."""
+    """Paint a street tree: a crown of leafy balls, lit from the upper left, with holes that show the wall."""
     rows, columns = shape
     area = share * rows * columns / 0.80
     half_x = min(max(np.sqrt(area / np.pi), area / np.pi / (0.28 * rows)), 0.46 * columns)
@@ -99,7 +112,7 @@ def _paint_tree(shape: tuple[int, int], scale: float, place: float, share: float
 
 
 def _paint_car(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
-    """A parked car from the side."""
+    """Paint a parked car from the side."""
     rows, columns = shape
     long, tall = 4.3, 1.48
     left = float(np.clip(place * columns / scale - long / 2, -0.6, max(columns / scale - long + 0.6, -0.6)))
@@ -153,8 +166,10 @@ def _paint_car(shape: tuple[int, int], scale: float, place: float, share: float,
     return colour, alpha.astype(np.float32)
 
 
-def _paint_lamp_post(shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator) -> Sprite:
-    """A cast-iron lamp post with one lantern."""
+def _paint_lamp_post(
+    shape: tuple[int, int], scale: float, place: float, share: float, rng: np.random.Generator
+) -> Sprite:
+    """Paint a cast-iron lamp post with one lantern."""
     rows, columns = shape
     tall = min(4.6, 0.8 * rows / scale)
     x, ground = float(np.clip(place * columns / scale, 0.4, columns / scale - 0.4)), rows / scale

@@ -1,4 +1,4 @@
-"""What dresses the wall: cornices, string courses, quoins, window surrounds, sills, doorways."""
+"""Ornament of a wall: cornices, string courses, quoins, window surrounds, sills, doorways."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.synth.canvas import Canvas, hex_to_linear
-from facade_core.synth.facade_plan import PaintedOpening, FacadePlan
+from facade_core.synth.facade_plan import FacadePlan, PaintedOpening
 
 Box = tuple[float, float, float, float]
+# Projections of mouldings in metres, from top to bottom.
 CORNICE_PROFILE_M = (0.62, 0.62, 0.60, 0.52, 0.46, 0.26, 0.20, 0.13, 0.12, 0.05)
 STRING_COURSE_PROFILE_M = (0.14, 0.14, 0.10, 0.07, 0.02)
 SILL_PROFILE_M = (0.12, 0.12, 0.09, 0.04)
@@ -17,7 +18,12 @@ SILL_PROFILE_M = (0.12, 0.12, 0.09, 0.04)
 
 @dataclass(frozen=True)
 class FacadePalette:
-    """The house's colours in linear light."""
+    """Colours of a facade, (3,) in linear light.
+
+    Attributes
+    ----------
+    wall, trim, base, door, roof : colour of each part.
+    """
 
     wall: np.ndarray
     trim: np.ndarray
@@ -27,44 +33,51 @@ class FacadePalette:
 
 
 def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> None:
-    """The cornice, frieze or parapet between the top windows and the roof."""
+    """Paint the cornice, frieze or parapet between the top windows and the roof.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    palette : its colours.
+    """
     mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
     y0, y1 = plan.roof * mpp, (plan.roof + plan.crown) * mpp
     tall, trim = y1 - y0, palette.trim
     if style.name == "functionalist":
-        canvas.moulding(0, y0, w, y0 + 0.12, hex_to_linear("#7d8082"), (0.12, 0.12, 0.06))
+        canvas.add_moulding(0, y0, w, y0 + 0.12, hex_to_linear("#7d8082"), (0.12, 0.12, 0.06))
         return
     if style.name == "post-war":
-        # Boarded eaves, and the shadow that they throw.
-        canvas.moulding(0, y0, w, y0 + 0.5 * tall, trim * 0.9, (0.45, 0.45, 0.42, 0.30))
+        # Boarded eaves with their shadow.
+        canvas.add_moulding(0, y0, w, y0 + 0.5 * tall, trim * 0.9, (0.45, 0.45, 0.42, 0.30))
         return
     if style.name == "art-deco":
-        canvas.moulding(0, y0, w, y0 + 0.10, hex_to_linear("#55585a"), (0.16, 0.16, 0.08))
+        canvas.add_moulding(0, y0, w, y0 + 0.10, hex_to_linear("#55585a"), (0.16, 0.16, 0.08))
         _paint_stepped_parapet(canvas, plan, y0 + 0.10, y1, trim)
         return
     if style.name in ("classicism", "plaster"):
-        canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
+        canvas.add_moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
         if style.name == "plaster":
             _paint_dentils(canvas, y0 + 0.34 * tall, y0 + 0.55 * tall, trim, pitch=0.62, relief=0.36)
-            canvas.moulding(0, y1 - 0.12, w, y1, trim, STRING_COURSE_PROFILE_M[1:])
+            canvas.add_moulding(0, y1 - 0.12, w, y1, trim, STRING_COURSE_PROFILE_M[1:])
         else:
-            canvas.box(0, y0 + 0.55 * tall, w, y1, 0.5 * (palette.wall + trim), 0.02)
+            canvas.fill_box(0, y0 + 0.55 * tall, w, y1, 0.5 * (palette.wall + trim), 0.02)
         return
     if style.name == "neoclassical":
-        canvas.box(0, y0, w, y0 + 0.45 * tall, trim * 0.97, 0.10)
-        canvas.box(0, y0, w, y0 + 0.09 * tall, trim, 0.18)
+        canvas.fill_box(0, y0, w, y0 + 0.45 * tall, trim * 0.97, 0.10)
+        canvas.fill_box(0, y0, w, y0 + 0.09 * tall, trim, 0.18)
         _paint_panels(canvas, plan, y0 + 0.14 * tall, y0 + 0.40 * tall, trim)
         y0 += 0.45 * tall
-        canvas.moulding(0, y0, w, y1, trim, CORNICE_PROFILE_M)
+        canvas.add_moulding(0, y0, w, y1, trim, CORNICE_PROFILE_M)
         _paint_dentils(canvas, y0 + 0.52 * (y1 - y0), y0 + 0.78 * (y1 - y0), trim, pitch=0.34, relief=0.26)
         return
     if style.name == "brick":
-        canvas.moulding(0, y0, w, y0 + 0.16, trim, (0.36, 0.36, 0.30))
+        canvas.add_moulding(0, y0, w, y0 + 0.16, trim, (0.36, 0.36, 0.30))
         canvas.relief[canvas.region(0, y0 + 0.16, w, y0 + 0.55 * tall)] += 0.18
         _paint_corbels(canvas, y0 + 0.55 * tall, y0 + 0.80 * tall)
-        canvas.moulding(0, y0 + 0.80 * tall, w, y1, trim, (0.08, 0.08, 0.05))
+        canvas.add_moulding(0, y0 + 0.80 * tall, w, y1, trim, (0.08, 0.08, 0.05))
         return
-    canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
+    canvas.add_moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE_PROFILE_M)
     if style.name == "haussmann":
         _paint_dentils(canvas, y0 + 0.32 * tall, y0 + 0.50 * tall, trim, pitch=0.30, relief=0.28)
     else:
@@ -72,36 +85,47 @@ def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> Non
 
 
 def paint_floor_lines(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> list[float]:
-    """String courses at the floor lines, quoins at the corners, the plinth; returns the height of each course."""
+    """Paint string courses at the floor lines, quoins at the corners, and the plinth.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    palette : its colours.
+
+    Returns
+    -------
+    ledges : y of each course in metres.
+    """
     mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
     lines = [y * mpp for y in plan.lines]
     trim = palette.trim
     ledges = lines[1:-1]
     if style.name == "neoclassical":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.07, w, y + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
+            canvas.add_moulding(0, y - 0.07, w, y + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
         paint_quoins(canvas, plan, lines[-1], lines[1], trim)
     elif style.name == "haussmann":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.05, w, y + 0.10, trim, STRING_COURSE_PROFILE_M)
+            canvas.add_moulding(0, y - 0.05, w, y + 0.10, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "brick":
         ledges = lines[1:-1:2]
         for y in lines[3:-1:2]:
-            canvas.moulding(0, y + 0.02, w, y + 0.20, trim, (0.07, 0.07, 0.05))
+            canvas.add_moulding(0, y + 0.02, w, y + 0.20, trim, (0.07, 0.07, 0.05))
     elif style.name == "jugend":
         ledges = lines[1:2]
         if plan.floors > 3:
-            # The top storey is set off as an attic.
+            # The top floor is an attic, with a course of its own.
             ledges.append(lines[-2])
-            canvas.moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING_COURSE_PROFILE_M)
+            canvas.add_moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "classicism":
         ledges = lines[1:2]
         if plan.floors > 4:
             ledges.append(lines[2])
-            canvas.moulding(0, lines[2] - 0.05, w, lines[2] + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
+            canvas.add_moulding(0, lines[2] - 0.05, w, lines[2] + 0.07, trim, STRING_COURSE_PROFILE_M[1:])
     elif style.name == "plaster":
         for y in lines[2:-1]:
-            canvas.moulding(0, y - 0.06, w, y + 0.08, trim, STRING_COURSE_PROFILE_M)
+            canvas.add_moulding(0, y - 0.06, w, y + 0.08, trim, STRING_COURSE_PROFILE_M)
     elif style.name == "art-deco":
         ledges = lines[1:2]
         _paint_pilasters(canvas, plan, palette)
@@ -111,17 +135,26 @@ def paint_floor_lines(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) 
             _paint_ribbons(canvas, plan)
     if plan.floors > 1 and style.name != "post-war":
         y = lines[1]
-        canvas.moulding(0, y - 0.16, w, y + 0.12, trim if style.base != "tile" else palette.base * 1.2, (0.24, *STRING_COURSE_PROFILE_M))
+        canvas.add_moulding(
+            0,
+            y - 0.16,
+            w,
+            y + 0.12,
+            trim if style.base != "tile" else palette.base * 1.2,
+            (0.24, *STRING_COURSE_PROFILE_M),
+        )
     plinth = min(0.55, 0.16 * (lines[0] - lines[1]))
     at = canvas.region(0, lines[0] - plinth, w, lines[0])
     canvas.albedo[at] *= 0.82
     canvas.relief[at] += 0.05
-    canvas.moulding(0, lines[0] - plinth - 0.05, w, lines[0] - plinth + 0.03, palette.base * 0.9, (0.12, 0.12, 0.08))
+    canvas.add_moulding(
+        0, lines[0] - plinth - 0.05, w, lines[0] - plinth + 0.03, palette.base * 0.9, (0.12, 0.12, 0.08)
+    )
     return ledges
 
 
 def _paint_ribbons(canvas: Canvas, plan: FacadePlan) -> None:
-    """Bands of a darker render tie the windows of a storey together."""
+    """Paint dark bands between the windows of a floor."""
     mpp = plan.metres_per_pixel
     rows = {(o.box[1], o.box[3]) for o in plan.openings if o.label == "window" and o.kind == "plain"}
     inset = 0.5 * (plan.pitch * mpp) - 0.5 * min(plan.style.window_share * plan.pitch * mpp, plan.style.window_widest)
@@ -132,7 +165,7 @@ def _paint_ribbons(canvas: Canvas, plan: FacadePlan) -> None:
 
 
 def _paint_pilasters(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> None:
-    """Fluted strips between the windows run through all upper storeys, over spandrels with ribs."""
+    """Paint fluted strips between the windows of all upper floors, and spandrels with ribs."""
     mpp, style = plan.metres_per_pixel, plan.style
     pitch, top, foot = plan.pitch * mpp, (plan.roof + plan.crown) * mpp, plan.lines[1] * mpp
     window = min(style.window_share * pitch, style.window_widest)
@@ -141,29 +174,37 @@ def _paint_pilasters(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -
         if opening.label == "window" and opening.kind == "plain" and opening.floor > 1:
             x0, _, x1, y1 = (v * mpp for v in opening.box)
             below = y1 + 0.9 * (plan.lines[opening.floor] * mpp - y1) + 0.15
-            canvas.box(x0, y1 + 0.16, x1, below, palette.trim * 0.86, -0.03)
+            canvas.fill_box(x0, y1 + 0.16, x1, below, palette.trim * 0.86, -0.03)
             for x in np.linspace(x0, x1, 7)[1:-1]:
-                canvas.box(x - 0.03, y1 + 0.2, x + 0.03, below - 0.04, palette.trim * 0.95, 0.02)
+                canvas.fill_box(x - 0.03, y1 + 0.2, x + 0.03, below - 0.04, palette.trim * 0.95, 0.02)
     if half < 0.12:
         return
     for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:
-        canvas.box(x - half, top, x + half, foot, palette.wall * 1.06, 0.08)
+        canvas.fill_box(x - half, top, x + half, foot, palette.wall * 1.06, 0.08)
         for flute in (-0.5, 0.0, 0.5):
-            canvas.box(
+            canvas.fill_box(
                 x + half * flute - 0.02, top + 0.1, x + half * flute + 0.02, foot - 0.25, palette.wall * 0.96, 0.05
             )
 
 
 def _paint_stepped_parapet(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
-    """A parapet in low relief, stepped over every pier."""
+    """Paint a parapet in low relief, stepped over every pier."""
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:
         for half, share, relief in ((0.30, 0.95, 0.05), (0.20, 0.80, 0.09), (0.10, 0.62, 0.13)):
-            canvas.box(x - half * pitch, y0, x + half * pitch, y0 + share * (y1 - y0), colour, relief)
+            canvas.fill_box(x - half * pitch, y0, x + half * pitch, y0 + share * (y1 - y0), colour, relief)
 
 
 def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
-    """Corner stones, long and short in turn, as far as the first windows leave room."""
+    """Paint corner stones, long and short in turn, up to the first windows.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    y0, y1 : top and bottom in metres.
+    colour : (3,) linear light.
+    """
     pitch = plan.pitch * plan.metres_per_pixel
     room = 0.5 * (pitch - min(plan.style.window_share * pitch, plan.style.window_widest)) - 0.30
     if room < 0.2:
@@ -174,11 +215,20 @@ def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour:
         long = min(0.72 if number % 2 else 0.46, room)
         tone = colour * (0.97 + 0.05 * ((number * 7) % 3))
         for x0, x1 in ((0.0, long), (canvas.width_m - long, canvas.width_m)):
-            canvas.box(x0, top + 0.018, x1, bottom - 0.018, tone, 0.055)
+            canvas.fill_box(x0, top + 0.018, x1, bottom - 0.018, tone, 0.055)
 
 
 def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, box: Box, palette: FacadePalette) -> None:
-    """What frames a window, painted before the window itself."""
+    """Paint the surround of a window, before the window itself.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    opening : the window.
+    box : its x0, y0, x1, y1 in metres.
+    palette : colours of the facade.
+    """
     x0, y0, x1, y1 = box
     trim, kind = palette.trim, plan.style.surround
     if opening.floor == 0 and plan.style.base == "granite":
@@ -193,7 +243,7 @@ def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, bo
         paint_sill(canvas, box, hex_to_linear("#8f9294"), out=0.06)
         return
     if kind == "thin":
-        canvas.box(x0 - 0.10, y0 - 0.10, x1 + 0.10, y1, trim, 0.025)
+        canvas.fill_box(x0 - 0.10, y0 - 0.10, x1 + 0.10, y1, trim, 0.025)
         paint_sill(canvas, box, trim if plan.style.name == "classicism" else hex_to_linear("#84888a"), out=0.12)
         return
     if kind == "band":
@@ -201,67 +251,92 @@ def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, bo
         if rise:
             across = np.linspace(-1, 1, 17)
             arch = [((x0 + x1) / 2 + a * ((x1 - x0) / 2 + 0.16), y0 - 0.16 + rise * a * a) for a in across]
-            canvas.polygon([*arch, (x1 + 0.16, y1), (x0 - 0.16, y1)], trim, 0.04)
+            canvas.fill_polygon([*arch, (x1 + 0.16, y1), (x0 - 0.16, y1)], trim, 0.04)
         else:
-            canvas.box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.035)
-            canvas.box(x0 - 0.22, y0 - 0.14, x1 + 0.22, y0 - 0.06, trim, 0.06)
+            canvas.fill_box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.035)
+            canvas.fill_box(x0 - 0.22, y0 - 0.14, x1 + 0.22, y0 - 0.06, trim, 0.06)
             if opening.kind == "plain":
-                canvas.box(x0 + 0.1, y1 + 0.10, x1 - 0.1, y1 + 0.42, trim * 0.95, 0.02)
-                canvas.box(x0 + 0.2, y1 + 0.18, x1 - 0.2, y1 + 0.34, palette.wall * 0.92, 0.005)
+                canvas.fill_box(x0 + 0.1, y1 + 0.10, x1 - 0.1, y1 + 0.42, trim * 0.95, 0.02)
+                canvas.fill_box(x0 + 0.2, y1 + 0.18, x1 - 0.2, y1 + 0.34, palette.wall * 0.92, 0.005)
         paint_sill(canvas, box, trim, out=0.16)
     elif kind == "brick":
         _paint_brick_arch(canvas, box, palette.wall if opening.floor else palette.base, trim)
         paint_sill(canvas, box, trim, out=0.10)
     elif kind == "classical":
-        canvas.box(x0 - 0.17, y0 - 0.17, x1 + 0.17, y1, trim, 0.05)
-        canvas.box(x0 - 0.07, y0 - 0.07, x1 + 0.07, y1, trim * 0.96, 0.03)
+        canvas.fill_box(x0 - 0.17, y0 - 0.17, x1 + 0.17, y1, trim, 0.05)
+        canvas.fill_box(x0 - 0.07, y0 - 0.07, x1 + 0.07, y1, trim * 0.96, 0.03)
         if opening.floor == 1 and plan.floors > 2:
             _paint_pediment(canvas, box, trim, is_curved=opening.column % 2 == 1)
         elif opening.floor < plan.floors - 1 or plan.floors <= 2:
-            canvas.moulding(x0 - 0.26, y0 - 0.40, x1 + 0.26, y0 - 0.25, trim, (0.20, 0.20, 0.14, 0.06))
+            canvas.add_moulding(x0 - 0.26, y0 - 0.40, x1 + 0.26, y0 - 0.25, trim, (0.20, 0.20, 0.14, 0.06))
         paint_sill(canvas, box, trim, out=0.20)
     else:
-        canvas.box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.04)
-        canvas.box(x0 - 0.05, y0 - 0.05, x1 + 0.05, y1, trim * 0.95, 0.02)
+        canvas.fill_box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.04)
+        canvas.fill_box(x0 - 0.05, y0 - 0.05, x1 + 0.05, y1, trim * 0.95, 0.02)
         mid = (x0 + x1) / 2
         if opening.floor > 0:
-            canvas.moulding(x0 - 0.22, y0 - 0.30, x1 + 0.22, y0 - 0.16, trim, (0.17, 0.17, 0.12, 0.05))
-            canvas.polygon(
+            canvas.add_moulding(x0 - 0.22, y0 - 0.30, x1 + 0.22, y0 - 0.16, trim, (0.17, 0.17, 0.12, 0.05))
+            canvas.fill_polygon(
                 [(mid - 0.14, y0 - 0.32), (mid + 0.14, y0 - 0.32), (mid + 0.08, y0), (mid - 0.08, y0)], trim, 0.13
             )
         paint_sill(canvas, box, trim, out=0.14)
 
 
 def paint_sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
+    """Paint a window sill.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 of the window in metres.
+    colour : (3,) linear light.
+    out : metres that the sill projects to either side.
+    """
     x0, _, x1, y1 = box
-    canvas.moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL_PROFILE_M)
+    canvas.add_moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL_PROFILE_M)
 
 
 def paint_piers(canvas: Canvas, plan: FacadePlan, bays: list[Box], palette: FacadePalette) -> None:
-    """Pilasters beside the bays of shops, on plinths."""
+    """Paint pilasters with plinths on both sides of shop bays.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    bays : x0, y0, x1, y1 of each bay in metres.
+    palette : colours of the facade.
+    """
     if plan.style.base == "tile":
         return
     foot = plan.lines[0] * plan.metres_per_pixel
     for x0, y0, x1, _ in bays:
         for left, right in ((x0 - 0.24, x0 - 0.03), (x1 + 0.03, x1 + 0.24)):
-            canvas.box(left, y0, right, foot - 0.5, palette.base * 1.08, 0.07)
-            canvas.moulding(left - 0.03, y0, right + 0.03, y0 + 0.16, palette.base * 1.1, (0.13, 0.13, 0.09))
-            canvas.box(left - 0.02, foot - 0.5, right + 0.02, foot, palette.base * 0.85, 0.1)
+            canvas.fill_box(left, y0, right, foot - 0.5, palette.base * 1.08, 0.07)
+            canvas.add_moulding(left - 0.03, y0, right + 0.03, y0 + 0.16, palette.base * 1.1, (0.13, 0.13, 0.09))
+            canvas.fill_box(left - 0.02, foot - 0.5, right + 0.02, foot, palette.base * 0.85, 0.1)
 
 
 def paint_doorway(canvas: Canvas, plan: FacadePlan, box: Box, palette: FacadePalette) -> None:
-    """A door's surround with a hood; stone for the old styles, a thin canopy for the modern one."""
+    """Paint a door's surround with a hood; stone for the old styles, a thin canopy for the modern one.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    plan : layout of the facade.
+    box : x0, y0, x1, y1 of the door in metres.
+    palette : colours of the facade.
+    """
     x0, y0, x1, y1 = box
     if plan.style.is_modern:
-        canvas.box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
-        canvas.moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
+        canvas.fill_box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
+        canvas.add_moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
         return
     stone = palette.trim if plan.style.base != "granite" else palette.base * 1.15
-    canvas.box(x0 - 0.26, y0 - 0.26, x1 + 0.26, y1, stone, 0.11)
-    canvas.box(x0 - 0.09, y0 - 0.09, x1 + 0.09, y1, stone * 0.93, 0.06)
-    canvas.moulding(x0 - 0.38, y0 - 0.42, x1 + 0.38, y0 - 0.24, stone, (0.32, 0.32, 0.24, 0.14, 0.1))
+    canvas.fill_box(x0 - 0.26, y0 - 0.26, x1 + 0.26, y1, stone, 0.11)
+    canvas.fill_box(x0 - 0.09, y0 - 0.09, x1 + 0.09, y1, stone * 0.93, 0.06)
+    canvas.add_moulding(x0 - 0.38, y0 - 0.42, x1 + 0.38, y0 - 0.24, stone, (0.32, 0.32, 0.24, 0.14, 0.1))
     mid = (x0 + x1) / 2
-    canvas.polygon(
+    canvas.fill_polygon(
         [(mid - 0.15, y0 - 0.36), (mid + 0.15, y0 - 0.36), (mid + 0.09, y0), (mid - 0.09, y0)], stone * 1.05, 0.2
     )
 
@@ -269,17 +344,17 @@ def paint_doorway(canvas: Canvas, plan: FacadePlan, box: Box, palette: FacadePal
 def _paint_dormer(canvas: Canvas, box: Box, palette: FacadePalette) -> None:
     x0, y0, x1, y1 = box
     trim, mid = palette.trim, (x0 + x1) / 2
-    canvas.box(x0 - 0.17, y0 - 0.10, x1 + 0.17, y1 + 0.10, trim, 0.22)
+    canvas.fill_box(x0 - 0.17, y0 - 0.10, x1 + 0.17, y1 + 0.10, trim, 0.22)
     across = np.linspace(-1, 1, 15)
     bow = [(mid + a * ((x1 - x0) / 2 + 0.30), y0 - 0.08 - 0.30 * np.sqrt(1 - 0.98 * a * a)) for a in across]
-    canvas.polygon(bow, palette.roof * 0.85, 0.34)
+    canvas.fill_polygon(bow, palette.roof * 0.85, 0.34)
     inner = [(mid + a * ((x1 - x0) / 2 + 0.12), y0 - 0.08 - 0.17 * np.sqrt(1 - 0.98 * a * a)) for a in across]
-    canvas.polygon(inner, trim * 0.95, 0.26)
-    canvas.moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
+    canvas.fill_polygon(inner, trim * 0.95, 0.26)
+    canvas.add_moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
 
 
 def _paint_brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -> None:
-    """A flat arch of bricks on end, fanned from a stone key."""
+    """Paint a flat arch of upright bricks, fanned from a keystone."""
     x0, y0, x1, _ = box
     mid, tall = (x0 + x1) / 2, 0.30
     count = max(7, round((x1 - x0) / 0.12)) | 1
@@ -289,11 +364,11 @@ def _paint_brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndar
         a, b = feet[number] + 0.008, feet[number + 1] - 0.008
         c, d = tops[number + 1] - 0.008, tops[number] + 0.008
         tone = 0.80 + 0.13 * ((number * 5) % 3)
-        canvas.polygon([(a, y0), (b, y0), (c, y0 - tall), (d, y0 - tall)], brick * tone, 0.055)
+        canvas.fill_polygon([(a, y0), (b, y0), (c, y0 - tall), (d, y0 - tall)], brick * tone, 0.055)
     for x in (x0 - 0.10, mid - 0.11, x1 - 0.12):
         key = x == mid - 0.11
         lift = 0.08 if key else 0.0
-        canvas.box(x, y0 - tall - lift, x + 0.22, y0, trim, 0.08 if key else 0.06)
+        canvas.fill_box(x, y0 - tall - lift, x + 0.22, y0, trim, 0.08 if key else 0.06)
 
 
 def _paint_pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, is_curved: bool) -> None:
@@ -306,14 +381,14 @@ def _paint_pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, is_curved: bo
             (mid + a * half * scale, foot - 0.06 * (1 - scale) - 0.46 * scale * up)
             for a, up in zip(across, lift, strict=True)
         ]
-        canvas.polygon(shape, trim * tone, relief)
-    canvas.moulding(mid - half, foot - 0.02, mid + half, foot + 0.12, trim, (0.24, 0.24, 0.16, 0.06))
+        canvas.fill_polygon(shape, trim * tone, relief)
+    canvas.add_moulding(mid - half, foot - 0.02, mid + half, foot + 0.12, trim, (0.24, 0.24, 0.16, 0.06))
     for x in (x0 - 0.18, x1 + 0.04):
-        canvas.moulding(x, foot + 0.12, x + 0.14, foot + 0.44, trim, (0.18, 0.16, 0.1, 0.05))
+        canvas.add_moulding(x, foot + 0.12, x + 0.14, foot + 0.44, trim, (0.18, 0.16, 0.1, 0.05))
 
 
 def _paint_voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
-    """Wedge stones of a flat arch that grow out of the rustication."""
+    """Paint wedge stones of a flat arch that continue the rustication."""
     x0, y0, x1, _ = box
     mid = (x0 + x1) / 2
     feet = np.linspace(x0, x1, 6)
@@ -322,18 +397,18 @@ def _paint_voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
         lift = 0.52 if number == 2 else 0.42
         a, b, c, d = feet[number], feet[number + 1], tops[number + 1], tops[number]
         shape = [(a + 0.015, y0), (b - 0.015, y0), (c - 0.02, y0 - lift), (d + 0.02, y0 - lift)]
-        canvas.polygon(shape, stone * (1.04 if number % 2 else 0.98), 0.10 if number == 2 else 0.075)
+        canvas.fill_polygon(shape, stone * (1.04 if number % 2 else 0.98), 0.10 if number == 2 else 0.075)
     paint_sill(canvas, box, stone * 1.05, out=0.12)
 
 
 def _paint_dentils(canvas: Canvas, y0: float, y1: float, colour: np.ndarray, *, pitch: float, relief: float) -> None:
     count = max(3, round(canvas.width_m / pitch))
     for x in (np.arange(count) + 0.5) * canvas.width_m / count:
-        canvas.box(x - 0.25 * pitch, y0, x + 0.25 * pitch, y1, colour, relief)
+        canvas.fill_box(x - 0.25 * pitch, y0, x + 0.25 * pitch, y1, colour, relief)
 
 
 def _paint_corbels(canvas: Canvas, y0: float, y1: float) -> None:
-    """Brick corbels in two steps that carry the parapet."""
+    """Paint brick corbels in two steps that carry the parapet."""
     count = max(4, round(canvas.width_m / 0.5))
     for x in (np.arange(count) + 0.5) * canvas.width_m / count:
         for half, share, relief in ((0.15, 0.55, 0.15), (0.09, 1.0, 0.10)):
@@ -344,15 +419,17 @@ def _paint_corbels(canvas: Canvas, y0: float, y1: float) -> None:
 def _paint_panels(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch)) * pitch:
-        canvas.box(x + 0.14 * pitch, y0, x + 0.86 * pitch, y1, colour * 0.94, 0.05)
+        canvas.fill_box(x + 0.14 * pitch, y0, x + 0.86 * pitch, y1, colour * 0.94, 0.05)
 
 
 def _paint_garland(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
-    """A frieze of stylised leaves in low relief."""
+    """Paint a frieze of stylised leaves in low relief."""
     count = max(4, round(canvas.width_m / 0.62))
     width, mid = canvas.width_m / count, (y0 + y1) / 2
     turn = np.linspace(0, 2 * np.pi, 25)
     for x in (np.arange(count) + 0.5) * width:
         petal = 0.42 * (y1 - y0) * (0.72 + 0.28 * np.cos(5 * turn))
-        canvas.polygon(np.stack([x + petal * np.sin(turn), mid - petal * np.cos(turn)], 1), colour * 0.97, 0.045)
-        canvas.box(x - 0.46 * width, mid + 0.30 * (y1 - y0), x + 0.46 * width, mid + 0.42 * (y1 - y0), colour, 0.03)
+        canvas.fill_polygon(np.stack([x + petal * np.sin(turn), mid - petal * np.cos(turn)], 1), colour * 0.97, 0.045)
+        canvas.fill_box(
+            x - 0.46 * width, mid + 0.30 * (y1 - y0), x + 0.46 * width, mid + 0.42 * (y1 - y0), colour, 0.03
+        )

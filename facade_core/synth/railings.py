@@ -1,4 +1,4 @@
-"""Balconies: a slab on the wall, and a railing that hangs in front of it as a plate."""
+"""Balconies: a slab on the wall, and a railing as a plate in front of it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,22 @@ def paint_balcony(
     *,
     spacing: int,
 ) -> None:
-    """Paint a balcony into its box (metres); spacing = raster pixels from bar to bar."""
+    """Paint a balcony into its box.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    box : x0, y0, x1, y1 in metres.
+    railing : iron, bars, solid or stone.
+    state : "flowers" adds a flower box.
+    stone, render : (3,) linear light of the slab and of a solid parapet.
+    rng : source of randomness.
+    spacing : raster pixels from bar to bar.
+    """
     x0, y0, x1, y1 = box
     slab = min(0.26, 0.25 * (y1 - y0))
     depth = BALCONY_DEPTH_M[railing] if x1 - x0 > 1.6 or railing != "iron" else 0.45
-    canvas.moulding(x0, y1 - slab, x1, y1, stone, (depth, depth, depth, 0.8 * depth, 0.6 * depth, 0.45 * depth))
+    canvas.add_moulding(x0, y1 - slab, x1, y1, stone, (depth, depth, depth, 0.8 * depth, 0.6 * depth, 0.45 * depth))
     rows, columns = canvas.region(x0, y0, x1, y1 - slab)
     shape = (rows.stop - rows.start, columns.stop - columns.start)
     if railing in ("solid", "stone"):
@@ -39,9 +50,17 @@ def paint_balcony(
 
 
 def paint_brackets(canvas: Canvas, places: np.ndarray, y: float, stone: np.ndarray) -> None:
-    """Scrolled stone brackets under a slab whose lower edge is at y, centred on `places` (metres)."""
+    """Paint scrolled stone brackets under a slab.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    places : (n,) x of their centres in metres.
+    y : lower edge of the slab in metres.
+    stone : (3,) linear light.
+    """
     for x in places:
-        canvas.moulding(x - 0.10, y, x + 0.10, y + 0.36, stone, (0.42, 0.40, 0.26, 0.16, 0.14, 0.05))
+        canvas.add_moulding(x - 0.10, y, x + 0.10, y + 0.36, stone, (0.42, 0.40, 0.26, 0.16, 0.14, 0.05))
 
 
 def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, is_ornate: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +119,7 @@ def _parapet(shape: tuple[int, int], scale: float, colour: np.ndarray, railing: 
 
 
 def _add_flowers(colour: np.ndarray, alpha: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """A flower box along the rail: leaves hanging over it, and blossom of one colour."""
+    """Add a flower box along the rail: overhanging leaves, and blossom of one colour."""
     rows = alpha.shape[0]
     box = slice(0, min(rows, round(0.42 * scale)))
     shape = alpha[box].shape

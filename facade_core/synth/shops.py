@@ -1,4 +1,4 @@
-"""Shop fronts as tiles: two or three bays that belong to one shop, its name, its door, its goods behind the glass."""
+"""Shop fronts as canvas tiles: two or three bays per shop with its name, door and goods behind the glass."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear, smooth_noise
 from facade_core.synth.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 
-# What is shown behind the glass, and names of shops that show it.
+# Names of shops by the goods behind their glass.
 SHOP_NAMES = {
     "shelves": ("Kirjat", "Paperi", "Lelut", "Rauta", "Radio", "Soitin", "Kemikalio", "Suutari"),
     "clothes": ("Hatut", "Kangas", "Turkis", "Puku", "Asuste", "Neule"),
@@ -19,7 +19,7 @@ SHOP_NAMES = {
     "posters": ("Apteekki", "Matkat", "Optikko", "Pesula", "Kello", "Arpa"),
     "lamps": ("Valaisin", "Galleria", "Taide", "Matto", "Antik", "Tapetti"),
 }
-# Ground and ink.
+# Board and letters.
 SIGN_COLOURS = (
     ("#2c3a36", "#cfc6a4"),
     ("#2e3442", "#d4d0c6"),
@@ -38,7 +38,19 @@ _GOODS_COLOURS = ("#a98a62", "#6e4238", "#50665a", "#b4aa90", "#3e4c5e", "#8c8c8
 
 @dataclass(frozen=True)
 class ShopDesign:
-    """What the bays of a shop share: name, colours (numbers), heights in metres, wares."""
+    """Properties that the bays of a shop share.
+
+    Attributes
+    ----------
+    name : text of the sign.
+    colours : '#rrggbb' of sign and letters.
+    awning : '#rrggbb' of the awning.
+    is_striped : the awning has stripes.
+    fascia, transom, riser : heights in metres; 0 for no transom.
+    has_stone_base : the riser is of stone, else of wooden panels.
+    font : font number of OpenCV.
+    goods : key of SHOP_NAMES.
+    """
 
     name: str
     colours: tuple[str, str]
@@ -53,7 +65,7 @@ class ShopDesign:
 
 
 def design_shops(count: int, rng: np.random.Generator) -> list[ShopDesign]:
-    """So many shops as stand beside each other: no two of one name, neighbours of different colours and wares."""
+    """Design a row of shops with unique names; neighbours differ in colours and goods."""
     schemes, wares = rng.permutation(len(SIGN_COLOURS)), rng.permutation(list(SHOP_NAMES))
     names = {goods: rng.permutation(options) for goods, options in SHOP_NAMES.items()}
     fonts = (cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_COMPLEX, cv2.FONT_HERSHEY_TRIPLEX, cv2.FONT_HERSHEY_SIMPLEX)
@@ -89,8 +101,24 @@ def shop_tile(
     stone: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[Canvas, Plate | None]:
-    """One bay of a shop; named where it bears the name, door where one enters. stone: colour of the base (3,). The awning, if
-    it is out, comes as a plate placed relative to the tile."""
+    """Paint one bay of a shop.
+
+    Parameters
+    ----------
+    shape : rows and columns of the tile.
+    scale : raster pixels per metre.
+    state : "awning" for an extended awning.
+    shop : design of the shop.
+    has_name : the sign shows the name.
+    has_door : the bay has the entrance.
+    stone : (3,) linear light of the base.
+    rng : source of randomness.
+
+    Returns
+    -------
+    tile : the bay.
+    awning : plate relative to the tile; None without an awning.
+    """
     tile = Canvas.blank(*shape, scale)
     w, h = tile.width_m, tile.height_m
     ground, ink = (hex_to_linear(c) for c in shop.colours)
@@ -100,26 +128,26 @@ def shop_tile(
     tile.relief[:] = -0.06
     top, foot = fascia + 0.10, h - riser
     _paint_shop_window(tile, 0.08, top, w - 0.08, foot, shop.goods, rng)
-    shown = (0.08, w - 0.08)
+    glazed = (0.08, w - 0.08)
     if has_door:
         wide = min(0.95, 0.4 * w)
         left = bool(rng.random() < 0.5)
         x = 0.14 if left else w - 0.14 - wide
         _paint_shop_door(tile, x, top, x + wide, wood)
-        shown = (x + wide, shown[1]) if left else (shown[0], x)
+        glazed = (x + wide, glazed[1]) if left else (glazed[0], x)
     if shop.has_stone_base:
-        tile.box(shown[0], foot, shown[1], h, stone * 0.8, 0.0)
-        tile.moulding(shown[0], foot - 0.04, shown[1], foot + 0.05, stone, (0.05, 0.05, 0.02))
+        tile.fill_box(glazed[0], foot, glazed[1], h, stone * 0.8, 0.0)
+        tile.add_moulding(glazed[0], foot - 0.04, glazed[1], foot + 0.05, stone, (0.05, 0.05, 0.02))
     else:
-        tile.moulding(shown[0], foot - 0.03, shown[1], foot + 0.05, wood * 1.15, (0.03, 0.03, 0.0))
-        for x in np.linspace(*shown, max(2, round((shown[1] - shown[0]) / 0.7) + 1))[:-1]:
-            tile.box(x + 0.10, foot + 0.12, min(x + 0.58, shown[1] - 0.05), h - 0.10, wood * 1.3, -0.03)
-    for x in np.linspace(*shown, max(2, round((shown[1] - shown[0]) / 1.6) + 1))[1:-1]:
-        tile.box(x - 0.025, top, x + 0.025, foot, wood * 1.1, BAR_RELIEF_M)
+        tile.add_moulding(glazed[0], foot - 0.03, glazed[1], foot + 0.05, wood * 1.15, (0.03, 0.03, 0.0))
+        for x in np.linspace(*glazed, max(2, round((glazed[1] - glazed[0]) / 0.7) + 1))[:-1]:
+            tile.fill_box(x + 0.10, foot + 0.12, min(x + 0.58, glazed[1] - 0.05), h - 0.10, wood * 1.3, -0.03)
+    for x in np.linspace(*glazed, max(2, round((glazed[1] - glazed[0]) / 1.6) + 1))[1:-1]:
+        tile.fill_box(x - 0.025, top, x + 0.025, foot, wood * 1.1, BAR_RELIEF_M)
     if shop.transom:
-        tile.box(shown[0], top + shop.transom, shown[1], top + shop.transom + 0.05, wood * 1.1, FRAME_RELIEF_M)
+        tile.fill_box(glazed[0], top + shop.transom, glazed[1], top + shop.transom + 0.05, wood * 1.1, FRAME_RELIEF_M)
     for x0, y0, x1, y1 in ((0, 0, 0.09, h), (w - 0.09, 0, w, h), (0, fascia, w, top)):
-        tile.box(x0, y0, x1, y1, wood * 1.12, 0.0)
+        tile.fill_box(x0, y0, x1, y1, wood * 1.12, 0.0)
     _paint_fascia(tile, fascia, ground, ink, shop if has_name else None, rng)
     if state != "awning":
         return tile, None
@@ -127,7 +155,7 @@ def shop_tile(
 
 
 def _paint_shop_door(tile: Canvas, x0: float, top: float, x1: float, wood: np.ndarray) -> None:
-    """A glazed door, set back, on a step."""
+    """Paint a glazed, recessed door on a step."""
     h = tile.height_m
     head = min(top + 0.45, 0.5 * (top + h))
     at = tile.region(x0, head, x1, h - 0.30)
@@ -135,21 +163,25 @@ def _paint_shop_door(tile: Canvas, x0: float, top: float, x1: float, wood: np.nd
     tile.albedo[tile.region(x0, h - 0.9, x1, h - 0.30)] = 0.6 * hex_to_linear("#35353a")
     tile.gloss[at], tile.relief[at] = 0.8, GLASS_RELIEF_M - 0.1
     for x in (x0, x1):
-        tile.box(x - 0.045, top, x + 0.045, h, wood * 1.1, FRAME_RELIEF_M + 0.02)
-    tile.box(x0, h - 0.34, x1, h - 0.08, wood * 0.9, FRAME_RELIEF_M - 0.1)
-    tile.box(x0, h - 0.08, x1, h, hex_to_linear("#77736c"), -0.05)
-    tile.box(x0, head, x1, head + 0.07, wood * 1.1, FRAME_RELIEF_M)
-    tile.box(x1 - 0.13, h - 1.25, x1 - 0.09, h - 0.85, hex_to_linear("#8f8a7c"), -0.16)
+        tile.fill_box(x - 0.045, top, x + 0.045, h, wood * 1.1, FRAME_RELIEF_M + 0.02)
+    tile.fill_box(x0, h - 0.34, x1, h - 0.08, wood * 0.9, FRAME_RELIEF_M - 0.1)
+    tile.fill_box(x0, h - 0.08, x1, h, hex_to_linear("#77736c"), -0.05)
+    tile.fill_box(x0, head, x1, head + 0.07, wood * 1.1, FRAME_RELIEF_M)
+    tile.fill_box(x1 - 0.13, h - 1.25, x1 - 0.09, h - 0.85, hex_to_linear("#8f8a7c"), -0.16)
 
 
-def _paint_shop_window(tile: Canvas, x0: float, y0: float, x1: float, y1: float, goods: str, rng: np.random.Generator) -> None:
-    """The shop window: a dim room with goods, under what the glass mirrors."""
+def _paint_shop_window(
+    tile: Canvas, x0: float, y0: float, x1: float, y1: float, goods: str, rng: np.random.Generator
+) -> None:
+    """Paint a dim room with goods under the reflections of the glass."""
     at = tile.region(x0, y0, x1, y1)
     shape = tile.relief[at].shape
     rows, columns = shape
     glow = np.linspace(0.7, 1.2, rows, dtype=np.float32)[:, None] * (1 + 0.25 * smooth_noise(shape, columns / 4, rng))
     light = float(rng.uniform(0.55, 1.0))
-    room = (hex_to_linear("#463c32") if goods in ("counter", "lamps", "shelves") else hex_to_linear("#3a3a3b")) * glow[..., None]
+    room = (hex_to_linear("#463c32") if goods in ("counter", "lamps", "shelves") else hex_to_linear("#3a3a3b")) * glow[
+        ..., None
+    ]
     room = np.ascontiguousarray(room, np.float32)
     _GOODS_PAINTERS[goods](room, tile.scale, rng)
     tile.albedo[at] = light * room + glass_reflections(shape, rng, posts=(), sky=0.15)
@@ -162,7 +194,7 @@ def _draw_goods_colour(rng: np.random.Generator) -> np.ndarray:
 
 
 def _paint_shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """Boxes of all sizes on two shelves, not full."""
+    """Paint boxes of all sizes on two partly filled shelves."""
     rows, columns = room.shape[:2]
     for shelf in rng.uniform(0.5, 0.68), 0.98:
         y, x = round(shelf * rows), 0.04 * columns
@@ -175,7 +207,7 @@ def _paint_shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
 
 
 def _paint_clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """Coats and dresses on stands, before a plain screen."""
+    """Paint coats and dresses on stands, before a plain screen."""
     rows, columns = room.shape[:2]
     room[round(0.1 * rows) :, round(0.05 * columns) : round(0.95 * columns)] *= np.float32(rng.uniform(0.6, 2.2))
     unit = 0.26 * scale
@@ -193,7 +225,7 @@ def _paint_clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
 
 
 def _paint_garment(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
-    """Cloth (k, 2) of one tone, round and in folds; its edge is as smooth as pixels are."""
+    """Paint cloth of one tone with folds inside an outline (k, 2), with an antialiased edge."""
     cover = np.zeros(room.shape[:2], np.uint8)
     cv2.fillPoly(cover, [np.round(outline * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4)
     (left, _), (right, _) = outline.min(axis=0), outline.max(axis=0)
@@ -204,7 +236,7 @@ def _paint_garment(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> N
 
 
 def _paint_flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """Leaves and blossom in buckets, more below than above."""
+    """Paint leaves and blossom in buckets, denser towards the floor."""
     shape = room.shape[:2]
     rise = np.linspace(-6.0, 2.0, shape[0], dtype=np.float32)[:, None]
     leaves = fractal_noise(shape, 0.3 * scale, 3, rng) + rise > 0
@@ -216,7 +248,7 @@ def _paint_flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
 
 
 def _paint_counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """A counter across the room, a board on the wall, hanging lamps that burn."""
+    """Paint a counter across the room, a board on the wall and lit lamps."""
     rows, columns = room.shape[:2]
     y = max(0, rows - round(rng.uniform(0.6, 0.8) * scale))
     room[y:] = _draw_goods_colour(rng) * 0.5
@@ -228,7 +260,7 @@ def _paint_counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
 
 
 def _paint_posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """A screen closes the window halfway; sheets of paper hang before it."""
+    """Paint a screen in the lower part of the window, and sheets of paper before it."""
     rows, columns = room.shape[:2]
     top = round(rng.uniform(0.2, 0.55) * rows)
     room[top:] = hex_to_linear("#a29e94") * np.float32(rng.uniform(0.5, 0.9))
@@ -241,7 +273,7 @@ def _paint_posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
 
 
 def _paint_lamp_shop(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
-    """A deep room: a table with things on it, light far behind."""
+    """Paint a deep room with goods on a table and lights far behind."""
     rows, columns = room.shape[:2]
     room *= 0.55
     for _ in range(3):
@@ -272,9 +304,9 @@ _GOODS_PAINTERS = {
 def _paint_fascia(
     tile: Canvas, tall: float, ground: np.ndarray, ink: np.ndarray, shop: ShopDesign | None, rng: np.random.Generator
 ) -> None:
-    """The board over the glass, with the name on it."""
+    """Paint the board over the glass, with the name if `shop` is given."""
     w = tile.width_m
-    tile.moulding(0, 0, w, tall, ground, (0.14, 0.14, 0.06, 0.06, 0.06, 0.06, 0.06, 0.06, 0.06, 0.10))
+    tile.add_moulding(0, 0, w, tall, ground, (0.14, 0.14, 0.06, 0.06, 0.06, 0.06, 0.06, 0.06, 0.06, 0.10))
     if shop is None:
         return
     at = tile.region(0.15, 0.16 * tall, w - 0.15, 0.94 * tall)
@@ -292,9 +324,9 @@ def _paint_fascia(
 
 
 def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> Plate:
-    """A shallow awning over the upper part of the glass, which it darkens."""
+    """Return a shallow awning over the upper part of the glass, which it darkens."""
     tall = min(0.62, 0.2 * tile.height_m)
-    rows, columns = tile.px(tall), tile.relief.shape[1]
+    rows, columns = tile.to_pixels(tall), tile.relief.shape[1]
     under = tile.region(0, top, tile.width_m, top + tall + 0.7)
     fade = np.clip(np.linspace(0.2, 1.2, under[0].stop - under[0].start, dtype=np.float32), 0.35, 1)
     tile.albedo[under] *= fade[:, None, None]
@@ -307,4 +339,6 @@ def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> Plate:
     colour = np.where(stripe, first, second) * light[..., None]
     edge = 0.90 + 0.10 * np.sqrt(np.clip(1 - (2 * (x % 1) - 1) ** 2, 0, 1)) if shop.is_striped else np.ones(columns)
     alpha = (y <= edge).astype(np.float32)
-    return Plate(colour.astype(np.float32), alpha, tile.px(top) - max(1, tile.px(0.04)), 0, 0.5, is_hinged=True)
+    return Plate(
+        colour.astype(np.float32), alpha, tile.to_pixels(top) - max(1, tile.to_pixels(0.04)), 0, 0.5, is_hinged=True
+    )

@@ -1,4 +1,4 @@
-"""What the ground of a synthetic street shows, and photos on its fronts."""
+"""Colours of a synthetic street: patterned ground and walls, and photos on its facades."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePai
 
 
 def ground_pattern(street: SyntheticStreet) -> GroundPaint:
-    """Ground that no material looks like: a patched carriageway with a broken line, kerbs, slabs of several sizes."""
+    """Return a ground pattern unlike any material: a patched carriageway, kerbs, slabs of several sizes."""
     rng = np.random.default_rng(5)
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
     across = np.array([-street.axis[1], street.axis[0]])
 
     def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
+        along, aside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
         noise = np.zeros(len(places))
         for weight, (side, values) in zip((9, 7, 6, 5), grains, strict=True):
-            noise += weight * values[(along // side % 97).astype(int), (beside // side % 89).astype(int)]
-        road = np.abs(beside) < 4.5
-        kerb = np.abs(np.abs(beside) - 4.6) < 0.1
-        joint = (along % 0.9 < 0.04) | (beside % 0.6 < 0.03)
-        line = (np.abs(beside) < 0.08) & (along % 3.0 < 1.5)
-        patch = (along % 11 < 3.2) & (beside > 0.6) & (beside < 2.9)
+            noise += weight * values[(along // side % 97).astype(int), (aside // side % 89).astype(int)]
+        road = np.abs(aside) < 4.5
+        kerb = np.abs(np.abs(aside) - 4.6) < 0.1
+        joint = (along % 0.9 < 0.04) | (aside % 0.6 < 0.03)
+        line = (np.abs(aside) < 0.08) & (along % 3.0 < 1.5)
+        patch = (along % 11 < 3.2) & (aside > 0.6) & (aside < 2.9)
         grey = np.where(road, np.where(patch, 62.0, 92.0), np.where(joint, 96.0, 148.0))
         grey = np.where(kerb, 170.0, np.where(line, 214.0, grey)) + noise
         tint = np.where(road[:, None], [1.0, 1.0, 1.03], [1.0, 0.95, 0.88])
@@ -36,8 +36,10 @@ def ground_pattern(street: SyntheticStreet) -> GroundPaint:
 
 
 def side_pattern(street: SyntheticStreet) -> SidePaint:
-    """Walls that are no fronts, and roofs, that no material looks like: bricks, plaster that is coming off, and courses of
-    tiles, each building's in tones of its own, with stains, and with a patch on some charts."""
+    """Return a pattern of side walls and roofs unlike any material.
+
+    Bricks, worn plaster and courses of tiles; each building has its own tones and stains, and some charts have a patch.
+    """
     rng = np.random.default_rng(6)
     charts = street.scene.charts
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (2.3, 0.6, 0.17, 0.06)]
@@ -65,7 +67,13 @@ def side_pattern(street: SyntheticStreet) -> SidePaint:
 
 
 def replace_front_images(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
-    """The street with photos (h, w, 3) uint8 on its fronts, stretched to them, in their order."""
+    """Return the street with photos on its facades.
+
+    Parameters
+    ----------
+    street : the street.
+    photos : (h, w, 3) uint8 per facade, in their order; resized to the facades.
+    """
     import cv2
 
     painted = []
@@ -78,14 +86,20 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[np.ndarray]) 
 def ground_photos(
     street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
 ) -> GroundPaint:
-    """Ground of two photographs, each seamless (h, w, 3) uint8 and so many metres wide, with a kerb between them."""
+    """Return a ground of two photographs with a kerb between them.
+
+    Parameters
+    ----------
+    street : the street.
+    roadway, pavement : seamless photograph (h, w, 3) uint8, and its width in metres.
+    """
     across = np.array([-street.axis[1], street.axis[0]])
 
     def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
-        road, kerb = (_sample_tiled(picture, along, beside) for picture in (roadway, pavement))
-        colour = np.where((np.abs(beside) < 4.5)[:, None], road, kerb)
-        edge = np.abs(np.abs(beside) - 4.6) < 0.1
+        along, aside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
+        road, kerb = (_sample_tiled(picture, along, aside) for picture in (roadway, pavement))
+        colour = np.where((np.abs(aside) < 4.5)[:, None], road, kerb)
+        edge = np.abs(np.abs(aside) - 4.6) < 0.1
         colour[edge] = kerb[edge].mean(axis=1, keepdims=True)
         return colour
 
@@ -93,7 +107,7 @@ def ground_photos(
 
 
 def _sample_tiled(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) float32 of a seamless picture laid side by side, at metres x, y."""
+    """Sample a seamless picture, repeated in both directions, at metres x, y; colours (n, 3) float32."""
     image, metres = picture
     rows, columns = image.shape[:2]
     density = columns / metres

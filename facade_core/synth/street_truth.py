@@ -1,4 +1,4 @@
-"""A short synthetic street with known textures, and panoramas of it by exact ray casting: truth for posed imagery."""
+"""Short synthetic street with known textures, and panoramas of it by exact ray casting: truth for posed imagery."""
 
 from __future__ import annotations
 
@@ -23,18 +23,21 @@ from facade_core.synth.exemplars import paint_exemplar_set
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders
 
-# Metres from the axis of the street to its facades, and of what stands before them to the facades.
-STREET_HALF_WIDTH_M, CUTOUT_DISTANCE_M = 9.0, 3.0
+# Distance from the axis of the street to its facades.
+STREET_HALF_WIDTH_M = 9.0
+# Distance from the occluders to the facades.
+CUTOUT_DISTANCE_M = 3.0
 BUILDING_DEPTH_M = 10.0
-# Metres between the second and third building of a row.
+# Gap between the second and third building of a row.
 BUILDING_GAP_M = 4.0
-# Where the street is: grid coordinates, and its turn from the east, so that no axis is special.
-STREET_ORIGIN_M, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
+# Grid coordinates of the start, and direction from the east: no axis of the grid is special.
+STREET_ORIGIN_M = np.array([4200.0, 7300.0])
+TURN_DEG = 23.0
 # World places (n, 2) -> colours (n, 3).
 GroundPaint = Callable[[np.ndarray], np.ndarray]
 # Charts (n,) and metres right and down on each (n,) -> colours (n, 3).
 SidePaint = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-# Roofs of the houses of a row in turn, and how high over the eaves: all are seen from the street.
+# Roofs of a row in turn, with their height over the eaves; the street sees all of them.
 ROOFS: tuple[Roof | None, ...] = (Roof("gabled", 7.0), Roof("mansard", 5.0, pitch=68.0), None)
 # Rows of pixels rendered at once, which bounds memory.
 ROWS_PER_BAND = 128
@@ -42,8 +45,18 @@ ROWS_PER_BAND = 128
 
 @dataclass(frozen=True, eq=False)
 class SyntheticStreet:
-    """scene; per facade its chart, its painted truth and the cut-outs before it: rgba (H, W, 4) uint8 of the facade's size, on
-    an upright plane KERB metres before it; axis: the street's unit direction (2,); length in metres."""
+    """Synthetic street with its ground truth.
+
+    Attributes
+    ----------
+    scene : geometry and charts.
+    charts : chart of each facade.
+    facades : painted truth of each facade.
+    cutouts : per facade the RGBA picture (H, W, 4) uint8 of its occluders, of the facade's size, on an upright plane
+        CUTOUT_DISTANCE_M before it.
+    axis : (2,) unit direction of the street.
+    length : metres.
+    """
 
     scene: Scene
     charts: tuple[int, ...]
@@ -53,18 +66,27 @@ class SyntheticStreet:
     length: float
 
     def world_point(self, along: float, across: float) -> np.ndarray:
-        """World x, y of a point `along` metres down the street and `across` metres to its left."""
+        """Return world x, y of a point `along` metres down the street and `across` metres to its left."""
         return STREET_ORIGIN_M + along * self.axis + across * np.array([-self.axis[1], self.axis[0]])
 
 
 def synthetic_street(
     buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0, with_roofs: bool = False
 ) -> SyntheticStreet:
-    """Two rows of terraced houses, half of `buildings` each, whose fronts are painted facades, with cut-outs before each.
+    """Build two rows of terraced houses with painted facades and occluders as cut-outs before each.
 
-    roofed: with ROOFS, flat ones without.
+    Parameters
+    ----------
+    buildings : number of houses in both rows.
+    seed : random seed.
+    occluders : number of occluders before each facade.
+    texels_per_metre : resolution of the facades.
+    with_roofs : add ROOFS; flat roofs without.
 
-    Raises LayoutError for fewer than two buildings or an odd number.
+    Raises
+    ------
+    LayoutError
+        `buildings` is less than two or odd.
     """
     if buildings < 2 or buildings % 2:
         raise LayoutError(f"a street of {buildings!r} buildings; use an even number of at least 2")
@@ -79,7 +101,10 @@ def synthetic_street(
             height, width = (n / texels_per_metre for n in facade.image.shape[:2])
             along += BUILDING_GAP_M if number == 2 else 0.0
             corners = [(a, side * b) for a, b in ((along, STREET_HALF_WIDTH_M), (along + width, STREET_HALF_WIDTH_M))]
-            corners += [(along + width, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M)), (along, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M))]
+            corners += [
+                (along + width, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M)),
+                (along, side * (STREET_HALF_WIDTH_M + BUILDING_DEPTH_M)),
+            ]
             outline = shapely.Polygon([STREET_ORIGIN_M + a * axis + b * across for a, b in corners])
             roof = ROOFS[(row + number) % len(ROOFS)] if with_roofs else None
             houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0, roof=roof))
@@ -112,10 +137,21 @@ def render_street_panorama(
     ground: GroundPaint | None = None,
     sides: SidePaint | None = None,
 ) -> np.ndarray:
-    """What a camera at `pose` sees, (width / 2, width, 3) uint8: facades, cut-outs, plain other surfaces, a bright sky.
+    """Render the panorama of a camera: facades, cut-outs, plain other surfaces and a bright sky.
 
-    gain is the exposure; the noise of the sensor (1 % of full scale) has the given seed; ground: of its colours, mottled grey
-    without; sides: of those of walls that are no fronts and of roofs, likewise.
+    Parameters
+    ----------
+    street : the street.
+    pose : pose of the camera.
+    width : pixels; the height is half of it.
+    gain : exposure.
+    seed : seed of the sensor noise, 1 % of full scale.
+    ground : colours of the ground; mottled grey if None.
+    sides : colours of walls other than the facades and of roofs; mottled grey if None.
+
+    Returns
+    -------
+    image : (width / 2, width, 3) uint8.
     """
     height = width // 2
     rotation = camera_from_world(pose)
@@ -135,9 +171,25 @@ def render_street_panorama(
     return np.round(np.clip(image, 0, 255)).astype(np.uint8)
 
 
-def cutout_mask(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, assumed_pose: Pose) -> np.ndarray:
-    """Where a facade's raster of size (h, w) shows a cut-out, (h, w) bool: the raster was resampled from a panorama taken at
-    `pose` in the belief that it was taken at `supposed`."""
+def cutout_mask(
+    street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, assumed_pose: Pose
+) -> np.ndarray:
+    """Return the pixels of a facade's raster that show a cut-out.
+
+    The raster was resampled from a panorama under a wrong pose.
+
+    Parameters
+    ----------
+    street : the street.
+    facade : number of the facade.
+    pose : true pose of the panorama.
+    size : rows and columns of the raster.
+    assumed_pose : pose that the resampling used.
+
+    Returns
+    -------
+    mask : (h, w) bool.
+    """
     charts, chart = street.scene.charts, street.charts[facade]
     rows, columns = size
     extent = np.array([street.facades[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
@@ -146,20 +198,32 @@ def cutout_mask(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[in
 
 
 def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, assumed_pose: Pose) -> np.ndarray:
-    """The same of world points (..., 3): (...,) bool."""
+    """Return for world points whether they show a cut-out, as `cutout_mask` does.
+
+    Parameters
+    ----------
+    street : the street.
+    points : (..., 3) world metres.
+    pose : true pose of the panorama.
+    assumed_pose : pose that the resampling used.
+
+    Returns
+    -------
+    mask : (...,) bool.
+    """
     rays = (points - camera_position(assumed_pose)) @ camera_from_world(assumed_pose).T @ camera_from_world(pose)
     nearest, colour = np.ones(points.shape[:-1], np.float32), np.zeros(points.shape, np.float32)
     return _blend_cutouts(street, camera_position(pose), rays, nearest, colour) > 0.02
 
 
 def _paint_cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Trees, cars and lamps alone, (H, W, 4) uint8, as large as the facade."""
+    """Return the occluders alone, (H, W, 4) uint8, of the facade's size."""
     image, mask = paint_occluders(facade.image, facade.metres_per_pixel, count, rng)
     return np.dstack([image, np.where(mask, 255, 0).astype(np.uint8)])
 
 
 def _facade_sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
-    """All facades side by side, and after them a tile of mottled grey; the first column of each."""
+    """Return all facades in one row followed by a tile of mottled grey, and the first column of each."""
     images = [facade.image for facade in street.facades]
     rng = np.random.default_rng(len(images))
     height = max(512, *(image.shape[0] for image in images))
@@ -178,7 +242,7 @@ def _trace_colours(
     ground: GroundPaint | None,
     sides: SidePaint | None,
 ) -> np.ndarray:
-    """Colours (h, w, 3) float32 along rays (h, w, 3)."""
+    """Return colours (h, w, 3) float32 along rays (h, w, 3)."""
     import cv2
 
     scene, charts = street.scene, street.scene.charts
@@ -204,8 +268,8 @@ def _trace_colours(
         on_ground = np.isfinite(distance) & (charts.kind[chart] == ChartKind.GROUND)
         colour[on_ground] = ground((origin + distance[on_ground, None] * rays[on_ground])[:, :2])
     if sides is not None:
-        beside = np.isfinite(distance) & plain & (charts.kind[chart] != ChartKind.GROUND)
-        colour[beside] = sides(chart[beside], x[beside] / density, y[beside] / density)
+        on_side = np.isfinite(distance) & plain & (charts.kind[chart] != ChartKind.GROUND)
+        colour[on_side] = sides(chart[on_side], x[on_side] / density, y[on_side] / density)
     rise = np.clip(rays[..., 2:], 0, 1)
     sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)
     colour = np.where(np.isfinite(distance)[..., None], colour, sky)
@@ -217,34 +281,41 @@ def _trace_colours(
 def _blend_cutouts(
     street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, nearest: np.ndarray, colour: np.ndarray
 ) -> np.ndarray:
-    """Paint the cut-outs that rays (..., 3) meet before `nearest_buildings` (in ray lengths) over colour (..., 3), in place; returns how
-    much of each ray they stop (...,)."""
+    """Blend the cut-outs nearer than `nearest` (in ray lengths) along rays (..., 3) over `colour`, in place.
+
+    Returns the share of each ray that they stop (...,).
+    """
     charts, fronts = street.scene.charts, list(street.charts)
     normal = charts.normals()[fronts]
     corner = charts.origin[fronts] + CUTOUT_DISTANCE_M * normal - origin
     middle = corner + charts.size[fronts, :1] / 2 * charts.axis_u[fronts]
-    order = np.argsort(-np.linalg.norm(middle[:, :2], axis=1), kind="stable")  # what stands nearer is painted later
+    order = np.argsort(-np.linalg.norm(middle[:, :2], axis=1), kind="stable")  # the nearest is painted last
     height = max(len(cutout) for cutout in street.cutouts)
     sheet = np.concatenate([np.pad(c, ((0, height - len(c)), (0, 0), (0, 0))) for c in street.cutouts], axis=1)
     sizes = np.array([c.shape[:2] for c in street.cutouts])
     left = np.cumsum([0, *sizes[:-1, 1]])
     density = street.scene.spec.texels_per_metre
-    stand = _CutoutPlanes(corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], density, order, left, sizes, sheet)
+    planes = _CutoutPlanes(
+        corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], density, order, left, sizes, sheet
+    )
     stopped = np.zeros(rays.shape[:-1], np.float32)
     flat = (np.ascontiguousarray(rays).reshape(-1, 3), np.ascontiguousarray(nearest).reshape(-1))
-    _blend_cutout_texels(*flat, stand, colour.reshape(-1, 3), stopped.reshape(-1))
+    _blend_cutout_texels(*flat, planes, colour.reshape(-1, 3), stopped.reshape(-1))
     return stopped
 
 
 class _CutoutPlanes(NamedTuple):
-    """What stands before the fronts, k of them.
+    """Planes with the occluders before k facades.
 
-    corner (k, 3): the upper left one, from the camera;
-    normal, axis_u, axis_v (k, 3);
-    density: texels per metre;
-    order (k,): in which they are painted;
-    left, sizes (k,), (k, 2): where each lies in the sheet, from its top, height and width;
-    sheet (h, w, 4): all of them side by side.
+    Attributes
+    ----------
+    corner : (k, 3) upper left corner, relative to the camera.
+    normal, axis_u, axis_v : (k, 3) axes of the plane.
+    density : texels per metre.
+    order : (k,) order of painting, the nearest last.
+    left : (k,) first column in the sheet.
+    sizes : (k, 2) height and width in the sheet.
+    sheet : (h, w, 4) all cut-outs in one row.
     """
 
     corner: np.ndarray
@@ -259,7 +330,9 @@ class _CutoutPlanes(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _blend_cutout_texels(rays: np.ndarray, nearest: np.ndarray, cutouts: _CutoutPlanes, colour: np.ndarray, stopped: np.ndarray) -> None:
+def _blend_cutout_texels(
+    rays: np.ndarray, nearest: np.ndarray, cutouts: _CutoutPlanes, colour: np.ndarray, stopped: np.ndarray
+) -> None:
     corner, normal, axis_u, axis_v = cutouts.corner, cutouts.normal, cutouts.axis_u, cutouts.axis_v
     density, order, left, sizes, sheet = cutouts.density, cutouts.order, cutouts.left, cutouts.sizes, cutouts.sheet
     for k in range(len(rays)):

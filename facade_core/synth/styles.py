@@ -1,4 +1,4 @@
-"""The styles as data: proportions, materials, colours and habits of each."""
+"""Facade styles as data: proportions, materials, colours and ornament."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class FacadeStyle:
-    """One style. Lengths in metres, shares of the storey height or of the column pitch where the name says so."""
+    """Style of painted facades: lengths in metres; shares of the floor height, or of the column pitch where noted."""
 
     name: str
     wall: str  # plaster | brick | ashlar
@@ -33,7 +33,7 @@ class FacadeStyle:
 
     @property
     def is_modern(self) -> bool:
-        """Whether its doors are glazed and stand under a canopy."""
+        """True for glazed doors under a canopy."""
         return self.glazing in ("strip", "deco", "picture")
 
 
@@ -250,5 +250,5 @@ STYLE_BY_NAME: dict[str, FacadeStyle] = {
     s.name: s for s in (JUGEND, BRICK, NEOCLASSICAL, FUNCTIONALIST, HAUSSMANN, CLASSICISM, ART_DECO, POST_WAR, PLASTER)
 }
 STYLES: tuple[str, ...] = tuple(STYLE_BY_NAME)
-# The families of a northern street of before 1960.
+# Styles of a northern street before 1960.
 NORDIC_STYLES: tuple[str, ...] = tuple(name for name in STYLES if name != HAUSSMANN.name)

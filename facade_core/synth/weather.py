@@ -1,4 +1,4 @@
-"""What years do to a wall: uneven plaster, rain streaks under sills, soot under cornices, dirt near the ground."""
+"""Weathering of a wall: uneven plaster, rain streaks under sills, soot under cornices, dirt near the ground."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ from facade_core.synth.canvas import Canvas, fractal_noise, smooth_noise
 def apply_weathering(
     canvas: Canvas, sills: list[tuple[float, float, float]], ledges: list[float], rng: np.random.Generator
 ) -> None:
-    """Darken the albedo in place; sills = (x0, x1, y) and ledges = y in metres. Glass stays clean."""
+    """Darken the albedo in place; glass stays clean.
+
+    Parameters
+    ----------
+    canvas : changed in place.
+    sills : x0, x1, y of each sill in metres.
+    ledges : y of each ledge in metres.
+    rng : source of randomness.
+    """
     shape = canvas.relief.shape
     rows, columns = shape
     scale = canvas.scale
@@ -35,7 +43,7 @@ def apply_weathering(
         at = canvas.region(0, y, canvas.width_m, y + 1.5)
         fade = np.exp(-3.0 * np.linspace(0, 1, dirt[at].shape[0], dtype=np.float32))
         dirt[at] += np.float32(0.28) * fade[:, None] * runs[at]
-    reach = min(rows, canvas.px(1.5))
+    reach = min(rows, canvas.to_pixels(1.5))
     rise = np.linspace(0, 1, reach, dtype=np.float32)[:, None] ** 2.2
     dirt[rows - reach :] += (
         rise * np.float32(0.28) * np.clip(0.9 + 0.3 * smooth_noise((reach, columns), 0.6 * scale, rng), 0, 2)

@@ -1,4 +1,4 @@
-"""Windows as tiles: mirrored sky, the room with its blinds or curtains, and the frame in front."""
+"""Windows as canvas tiles: reflections, a room with blinds or curtains, and the frame in front."""
 
 from __future__ import annotations
 
@@ -9,18 +9,29 @@ import numpy as np
 
 from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 
-GLASS_RELIEF_M, BAR_RELIEF_M, FRAME_RELIEF_M = -0.27, -0.23, -0.20  # relief in metres
-# What glass shows of them: a share of the sky's light, and of the houses across the street, in light or shade, and their panes.
-_UPPER_SKY, _LOWER_SKY = 0.24 * hex_to_linear("#a9c3e2"), 0.35 * hex_to_linear("#eef0ee")
-_OPPOSITE_PANES, _OPPOSITE_WALLS = hex_to_linear("#3b3a39"), hex_to_linear("#4a4743")
+# Relief of glass, glazing bars and frames, metres in front of the wall plane.
+GLASS_RELIEF_M = -0.27
+BAR_RELIEF_M = -0.23
+FRAME_RELIEF_M = -0.20
+# Reflections in linear light: the sky, and the walls and panes of the buildings across the street.
+_UPPER_SKY = 0.24 * hex_to_linear("#a9c3e2")
+_LOWER_SKY = 0.35 * hex_to_linear("#eef0ee")
+_OPPOSITE_PANES = hex_to_linear("#3b3a39")
+_OPPOSITE_WALLS = hex_to_linear("#4a4743")
 _ROOM = hex_to_linear("#35353a")
-# How often a casement leans so that it mirrors the sky: on the lowest storey, and so much more on the highest.
-LOW_FLOOR_SKY_PROBABILITY, HIGH_FLOOR_SKY_PROBABILITY = 0.12, 0.45
+# Probabilities that a casement reflects the sky, in the lower and the upper half of a facade.
+LOW_FLOOR_SKY_PROBABILITY = 0.12
+HIGH_FLOOR_SKY_PROBABILITY = 0.45
 
 
 @dataclass(frozen=True)
 class WindowColours:
-    """One household taste per house: frame, curtain and blind colours in linear light."""
+    """Colours of a building's windows, (3,) in linear light.
+
+    Attributes
+    ----------
+    frame, curtain, blind : colour of each part.
+    """
 
     frame: np.ndarray
     curtain: np.ndarray
@@ -37,32 +48,61 @@ def window_tile(
     sky: float,
     rng: np.random.Generator,
 ) -> tuple[Canvas, np.ndarray | None]:
-    """A window of `shape` raster pixels in one state, each casement of which mirrors the sky by a chance; and the mask of its
-    opening where that is not the whole box."""
+    """Paint a window in one state.
+
+    Parameters
+    ----------
+    shape : rows and columns of the tile.
+    scale : raster pixels per metre.
+    glazing : division of the frame, as of `FacadeStyle.glazing`.
+    kind : variant of the window, such as "arched" or "dormer".
+    state : such as "blind-half".
+    fabrics : colours of frame, curtains and blinds.
+    sky : probability that a casement reflects the sky.
+    rng : source of randomness.
+
+    Returns
+    -------
+    tile : the window.
+    mask : (h, w) bool of its opening; None for the whole box.
+    """
     tile = Canvas.blank(*shape, scale)
     tile.relief[:] = GLASS_RELIEF_M
     tile.albedo[:] = _room_colours(shape, state, fabrics, scale, rng)
-    shown = "dormer" if kind == "dormer" else glazing
-    tile.albedo += glass_reflections(shape, rng, posts=[tile.px(x) for x in _post_positions(shown, tile.width_m)], sky=sky)
+    division = "dormer" if kind == "dormer" else glazing
+    tile.albedo += glass_reflections(
+        shape, rng, posts=[tile.to_pixels(x) for x in _post_positions(division, tile.width_m)], sky=sky
+    )
     tile.gloss[:] = 1.0
-    _paint_frame(tile, shown, kind, fabrics.frame)
+    _paint_frame(tile, division, kind, fabrics.frame)
     if kind != "arched":
         return tile, None
     rows, columns = shape
     across = (np.arange(columns) + 0.5) / columns * 2 - 1
     spring = 0.20 * columns * across**2
     below = np.arange(rows)[:, None] - spring
-    rim = (below >= 0) & (below < tile.px(0.085))
+    rim = (below >= 0) & (below < tile.to_pixels(0.085))
     tile.albedo[rim] = fabrics.frame
     tile.gloss[rim] = 0
     tile.relief[rim] = FRAME_RELIEF_M
     return tile, below >= 0
 
 
-def glass_reflections(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float) -> np.ndarray:
-    """What panes mirror (H, W, 3): the shaded houses across the street, with the sky over their eaves in some leaves.
+def glass_reflections(
+    shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float
+) -> np.ndarray:
+    """Paint the reflections in panes: shaded buildings across the street, and the sky over their eaves in some leaves.
 
-    posts: columns between casements, each of which leans its own way; sky: the chance that one shows the sky.
+    Parameters
+    ----------
+    shape : rows and columns.
+    rng : source of randomness.
+    posts : columns between casements, each of which tilts differently.
+    sky : probability that a casement reflects the sky.
+
+    Returns
+    -------
+    light : (H, W, 3) linear light.
     """
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
@@ -70,29 +110,35 @@ def glass_reflections(shape: tuple[int, int], rng: np.random.Generator, *, posts
     low, tone, wide = float(rng.uniform(0.25, 1.3)), float(rng.uniform(0.4, 0.85)), float(rng.uniform(0.45, 0.7))
     for left, right in zip((0, *posts), (*posts, columns), strict=True):
         x = (np.arange(right - left, dtype=np.float32) + 0.5)[None, :] / max(columns, 1)
-        # each leaf leans its own way: what it mirrors lies higher or lower, aslant, and is out of focus
+        # each leaf tilts differently, which shifts and shears its blurred reflection
         lift, lean = rng.uniform(-0.12, 0.12), rng.uniform(-0.12, 0.12)
         at = y + lift + lean * x
         panes = np.clip(4 * np.cos(2 * np.pi * (at - low) / 0.62) - 1.2, 0, 1) * np.clip(
             4 * np.cos(2 * np.pi * (x + rng.random()) / wide) - 0.6, 0, 1
         )
-        houses = rng.uniform(0.6, 1.1) * (_OPPOSITE_WALLS * tone + panes[..., None] * (0.45 * _OPPOSITE_PANES - _OPPOSITE_WALLS * tone))
+        houses = rng.uniform(0.6, 1.1) * (
+            _OPPOSITE_WALLS * tone + panes[..., None] * (0.45 * _OPPOSITE_PANES - _OPPOSITE_WALLS * tone)
+        )
         eaves = low + lift if rng.random() < sky else -1.0
         above = np.clip((eaves - at) * (rows / 4), 0, 1)[..., None]
-        shown = _UPPER_SKY + (_LOWER_SKY - _UPPER_SKY) * np.clip(at / 1.1, 0, 1)[..., None]
-        light[:, left:right] = houses + above * (rng.uniform(0.55, 1.0) * shown - houses)
+        sky_colour = _UPPER_SKY + (_LOWER_SKY - _UPPER_SKY) * np.clip(at / 1.1, 0, 1)[..., None]
+        light[:, left:right] = houses + above * (rng.uniform(0.55, 1.0) * sky_colour - houses)
     return light
 
 
-def _room_colours(shape: tuple[int, int], state: str, fabrics: WindowColours, scale: float, rng: np.random.Generator) -> np.ndarray:
-    """The room behind, as dim as daylight leaves it, with what hangs at the window."""
+def _room_colours(
+    shape: tuple[int, int], state: str, fabrics: WindowColours, scale: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the dim room behind the glass with its curtains or blinds."""
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
     x = ((np.arange(columns, dtype=np.float32) + 0.5) / columns)[None, :]
-    depth = np.float32(rng.uniform(0.5, 1.1)) * (0.75 + 0.5 * y + 0.3 * smooth_noise(shape, 0.3 * scale, rng).clip(-1, 1))
+    depth = np.float32(rng.uniform(0.5, 1.1)) * (
+        0.75 + 0.5 * y + 0.3 * smooth_noise(shape, 0.3 * scale, rng).clip(-1, 1)
+    )
     room = _ROOM * depth[..., None]
     if state.startswith("curtains"):
-        # Cloth hangs behind glass and a reveal: it is never as light as the wall.
+        # Behind glass and a reveal, cloth is always darker than the wall.
         light = float(rng.uniform(0.5, 0.75))
         folds = 0.72 + 0.28 * np.sin(2 * np.pi * x * columns / (rng.uniform(0.10, 0.2) * scale) + 0.9 * np.sin(3 * y))
         cloth = light * fabrics.curtain * (folds * (1.05 - 0.35 * y))[..., None]
@@ -123,8 +169,8 @@ def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> N
     foot = 0.0
     if kind == "door" and glazing not in ("french",):
         foot = min(0.55, 0.22 * h)
-        tile.box(0, h - foot, w, h, colour * 0.92, FRAME_RELIEF_M)
-        tile.box(0.16, h - foot + 0.12, w - 0.16, h - 0.12, colour * 0.82, BAR_RELIEF_M)
+        tile.fill_box(0, h - foot, w, h, colour * 0.92, FRAME_RELIEF_M)
+        tile.fill_box(0.16, h - foot + 0.12, w - 0.16, h - 0.12, colour * 0.82, BAR_RELIEF_M)
     transom, upper, rows = {
         "jugend": (0.36, 2, 1),
         "cross": (0.30, 1, 2),
@@ -140,30 +186,30 @@ def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> N
     light = (h - foot) * transom
     posts = _post_positions(glazing, w)
     for x in posts:
-        tile.box(x - bar / 2, light, x + bar / 2, h - foot, colour, FRAME_RELIEF_M)
+        tile.fill_box(x - bar / 2, light, x + bar / 2, h - foot, colour, FRAME_RELIEF_M)
     if transom:
         for x in np.linspace(0, w, (len(posts) + 1) * upper + 1)[1:-1]:
-            tile.box(x - thin / 2, 0, x + thin / 2, light, colour, BAR_RELIEF_M)
+            tile.fill_box(x - thin / 2, 0, x + thin / 2, light, colour, BAR_RELIEF_M)
         if glazing == "jugend":
-            tile.box(0, light / 2 - thin / 2, w, light / 2 + thin / 2, colour, BAR_RELIEF_M)
-        tile.box(0, light - 0.05, w, light + 0.05, colour, FRAME_RELIEF_M + 0.02)
+            tile.fill_box(0, light / 2 - thin / 2, w, light / 2 + thin / 2, colour, BAR_RELIEF_M)
+        tile.fill_box(0, light - 0.05, w, light + 0.05, colour, FRAME_RELIEF_M + 0.02)
     for y in np.linspace(light, h - foot, rows + 1)[1:-1]:
-        tile.box(0, y - thin / 2, w, y + thin / 2, colour, BAR_RELIEF_M)
+        tile.fill_box(0, y - thin / 2, w, y + thin / 2, colour, BAR_RELIEF_M)
     for x0, y0, x1, y1 in ((0, 0, edge, h), (w - edge, 0, w, h), (0, 0, w, edge), (0, h - edge * 1.3, w, h)):
-        tile.box(x0, y0, x1, y1, colour, FRAME_RELIEF_M)
+        tile.fill_box(x0, y0, x1, y1, colour, FRAME_RELIEF_M)
 
 
 def _post_positions(glazing: str, w: float) -> list[float]:
-    """Where the posts between casements are, in metres."""
+    """Return x of the posts between casements in metres."""
     sashes = {"jugend": 3 if w > 1.45 else 2, "strip": max(2, round(w / 0.95)), "deco": 3}.get(glazing, 2)
     if glazing in ("strip", "picture"):
-        # One narrow casement to air the room beside the broad lights.
+        # One narrow casement for ventilation next to the wide lights.
         narrow = min(0.5, 0.3 * w)
         return [narrow, *np.linspace(narrow, w, sashes)[1:-1].tolist()]
     return list(np.linspace(0, w, sashes + 1)[1:-1].tolist())
 
 
 def vary_pane_brightness(tile: Canvas, rng: np.random.Generator) -> Canvas:
-    """The same window once more: no two rooms are equally dark."""
+    """Return the window with panes of another random brightness."""
     strength = np.float32(np.exp(0.10 * rng.standard_normal()) - 1)
     return Canvas(tile.albedo * (1 + tile.gloss * strength)[..., None], tile.relief, tile.gloss, tile.scale)

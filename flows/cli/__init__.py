@@ -1,1 +1,1 @@
-"""The command line, and how it looks and ends in a terminal."""
+"""Command line: commands, their output and their exit codes."""

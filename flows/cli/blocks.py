@@ -1,4 +1,4 @@
-"""The commands that make a block to run."""
+"""Commands that create a block to run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.imagery import report_fetched, fetch_block_imagery
+from flows.cli.imagery import fetch_block_imagery, report_fetched
 from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
@@ -20,24 +20,28 @@ if TYPE_CHECKING:
 @click.command("new-block", cls=BboxCommand)
 @click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
 @click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
-@click.option("--buildings", type=EXISTING_FILE, help="Instead: buildings of any format that a block file names.")
 @click.option(
-    "--streets", type=EXISTING_FILE, help="Their streets.  [default: derived from the gaps between buildings]"
+    "--buildings", type=EXISTING_FILE, help="Alternative to --osm: buildings in any format that a block file accepts."
 )
-@click.option("--crs", metavar="CRS", help="What these count in, such as EPSG:28992, where they do not say it.")
-@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
-@click.option("--around", nargs=2, type=float, metavar="LON LAT", help="Instead: the middle of a square.")
+@click.option(
+    "--streets", type=EXISTING_FILE, help="Streets of --buildings.  [default: derived from the gaps between buildings]"
+)
+@click.option(
+    "--crs", metavar="CRS", help="CRS of --buildings and --streets, such as EPSG:28992, where the files have none."
+)
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Area in degrees of longitude and latitude.")
+@click.option("--around", nargs=2, type=float, metavar="LON LAT", help="Alternative to --bbox: centre of a square.")
 @click.option(
     "--size",
     type=click.FloatRange(min=50.0, max=5000.0),
     default=200.0,
     show_default=True,
-    help="Its side in metres; without --bbox and --around, of the square that is built up most.",
+    help="Side of the square in metres; without --bbox and --around, of the most densely built square.",
 )
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
-@click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
+@click.option("--poses", type=EXISTING_FILE, help="Positions of panoramas without position metadata.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
-@click.option("--imagery", metavar="SOURCE", help="Then fetch panoramas, as `streetloom fetch-imagery --from SOURCE`.")
+@click.option("--imagery", metavar="SOURCE", help="Also fetch panoramas, as `streetloom fetch-imagery --from SOURCE`.")
 def new_block(
     block_file: Path,
     osm: Path | None,
@@ -52,7 +56,7 @@ def new_block(
     exemplars: Path | None,
     imagery: str | None,
 ) -> None:
-    """Write a block file for a part of a map, and say what was found there.
+    """Write a block file for a part of a map and print a summary of its contents.
 
     \b
     Examples:
@@ -80,7 +84,7 @@ def new_block(
 
 
 def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> Geometry:
-    """The files of new-block's options; click.UsageError where they are none, or say two things."""
+    """Return the input files of new-block; raise click.UsageError where they are missing or ambiguous."""
     from tasks.examples.new_block import Geometry
 
     if osm is None and buildings is None:
@@ -99,9 +103,9 @@ def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, cr
 
 @click.command()
 @click.argument("name", required=False)
-@click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Where the data and the block go.")
+@click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Folder of the data and the block.")
 def fetch(name: str | None, out: Path) -> None:
-    """Fetch a real example block and its public data; without NAME, list them.
+    """Fetch a real example block and its public data; without NAME, list the examples.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""The commands of a city: run it, and say before what that will take."""
+"""Commands of a city: run it, and estimate the cost of a run."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from flows.city_options import CityOptions, next_time_of_day
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, OUT
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.command()
+@click.command("city")
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
 @click.option(
-    "--out", type=OUT, help="Where results go, a folder or s3://bucket/prefix.  [default: out/NAME of the city file]"
+    "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the city file]"
 )
-@click.option("--at-once", default=1, show_default=True, type=click.IntRange(1, 64), help="Blocks at a time.")
-@click.option("--until", metavar="HH:MM", help="End then, done or not; the next run goes on from there.")
+@click.option(
+    "--at-once", default=1, show_default=True, type=click.IntRange(1, 64), help="Number of concurrent blocks."
+)
+@click.option("--until", metavar="HH:MM", help="End the run at this time; the next run resumes.")
 @click.option(
     "--tiles/--no-tiles", default=True, show_default=True, help="Export 3D Tiles of each block, for tileset.json."
 )
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
     "--keep", type=click.IntRange(1), metavar="N", help="Keep the N newest published snapshots of each block."
 )
 @click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes of a block."
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
 )
 @click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object last.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object at the end.")
 def city_command(
     city_file: Path,
     out: Folder | None,
@@ -49,7 +51,7 @@ def city_command(
     dask: str | None,
     as_json: bool,
 ) -> None:
-    """Texture a city block by block. What an earlier run finished is not done again.
+    """Texture a city block by block. Resumable and idempotent: finished work is not repeated.
 
     \b
     Examples:
@@ -62,7 +64,7 @@ def city_command(
     from flows.lock import lock_folder
 
     if until is not None:
-        next_time_of_day(until, datetime.now())  # said before anything is read
+        next_time_of_day(until, datetime.now())  # fail before any file is read
     out = out or Path("out") / city_file.stem
     with lock_folder(out):
         exit_on_signal_from_thread()
@@ -75,15 +77,17 @@ def city_command(
     sys.exit(_city_exit_code(summary))
 
 
-@click.command()
+@click.command("plan")
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
-@click.option("--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Blocks at a time.")
 @click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes of a block."
+    "--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option(
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
-    """Say what texturing a city will take, before anything is run: its blocks are planned as their runs plan them.
+    """Estimate the cost of texturing a city before its first run. Plans the blocks as their runs do.
 
     \b
     Example:
@@ -100,44 +104,50 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
         found = read_city(city_file, Path(folder))
         planned = {}
         with click.progressbar(found.blocks, label="planning", file=sys.stderr) as blocks:
-            for block in blocks:  # one that cannot be read has nothing to plan, as its run will say
+            for block in blocks:  # an unreadable block is skipped here; its run reports the error
                 planned[block.name] = planned_of(read_block(block.file)) if block.digest else {}
     account = Account("").of(found, "")
-    said = account.estimate(list(account.blocks), workers, at_once, planned)
+    estimate = account.estimate(list(account.blocks), workers, at_once, planned)
     if as_json:
-        click.echo(json.dumps(said))
+        click.echo(json.dumps(estimate))
         return
-    fitted = said["fitted"]
-    counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
-    print_line(f"{account.name}: {said['blocks']} blocks, {counts}")
-    alone = f"{said['processor_hours']:.2g} h of a processor"
-    off = {what: f"{share:.0%}" for what, share in fitted["error_planned"].items()}
-    print_line(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
-    print_line(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
-    print_line(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
-    densities = ", ".join(f"{one:g}" for one in fitted["texels_per_metre"])
+    fitted = estimate["fitted"]
+    counts = (
+        f"{estimate['facades']} facades, {estimate['viewpoints']} viewpoints, {estimate['ground']} pieces of ground"
+    )
+    print_line(f"{account.name}: {estimate['blocks']} blocks, {counts}")
+    processor_time = f"{estimate['processor_hours']:.2g} h of a processor"
+    errors = {quantity: f"{share:.0%}" for quantity, share in fitted["error_planned"].items()}
+    print_line(
+        f"  time   {estimate['hours']:.2g} h with {estimate['workers']} workers ({at_once} x {workers}), {processor_time}"
+    )
+    print_line(f"  kept   {estimate['gigabytes']:.2g} GB, {estimate['commits']} commits")
+    print_line(f"  most   {estimate['bottleneck_share']:.0%} of the time: {estimate['bottleneck']}")
+    densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
     print_line(
         f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
     )
     print_line(
-        f"  error  of blocks that it was not fitted on at most {off['seconds']} of a processor's time, {off['bytes']} of the "
-        f"bytes, {off['commits']} of the commits; time is of processors that do nothing else"
+        f"  error  of blocks that it was not fitted on at most {errors['seconds']} of a processor's time, {errors['bytes']} of the "
+        f"bytes, {errors['commits']} of the commits; time is of processors that do nothing else"
     )
 
 
 def _note_default_partition(city_file: Path) -> None:
-    """A block file is a city file too."""
+    """Print a notice where the city file states no `cut`; a block file is a valid city file too."""
     from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, uses_default_partition
 
-    with suppress(ValueError):  # said when it is read
+    with suppress(ValueError):  # reported when the file is read
         if uses_default_partition(city_file):
             remedy = f"as one block: streetloom run {city_file}"
-            print_notice(f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}")
+            print_notice(
+                f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}"
+            )
 
 
 def _city_exit_code(summary: dict[str, Any]) -> int:
-    """0 where all blocks are done; 70 where the machine failed one; 1 where one failed; 75 where the time was up before."""
-    codes = [one["code"] for one in summary["failures"]]
+    """Return 0 if all blocks are done, 70 after a machine fault, 1 after a failed block, 75 if the time ran out."""
+    codes = [failure["code"] for failure in summary["failures"]]
     if any(code == 70 or code > 128 for code in codes):
         return 70
     if any(code != 75 for code in codes):
@@ -152,20 +162,22 @@ def _print_city_summary(summary: dict[str, Any]) -> None:
     )
     for failure in summary["failures"]:
         print_line(f"  failed {failure['unit']}: {failure['reason']}")
-    for _, id, reason in (one for one in summary["set_aside"] if one[0] == "correction"):
+    for _, id, reason in (entry for entry in summary["set_aside"] if entry[0] == "correction"):
         print_line(f"  waits  {id}: {reason}")
     if summary["left"]:
         print_line(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
     if (estimate := summary["estimate"])["processor_hours_taken"]:
-        taken, said = (f"{estimate[f'processor_hours{of}']:.2g} h" for of in ("_taken", ""))
-        print_line(f"  took   {taken} of a processor; said were {said}")
+        taken, estimated = (f"{estimate[f'processor_hours{suffix}']:.2g} h" for suffix in ("_taken", ""))
+        print_line(f"  took   {taken} of a processor; said were {estimated}")
     print_line(f"  model  {summary['out']}/overview.glb")
     print_line(f"  look   streetloom query {summary['out']}")
 
 
 def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> dict[str, Any]:
-    """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
-    nothing is due, it needs none."""
+    """Run the city with a record in Prefect's server.
+
+    Runs without the server where it is unavailable or nothing is pending.
+    """
     from catalogs.published.folders import local_folder
     from flows.server.startup import ServerDown, prefect_server
     from tasks.city.account import known

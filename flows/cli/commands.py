@@ -1,4 +1,4 @@
-"""The command line. Heavy imports are inside the commands, so that --help answers at once."""
+"""Command line. Heavy imports are inside the commands, so that --help answers at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
 from flows.cli.imagery import fetch_imagery, match
 from flows.cli.metrics import metrics
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, OUT
 from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class CommandGroup(click.Group):
-    """Ends with one line on stderr and the code of what went wrong, whatever that is."""
+    """Group that ends every error with one line on stderr and an exit code."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with single_line_errors():
@@ -39,7 +39,7 @@ class CommandGroup(click.Group):
             with single_line_errors(ctx):
                 return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
-            raise  # click's own: how it ends a command
+            raise  # control flow of Click
         except Exception as error:
             from flows.cli.exit_codes import describe_error
 
@@ -49,7 +49,7 @@ class CommandGroup(click.Group):
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    """The version with a digest of the code and libraries that make results: the same digest, the same results."""
+    """Print the version with a digest of the code and libraries that determine the results."""
     if wanted and not ctx.resilient_parsing:
         from tasks.engine.stage_code import code_version
         from tasks.stages.order import CODE_STAGES
@@ -60,10 +60,15 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 @click.group(cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Show version and code."
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Print the version and a digest of the code.",
 )
 def command_line() -> None:
-    """Turns an untextured city block into a textured, searchable one.
+    """Turn an untextured city block into a textured, searchable one.
 
     \b
     Examples:
@@ -79,9 +84,11 @@ def command_line() -> None:
 
 def _compute_options(command: Any) -> Any:
     for option in (
-        click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes."),
+        click.option(
+            "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes."
+        ),
         click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786."),
-        click.option("--json", "as_json", is_flag=True, help="Print one JSON object last."),
+        click.option("--json", "as_json", is_flag=True, help="Print a JSON object at the end."),
     ):
         command = option(command)
     return command
@@ -90,14 +97,14 @@ def _compute_options(command: Any) -> Any:
 @command_line.command()
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.option(
-    "--out", type=OUT, help="Where results go, a folder or s3://bucket/prefix.  [default: out/NAME of the block file]"
+    "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the block file]"
 )
 @click.option(
-    "--redo", metavar="STREET", help="Do a street again, by id or name, and the later ones that read its texels."
+    "--redo", metavar="STREET", help="Repeat a street, by id or name, and the later streets that read its texels."
 )
-@click.option("--only", is_flag=True, help="With --redo: that street alone; the later ones are marked stale.")
+@click.option("--only", is_flag=True, help="With --redo: repeat only this street; mark the later ones stale.")
 @click.option(
-    "--keep", type=click.IntRange(1), metavar="N", help="Prune afterwards: keep the N newest published snapshots."
+    "--keep", type=click.IntRange(1), metavar="N", help="Prune after the run: keep the N newest published snapshots."
 )
 @_compute_options
 def run(
@@ -110,7 +117,7 @@ def run(
     dask: str | None,
     as_json: bool,
 ) -> None:
-    """Texture a block. What an earlier run finished is not done again.
+    """Texture a block. Resumable and idempotent: finished work is not repeated.
 
     \b
     Examples:
@@ -124,8 +131,10 @@ def run(
 
 
 @command_line.command()
-@click.option("--out", type=OUT, default="out/demo", show_default=True, help="Where results go.")
-@click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos to use instead of the painted ones.")
+@click.option(
+    "--out", type=OUT, default="out/demo", show_default=True, help="Folder or s3://bucket/prefix of the results."
+)
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos that replace the painted ones.")
 @_compute_options
 def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
     """Texture the embedded block: streets of central Helsinki with painted facades. Needs no download.
@@ -159,7 +168,7 @@ def _run_block(
     import time
 
     from flows.cli.interrupts import exit_on_signal_from_thread
-    from flows.console import console, show_progress, print_summary, print_status
+    from flows.console import console, print_status, print_summary, show_progress
     from flows.run_entry import open_run
     from tasks.engine.store.disk_space import require_disk_space
 
@@ -172,7 +181,7 @@ def _run_block(
             if entry.run.local != out.resolve():
                 print_notice(f"log and the server's records are in {entry.run.local}")
             exit_on_signal_from_thread()
-            if dask is not None:  # said before a server starts
+            if dask is not None:  # fail before a server starts
                 from tasks.engine.compute.connect import require_scheduler
 
                 require_scheduler(dask)
@@ -194,21 +203,26 @@ def _run_block(
         sys.exit(1)
 
 
-def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
-    """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
+def _texture_recorded(
+    block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None
+) -> dict[str, Any]:
+    """Run the block with a record in Prefect's server; continue without the server where it fails."""
     from catalogs.published.folders import local_folder
     from facade_core.core.errors import FacadeError, WithheldError
     from flows.console import print_status
     from flows.server.startup import ServerDown, prefect_server
 
     with prefect_server(local_folder(out) / "prefect") as record:
-        from flows.block import city_block, run_block_without_server  # takes seconds, in which the server starts
+        from flows.block import (  # the import takes seconds, during which the server starts
+            city_block,
+            run_block_without_server,
+        )
 
         try:
             record.wait_until_ready()
             return cast(dict[str, Any], city_block(block_file, str(out), workers=workers, dask=dask, only=only))
         except WithheldError:
-            pass  # its summary says so
+            pass  # reported in the summary
         except FacadeError:
             raise
         except ServerDown as error:
@@ -217,13 +231,14 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
             if record.is_answering() and not record.is_request_error(error):
                 raise
             print_status(
-                f"the Prefect server was lost ({record.describe_failure()}); the run does without, and its record there is incomplete"
+                f"the Prefect server was lost ({record.describe_failure()}); the run does without, and its record there is "
+                "incomplete"
             )
         return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
 
 
 def _redo_street(run: Any, street: str, only: bool) -> None:
-    """Make a street due again and say what else is."""
+    """Mark a street and its dependants pending and print them."""
     from tasks.stages.streets.redo import redo_street
 
     streets, dependants = redo_street(run, street, only=only)

@@ -1,4 +1,4 @@
-"""The command that takes corrections back."""
+"""Command that imports corrections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING, EXISTING_OUT
 from flows.cli.usage import current_user
 
@@ -18,15 +18,16 @@ if TYPE_CHECKING:
 @click.command("import")
 @click.argument("folder", metavar="OUT", type=EXISTING_OUT)
 @click.argument("path", metavar="FILE", type=EXISTING)
-@click.option("--who", metavar="NAME", help="Who corrected it.  [default: this user]")
-@click.option("--why", metavar="TEXT", default="", help="A remark that is kept with it.")
+@click.option("--who", metavar="NAME", help="Author of the corrections.  [default: this user]")
+@click.option("--why", metavar="TEXT", default="", help="Remark to store with the corrections.")
 def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
-    """Take back what was corrected in an export of OUT, a run's or a city's; the next run does again what depends on it alone.
+    """Import corrections made in an export of OUT, a run or a city; the next run updates only the units that depend on them.
 
     FILE is a .json of COCO, a .json of LabelMe or a folder of them, a .gpkg (heights, levels, roofs and materials of its
-    buildings, and which walls are facades), CityJSON (the same as attributes), or {"corrections": [...]} as catalogs/README.md
-    shows it. What differs from what was published is kept beside the block file, or the city's, in NAME.corrections.jsonl: a
-    line for each correction with who, when and why; the newest counts, a value of null withdraws.
+    buildings, and the walls that are facades), CityJSON (the same as attributes), or {"corrections": [...]} as described
+    in catalogs/README.md. Differences to the published data are stored next to the block file, or the city's, in
+    NAME.corrections.jsonl: a line for each correction with who, when and why. The newest takes precedence; a value of null
+    withdraws a correction.
 
     \b
     Examples:

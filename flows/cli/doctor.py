@@ -1,4 +1,4 @@
-"""The command that says what is well and what is not."""
+"""Command that checks the environment and the stores of runs."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ FINDING_WORDS = {True: "ok", False: "wrong", None: "note"}
 
 @click.command()
 @click.argument("out", metavar="[OUT]", type=EXISTING_OUT, required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def doctor(out: Folder | None, as_json: bool) -> None:
-    """Say whether the environment is as it should be, and what is wrong or stale in the run in OUT, or in all runs below it.
+    """Check the environment, and report faults and stale units of the run in OUT, or of all runs below it.
 
-    Reads the whole store; changes nothing. Exits with 1 where something is wrong; each line names the remedy.
+    Reads the whole store; changes nothing. Exits with 1 if there is a fault; each line names the remedy.
 
     \b
     Examples:
@@ -45,7 +45,9 @@ def doctor(out: Folder | None, as_json: bool) -> None:
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
     side = local_folder(out) if out else Path.cwd()
-    disk = next(folder for folder in (side, *side.parents) if folder.is_dir())  # a bucket's may not be there yet
+    disk = next(
+        folder for folder in (side, *side.parents) if folder.is_dir()
+    )  # the local folder of a bucket may not exist yet
     for finding in chain(examine_machine(disk), _examine_runs(out) if out else ()):
         found.append(finding)
         if not as_json:
@@ -58,7 +60,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
 
 
 def _examine_runs(out: Folder) -> Iterator[Finding]:
-    """What is to be said of the run in a folder, or of each below it, which is then named."""
+    """Return the findings of the run in a folder, or of each run below it with its name."""
     from catalogs.published.runs import find_stores
     from tasks.doctor import examine_folder
 

@@ -1,4 +1,4 @@
-"""How a command ends that cannot go on: one line on stderr, and a code that tells whose fault it is."""
+"""Exit code and one-line message for an error that ends a command."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from pathlib import Path
 from catalogs.imagery.http_client import ServiceUnavailable
 from facade_core.core.errors import FacadeError, MachineError
 
-# Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.
-EXIT_UNUSABLE, EXIT_CRASHED, EXIT_UNAVAILABLE = 2, 70, 75
-# What a path raises that the user named and may not be written or read.
+# Invalid input; then from sysexits.h: internal or machine error; cluster or imagery service unavailable.
+EXIT_UNUSABLE = 2
+EXIT_CRASHED = 70
+EXIT_UNAVAILABLE = 75
+# Errors of a path that the user cannot read or write.
 ACCESS_ERRNOS = {
     errno.EACCES,
     errno.EPERM,
@@ -26,7 +28,7 @@ ACCESS_ERRNOS = {
 
 
 def describe_error(error: Exception) -> tuple[int, str]:
-    """The exit code for an error that ended a command, and what to say of it in one line."""
+    """Return the exit code and the one-line message for an error that ended a command."""
     if isinstance(error, FacadeError):
         return _exit_code(error), " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in ACCESS_ERRNOS and error.filename:
@@ -35,8 +37,8 @@ def describe_error(error: Exception) -> tuple[int, str]:
 
     if is_machine_fault(error):
         return EXIT_CRASHED, str(machine_error("stopped", error))
-    said = " ".join(f"{type(error).__name__}: {error}".split())
-    return EXIT_CRASHED, f"stopped by an error of its own ({said}); {_locate_traceback(error)}"
+    message = " ".join(f"{type(error).__name__}: {error}".split())
+    return EXIT_CRASHED, f"stopped by an error of its own ({message}); {_locate_traceback(error)}"
 
 
 def _exit_code(error: FacadeError) -> int:
@@ -50,7 +52,7 @@ def _exit_code(error: FacadeError) -> int:
 
 
 def _locate_traceback(error: Exception) -> str:
-    """Where the traceback is: in the run's log, else in a file of its own."""
+    """Return the location of the traceback: the run's log, else a new file."""
     from flows.log_file import find_log
 
     if (log := find_log(error)) is not None:

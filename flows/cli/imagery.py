@@ -1,4 +1,4 @@
-"""The commands that fetch street pictures, and that match photos to walls."""
+"""Commands that fetch street imagery and match photos to walls."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
     from tasks.fetching import Fetched
 
-# Pictures that cannot be used, told one by one.
+# Unusable pictures that are listed one by one.
 MAX_LISTED_FAULTS = 20
 
 
@@ -29,12 +29,14 @@ MAX_LISTED_FAULTS = 20
     metavar="SOURCE",
     help="panoramax, mapillary, the https:// address of a STAC API, or a folder of panoramas.",
 )
-@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Without a block: all there are in this box.")
-@click.option("--to", type=FOLDER, help="Where pictures go.  [default: panoramas/ beside the block file]")
-@click.option("--poses", type=EXISTING_FILE, help="Of a folder: where its pictures were taken.")
-@click.option("--dates", metavar="FROM/TO", help="Taken then, such as 2023-01-01/2024-12-31 or 2025-01-01/..")
-@click.option("--most", type=click.IntRange(1), metavar="N", help="No more than N, those first that show the most.")
-@click.option("--licence", metavar="WORDS", help="Of pictures that state none, such as CC-BY-SA-4.0.")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Without a block: all pictures in this box.")
+@click.option("--to", type=FOLDER, help="Folder of the pictures.  [default: panoramas/ next to the block file]")
+@click.option("--poses", type=EXISTING_FILE, help="With --from FOLDER: positions of its pictures.")
+@click.option("--dates", metavar="FROM/TO", help="Capture dates, such as 2023-01-01/2024-12-31 or 2025-01-01/..")
+@click.option(
+    "--most", type=click.IntRange(1), metavar="N", help="Maximum number of pictures, the most informative first."
+)
+@click.option("--licence", metavar="WORDS", help="Licence of pictures without one, such as CC-BY-SA-4.0.")
 def fetch_imagery(
     block_file: Path | None,
     source: str,
@@ -45,10 +47,11 @@ def fetch_imagery(
     most: int | None,
     licence: str | None,
 ) -> None:
-    """Fetch street panoramas: the fewest that show all facades of a block, into the folder that its file names for them.
+    """Fetch street panoramas: the smallest set that covers all facades of a block, into the folder named in its file.
 
-    What was fetched is not fetched again; `streetloom run` textures with it. A service that wants a token has it from
-    the environment, STREETLOOM_IMAGERY_TOKEN. Who took each picture, when, and its licence are in poses.json.
+    Pictures from an earlier fetch are kept and not fetched again; `streetloom run` textures with them. A service token is
+    read from the environment variable STREETLOOM_IMAGERY_TOKEN. poses.json records author, date and licence of each
+    picture.
 
     \b
     Examples:
@@ -84,19 +87,23 @@ def fetch_imagery(
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.argument("photos", type=EXISTING_FOLDER)
 @click.option(
-    "--poses", type=EXISTING_FILE, help="Where photos were taken, instead of their EXIF: CSV of file,lon,lat,heading."
+    "--poses", type=EXISTING_FILE, help="Positions of photos instead of their EXIF: CSV of file,lon,lat,heading."
 )
-@click.option("--out", type=NEW_FILE, help="The table.  [default: matches.csv beside the block file]")
+@click.option("--out", type=NEW_FILE, help="Output table.  [default: matches.csv next to the block file]")
 @click.option(
-    "--take", "taken", type=EXISTING_FILE, metavar="TABLE", help="Copy the photos to the block, as this table says."
+    "--take",
+    "taken",
+    type=EXISTING_FILE,
+    metavar="TABLE",
+    help="Copy the photos into the block according to this table.",
 )
 def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, taken: Path | None) -> None:
-    """Find out which facades photos show: by where they say they were taken, and what they show of walls and roofs.
+    """Match photos to facades by their recorded positions and by the walls and roofs that they show.
 
-    Photos are as taken from the street, under any name, the wall in their middle. A table tells the facade of each that
-    is sure, and the candidates of the others: write the right one into its column `facade`, or leave it empty. With --take
-    its photos are copied to the block's, under their facades' names; copies of before that it says otherwise of now go.
-    `streetloom view OUT --edit --photos PHOTOS` shows them beside their candidates, to choose on a page.
+    Photos are taken from the street, under any name, with the wall in the middle. The output table has the facade of each
+    certain match and the candidates of the others: enter the correct one in its column `facade`, or leave it empty. --take
+    copies the photos of the table into the block's folder, named after their facades, and removes earlier copies that the
+    table contradicts. `streetloom view OUT --edit --photos PHOTOS` shows photos and candidates on a page.
 
     \b
     Examples:
@@ -132,15 +139,17 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
     write_table(found_table, new=True)
-    for one in matches:
-        told = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in one.candidates)
-        sure = (
-            f"{one.facade} ({one.candidates[0].probability:.2f})"
-            if one.facade
-            else f"? {told or 'no wall of the block'}"
+    for photo in matches:
+        candidates = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in photo.candidates)
+        result = (
+            f"{photo.facade} ({photo.candidates[0].probability:.2f})"
+            if photo.facade
+            else f"? {candidates or 'no wall of the block'}"
         )
-        print_line(f"{one.photo}  {sure}")
-    print_line(f"{sum(bool(one.facade) for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
+        print_line(f"{photo.photo}  {result}")
+    print_line(
+        f"{sum(bool(photo.facade) for photo in matches)} of {len(matches)} are sure; the others' candidates: {table}"
+    )
     if out is None:
         print_line(f"to decide on a page: streetloom view OUT --edit --photos {photos}")
     print_line(f"then: streetloom match {block_file} {photos} --take {table}")
@@ -155,17 +164,25 @@ def fetch_block_imagery(
     most: int | None = None,
     licence: str | None = None,
 ) -> Fetched:
-    """Fetch the panoramas of a block, with bars in a terminal."""
+    """Fetch the panoramas of a block, with progress bars in a terminal.
+
+    Parameters
+    ----------
+    block_file : the block.
+    source, to, poses, dates, most, licence : as of the command `fetch-imagery`.
+    """
     from catalogs.imagery.services import resolve_service
     from flows.console import show_progress
     from tasks.fetching import fetch_for_block
 
     with show_progress(quiet=not sys.stderr.isatty()):
-        return fetch_for_block(block_file, resolve_service(source, poses), to=to, dates=dates, most=most, licence=licence)
+        return fetch_for_block(
+            block_file, resolve_service(source, poses), to=to, dates=dates, most=most, licence=licence
+        )
 
 
 def report_fetched(fetched: Fetched) -> None:
-    """Say what was fetched; exit with 1 where another run may bring what is missing."""
+    """Print the fetched pictures; exit with 1 if another run may fetch the missing ones."""
     for fault in fetched.faults[:MAX_LISTED_FAULTS]:
         print_notice(f"{fault.id}: {fault.reason}")
     if len(fetched.faults) > MAX_LISTED_FAULTS:

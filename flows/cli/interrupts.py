@@ -1,4 +1,4 @@
-"""One Ctrl-C, or one SIGTERM, ends a command at once: every unit is committed whole, so there is nothing to wind down."""
+"""Handling of SIGINT and SIGTERM: the first one ends a command at once, because every unit is committed atomically."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ UNDONE_MESSAGE = "interrupted; nothing of it is left"
 
 
 def exit_on_signal(message: str = INTERRUPTED_MESSAGE) -> None:
-    """Exit with 128 + signal and one line as soon as the interpreter heeds a signal; until `end_on_interrupt` takes over."""
+    """Install handlers that exit with 128 + signal and one line, for use until `exit_on_signal_from_thread`."""
     for number in TERMINATING_SIGNALS:
         signal.signal(number, lambda received, _: _exit_with_message(received, message))
 
 
 @contextmanager
 def unwind_on_signal() -> Iterator[None]:
-    """What is within ends on a signal as on an error, so that it takes away what it began; then exit as `end_early` does."""
+    """Raise KeyboardInterrupt on a signal within the block, so that cleanup runs; then exit as `exit_on_signal` does."""
 
     def stop(received: int, _: object) -> NoReturn:
         raise KeyboardInterrupt(received)
@@ -37,11 +37,11 @@ def unwind_on_signal() -> Iterator[None]:
 
 
 def exit_on_signal_from_thread() -> None:
-    """Exit with 128 + signal and one line. Call once, from the main thread.
+    """Exit with 128 + signal and one line, from a thread. Call once, from the main thread.
 
-    An exception raised by a handler can be swallowed wherever it lands (a garbage collector's callback of a library is
-    enough), which leaves a run that hangs; and none is called while a library computes. So handlers do nothing, and a thread
-    that reads the signals' wake-up socket exits: the pipes to the server's guard and to the workers close, and they follow.
+    An exception in a handler can be swallowed, for example in a garbage collector's callback of a library, and the run
+    hangs; and Python calls no handler while a library computes. So the handlers do nothing, and a thread that reads the
+    signals' wake-up socket exits. This closes the pipes to the server's guard and to the workers, which then end.
     """
     import socket
     import threading

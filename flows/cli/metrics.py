@@ -1,4 +1,4 @@
-"""The command that tells a monitoring system what lies in runs' stores."""
+"""Command that exports metrics of runs to a monitoring system."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
-@click.option("--otlp", metavar="URL", help="Send them to this OpenTelemetry collector instead, over HTTP.")
+@click.option("--otlp", metavar="URL", help="Send the metrics to this OpenTelemetry collector over HTTP instead.")
 def metrics(out: Folder, otlp: str | None) -> None:
-    """Print metrics of a run, or of all runs below OUT, in Prometheus' text format.
+    """Print metrics of a run, or of all runs below OUT, in the text format of Prometheus.
 
     Units by stage and state, seconds, commits, bytes of the store.
 

@@ -1,4 +1,4 @@
-"""What commands print: one function, through which no text out of data steers the terminal."""
+"""Output of commands, escaped so that no text from data can control the terminal."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def print_line(line: object, *, err: bool = False) -> None:
 
 
 def print_notice(line: str) -> None:
-    """Say something to the user beside what was asked for."""
+    """Print a notice on stderr, apart from the command's output."""
     print_line(f"streetloom: {line}", err=True)

@@ -1,4 +1,4 @@
-"""Kinds of paths that commands take."""
+"""Parameter types for paths."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ import click
 
 
 class ExistingPath(click.Path):
-    """A file or folder that is there; of one that is not, what lies there under a name like it is told."""
+    """Existing file or folder; suggests similar names when the path does not exist."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
@@ -19,8 +19,8 @@ class ExistingPath(click.Path):
             path = Path(value)
             if os.path.lexists(path) or (close := suggest_name(path)) is None:
                 raise
-            said = f"{error.message.rstrip('.')}; did you mean {path.with_name(close)}?"
-            raise click.BadParameter(said, ctx, param) from error
+            message = f"{error.message.rstrip('.')}; did you mean {path.with_name(close)}?"
+            raise click.BadParameter(message, ctx, param) from error
 
 
 EXISTING = ExistingPath(exists=True, path_type=Path)
@@ -29,7 +29,12 @@ EXISTING_FOLDER = ExistingPath(exists=True, file_okay=False, path_type=Path)
 
 
 class OutputFolder(click.ParamType):
-    """A folder of this machine, or s3://bucket/prefix. existing: it is there already, which is not asked of a bucket."""
+    """Folder of this machine, or s3://bucket/prefix.
+
+    Parameters
+    ----------
+    existing : require that a local folder exists; buckets are not checked.
+    """
 
     name = "folder"
 
@@ -45,13 +50,13 @@ class OutputFolder(click.ParamType):
 
 
 class LocalPath(click.Path):
-    """A file or folder to write. What has a scheme would become a folder of that name, with the results in it."""
+    """File or folder to write; rejects addresses with a scheme, which would create a folder of that name."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from facade_core.core.errors import InputError
 
         name = param.opts[0] if isinstance(param, click.Option) else param.human_readable_name if param else "path"
-        if not str(value).strip():  # a variable of a script that is not set
+        if not str(value).strip():  # an unset variable of a script
             raise InputError(f"{name}: is empty; name a folder or file")
         if "://" in str(value):
             raise InputError(f"{name} {value}: is written to folders of this machine only; name one")
@@ -60,4 +65,5 @@ class LocalPath(click.Path):
 
 FOLDER = LocalPath(file_okay=False, path_type=Path)
 NEW_FILE = LocalPath(dir_okay=False, path_type=Path)
-OUT, EXISTING_OUT = OutputFolder(), OutputFolder(existing=True)
+OUT = OutputFolder()
+EXISTING_OUT = OutputFolder(existing=True)

@@ -1,4 +1,4 @@
-"""The command that removes what older snapshots left."""
+"""Command that removes old snapshots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_OUT
 
 if TYPE_CHECKING:
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
-@click.option("--keep", type=click.IntRange(1), required=True, metavar="N", help="Published snapshots to keep.")
+@click.option(
+    "--keep", type=click.IntRange(1), required=True, metavar="N", help="Number of published snapshots to keep."
+)
 def prune(out: Folder, keep: int) -> None:
-    """Remove all but the N newest published snapshots of the run in OUT, or of each below, and what only they and killed
-    runs left.
+    """Remove all but the N newest published snapshots of the run in OUT, or of each run below it.
 
-    What `current` names is kept, and what somebody reads; in a bucket, what was superseded within the hour. `streetloom run
-    --keep N` does the same after each run.
+    Also removes files of killed runs. Keeps the `current` snapshot, snapshots in use, and in a bucket those that were
+    superseded within the last hour. `streetloom run --keep N` does the same after each run.
 
     \b
     Example:

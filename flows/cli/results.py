@@ -1,4 +1,4 @@
-"""The commands that look at what runs published."""
+"""Commands that read the products of runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_notice, print_line
+from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
 from flows.cli.usage import BboxCommand, current_user
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
@@ -16,12 +16,12 @@ from flows.viewer import VIEWER_HOST, VIEWER_PORT
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
-# An export of more files than these is named by its folder.
+# Exported files to list; above this number only the folder is printed.
 MAX_LISTED_FILES = 8
 
 
 class FolderOfRuns(click.ParamType):
-    """A folder that exists, or s3://bucket/prefix, as text."""
+    """Existing folder, or s3://bucket/prefix, as text."""
 
     name = "folder"
 
@@ -32,7 +32,7 @@ class FolderOfRuns(click.ParamType):
 
 
 class QueryCommand(BboxCommand):
-    """Its help ends with the columns, which are defined elsewhere."""
+    """Command whose help ends with the columns of the published table."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         from catalogs.published.items import COLUMNS
@@ -48,22 +48,24 @@ class QueryCommand(BboxCommand):
     "conditions",
     metavar="SQL",
     multiple=True,
-    help="A condition on the columns of items.parquet, and on run; of several all must hold.",
+    help="Condition on the columns of items.parquet and on run; several are combined with AND.",
 )
-@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
-@click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Area in degrees of longitude and latitude.")
+@click.option(
+    "--since", metavar="WHEN", help="Only items newer than a date (2026-11-21), a time (UTC) or an age (36h, 7d)."
+)
 @click.option(
     "--format",
     "style",
     type=click.Choice(["table", "json", "geojson", "parquet"]),
     default="table",
     show_default=True,
-    help="parquet is GeoParquet, for a file.",
+    help="parquet is GeoParquet, to redirect into a file.",
 )
 def query(
     folder: str, conditions: tuple[str, ...], bbox: tuple[float, ...] | None, since: str | None, style: str
 ) -> None:
-    """Find facades in what a run published, or in what all runs in a folder or a bucket did.
+    """Find facades in the products of a run, or of all runs in a folder or a bucket.
 
     \b
     Examples:
@@ -104,29 +106,30 @@ def query(
     type=LocalPath(path_type=Path),
     help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]",
 )
-@click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
+@click.option("--building", "buildings", multiple=True, metavar="ID", help="Export only this building; repeatable.")
 @click.option(
     "--textures",
     type=click.Choice(["jpeg", "webp", "ktx2", "factored"]),
-    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]  Of 3dtiles and glb: "
-    "factored, each type of window, door ... once and sharp, on walls of a tiling material.",
+    help="With 3dtiles: ktx2 stays compressed in graphics memory (`make ktx2-setup`).  [default: jpeg]  With 3dtiles and "
+    "glb: factored stores each type of window, door ... once and sharp, on walls of a tiling material.",
 )
 @click.option(
     "--max-texture-mb",
     type=click.FloatRange(min=1),
     metavar="MB",
-    help="Of 3dtiles: texels are made fewer until a view's textures take no more of a graphics card; inf: all.  "
+    help="With 3dtiles: downscale textures until a view takes at most this graphics memory; inf: no limit.  "
     "[default: 300, ktx2 120]",
 )
 @click.option(
     "--lit/--no-lit",
     default=None,
-    help="Of glb, usd and 3dtiles: surfaces take light, their own taken out.  [default: glb and usd, not of photographs]",
+    help="With glb, usd and 3dtiles: materials for lighting, with baked shading removed.  [default: glb and usd without "
+    "photographs]",
 )
 @click.option(
     "--night",
     is_flag=True,
-    help="Of what is lit: windows shine. A glb and usd have day and night; this shows night first.",
+    help="With --lit: emissive windows. glb and usd have variants day and night; this selects night by default.",
 )
 def export(
     folder: Folder,
@@ -138,17 +141,17 @@ def export(
     lit: bool | None,
     night: bool,
 ) -> None:
-    """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
+    """Export the products of a run for other programs. Replaces an earlier export in the same place unless it was edited.
 
     \b
-    glb           block and buildings, metres around an origin that its extras state with the CRS; y up
-    3dtiles       on the earth (EPSG:4978); heights over the ellipsoid by geoid_separation of the block file
-    cityjson(seq) LoD2, in the block's CRS; a Solid for each building whose surfaces close
-    lod3          the same, windows and doors set back in the walls, balconies and ledges before them
+    glb           block and buildings, in metres around an origin that its extras state with the CRS; y up
+    3dtiles       on the earth (EPSG:4978); heights above the ellipsoid by geoid_separation of the block file
+    cityjson(seq) LoD2, in the block's CRS; a Solid for each building with a closed surface
+    lod3          as cityjson, with windows and doors recessed in the walls, balconies and ledges projecting from them
     citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
     gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS
-    usd           z up, metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)
-    cog           an orthophoto of each facade: metres along and up its wall, whose pose its tags and STAC Item tell
+    usd           z up, in metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)
+    cog           an orthophoto of each facade: metres along and up its wall; its tags and STAC Item have the wall's pose
     coco,labelme  elements of the facades on their rectified pictures, in pixels
 
     The block's CRS is metric; heights are metres, as the sources state them or above the ground assumed there.
@@ -179,9 +182,9 @@ def export(
 
 @click.command()
 @click.argument("folder", metavar="FOLDER", type=EXISTING_OUT)
-@click.option("--to", metavar="S3://...", help="Copy the runs, with their stores, and the catalogue into a bucket.")
+@click.option("--to", metavar="S3://...", help="Copy the runs with their stores and the catalogue into a bucket.")
 def catalog(folder: Folder, to: str | None) -> None:
-    """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
+    """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder, or of one run.
 
     \b
     Examples:
@@ -218,40 +221,46 @@ def catalog(folder: Folder, to: str | None) -> None:
 @click.command()
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=VIEWER_PORT, show_default=True, help="0 takes any that is free."
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=VIEWER_PORT,
+    show_default=True,
+    help="Port to listen on; 0 for any free port.",
 )
 @click.option(
-    "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
+    "--host", default=VIEWER_HOST, show_default=True, help="Address or name to listen on; 0.0.0.0 for all addresses."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
-@click.option("--edit", is_flag=True, help="Let whoever opens the address that is printed correct facades; see above.")
-@click.option("--who", metavar="NAME", help="With --edit: who corrects.  [default: this user]")
+@click.option("--edit", is_flag=True, help="Allow corrections of facades from the printed address; see above.")
+@click.option("--who", metavar="NAME", help="With --edit: author of the corrections.  [default: this user]")
 @click.option(
     "--photos",
     type=EXISTING_FOLDER,
-    help="With --edit: photos whose walls are to be decided, after `streetloom match`.",
+    help="With --edit: photos to assign to walls, after `streetloom match`.",
 )
 def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str | None, photos: Path | None) -> None:
-    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D, where a finished run
-    opens. Ctrl-C ends it.
+    """Serve a web page of the run in folder OUT: map, facades by stage, streets, and the block in 3D. Ctrl-C ends it.
 
-    With --edit, boxes are drawn, moved and deleted on the facades' pictures, heights, roofs and materials of their buildings
-    chosen, and kept as `streetloom import` keeps them; a button runs what is due. With --photos too, those that `streetloom
-    match` left to a person are shown beside the walls that they may show, and go the way of its --take. On this machine only,
-    for who has the address, which no browser is told of: others would see it.
+    A finished run opens in 3D.
+
+    With --edit, the page can draw, move and delete boxes on facade pictures and set heights, roofs and materials of
+    buildings. It stores corrections as `streetloom import` does; a button runs the pending units. With --photos too, the
+    page shows the undecided photos of `streetloom match` with their candidate walls and applies decisions as its --take
+    does. Only this machine can edit, with the printed address, which is not opened in a browser, because other users could
+    read it there.
 
     \b
     Examples:
       streetloom view out/demo
-      streetloom view out/mine --port 0 --no-open      beside a run that is still going
+      streetloom view out/mine --port 0 --no-open      while a run is in progress
       streetloom view out/mine --edit --who anna
       streetloom view out/mine --edit --photos my-photos/
-      streetloom view out/town --edit                  a page lists the city's blocks, each to be opened
+      streetloom view out/town --edit                  a page with a link to each block of the city
     """
     from facade_core.core.errors import InputError
     from flows.cli.interrupts import exit_on_signal
 
-    if not host.strip():  # it would be every address of the machine
+    if not host.strip():  # an empty host would listen on every address
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
     if who is not None and not edit:
         raise click.UsageError("--who needs --edit")
@@ -268,12 +277,12 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
     for run in runs.values():
-        block_of(run)  # beside which corrections are kept
+        block_of(run)  # corrections are stored next to the block file
     if edit and len(runs) < 2:
-        beside = block_of(out).parent
-        if photos is not None and not (beside / TABLE).is_file():
+        folder = block_of(out).parent
+        if photos is not None and not (folder / TABLE).is_file():
             raise InputError(
-                f"{beside / TABLE}: there is no such table; write it: streetloom match {block_of(out)} {photos}"
+                f"{folder / TABLE}: there is no such table; write it: streetloom match {block_of(out)} {photos}"
             )
 
     def ready(address: str, seen_by: str | None) -> None:
@@ -283,24 +292,29 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         if opened and not edit:
             import webbrowser
 
-            # what has been published is seen from a street first; before that the map tells how far the run is
+            # a published run opens in 3D; before that the map shows the progress
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
-    exit_on_signal("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
+    exit_on_signal(
+        "the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was"
+    )
     serve(runs if len(runs) > 1 else out, host, port, ready, Editor(who or current_user(), photos) if edit else None)
 
 
 def _find_runs(folder: Folder) -> dict[str, Folder]:
-    """The runs in a folder by their names."""
+    """Return the runs in a folder by name."""
     from catalogs.published.runs import find_stores
 
     return find_stores(folder)
 
 
 def _find_single_run(folder: Folder) -> Folder:
-    """The folder of the one run in `folder`, which is itself one or holds it at most two levels down, ended or still going.
+    """Return the folder of the single run in `folder`, at most two levels down, finished or in progress.
 
-    Raises InputError that names the runs where there are several, or says that there is none.
+    Raises
+    ------
+    InputError
+        There are several runs, which the message names, or none.
     """
     from catalogs.published.runs import find_stores
     from catalogs.published.s3 import S3Folder

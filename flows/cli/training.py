@@ -1,4 +1,4 @@
-"""The commands that train what is shipped, and measure."""
+"""Commands that train the models and run benchmarks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def train() -> None:
-    """Train the models that are shipped, from a data folder, or your own, from a run and what was corrected in it.
+    """Train the shipped models from a data folder, or your own models from a run and its corrections.
 
     \b
     Examples:
@@ -28,25 +28,25 @@ def train() -> None:
 
 
 @train.command("parser")
-@click.option("--data", type=EXISTING_FOLDER, help="Folder that holds facades/ and streetphotos/.")
+@click.option("--data", type=EXISTING_FOLDER, help="Folder with facades/ and streetphotos/.")
 @click.option(
     "--corrections",
     type=EXISTING_OUT,
     multiple=True,
     metavar="OUT",
-    help="Runs whose corrected facades are learnt from.",
+    help="Run whose corrected facades are training data.",
 )
-@click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
-@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of the .onnx, its .json and the training state.")
+@click.option("--seed", default=0, show_default=True, help="0 for the shipped network.")
 @click.option(
-    "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
+    "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Continue from the network in OUT, for a benchmark."
 )
 def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, fold: str | None) -> None:
-    """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
+    """Train the facade parser (extra: train; `make train-setup`). Resumes an interrupted training.
 
-    With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
-    benchmark of that set. With --corrections, and without --data, the shipped network goes on with the facades of runs (or of
-    folders of runs) whose elements people corrected: `models: {parser: DIR/network.onnx}` in a block file has it used.
+    With --fold, trains the network in OUT on the training part of a set whose licence forbids shipping the weights, for
+    the benchmark of that set. With --corrections and without --data, fine-tunes the shipped network on the corrected
+    facades of runs or folders of runs; `models: {parser: DIR/network.onnx}` in a block file selects the result.
 
     \b
     Examples:
@@ -73,21 +73,23 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
 
 
 @train.command("layout")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds layouts/.")
-@click.option("--out", type=FOLDER, required=True, help="Where layouts.json goes.")
-@click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
-@click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
-@click.option("--size", type=click.IntRange(10), help="Learn from so many of the facades only.")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with layouts/.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of layouts.json.")
+@click.option("--seed", default=1, show_default=True, help="1 for the shipped model.")
 @click.option(
-    "--corrections", type=EXISTING_OUT, multiple=True, metavar="OUT", help="Runs whose corrected facades are added."
+    "--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Fold of every fifth facade to hold out."
+)
+@click.option("--size", type=click.IntRange(10), help="Maximum number of facades for training.")
+@click.option(
+    "--corrections", type=EXISTING_OUT, multiple=True, metavar="OUT", help="Run whose corrected facades are added."
 )
 def train_layout_model(
     data: Path, out: Path, seed: int, fold: int, size: int | None, corrections: tuple[Folder, ...]
 ) -> None:
-    """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
+    """Train the layout model on four fifths of layouts/cmp.jsonl and on the layouts in metres.
 
-    With --corrections the layouts of facades that people corrected in runs, or in folders of runs, are learnt from too:
-    `models: {layout: DIR/layouts.json}` in a block file has it used.
+    With --corrections, also trains on the layouts of corrected facades of runs or folders of runs;
+    `models: {layout: DIR/layouts.json}` in a block file selects the result.
 
     \b
     Examples:
@@ -105,10 +107,10 @@ def train_layout_model(
 
 
 @train.command("materials")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds materials/.")
-@click.option("--out", type=FOLDER, required=True, help="Where materials.npz and its .json go.")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with materials/.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of materials.npz and its .json.")
 def train_material_examples(data: Path, out: Path) -> None:
-    """Make the examples of grain that materials take, from photographs of them.
+    """Extract the grain of materials from photographs.
 
     \b
     Example:
@@ -129,27 +131,30 @@ def train_material_examples(data: Path, out: Path) -> None:
     "runs",
     type=EXISTING_FOLDER,
     multiple=True,
-    help="A run: its cameras' panoramas, and its block to render.",
+    help="Run with camera panoramas, and its block to render.",
 )
 @click.option(
-    "--blocks", type=EXISTING_FILE, multiple=True, help="Block file to render streets of, besides procedural ones."
+    "--blocks",
+    type=EXISTING_FILE,
+    multiple=True,
+    help="Block file whose streets are rendered in addition to procedural ones.",
 )
 @click.option(
     "--judge-by",
     multiple=True,
-    help="Beginning of names of panoramas that judge checkpoints; without it the last fifth does.",
+    help="Name prefix of panoramas that rank checkpoints; default: the last fifth.",
 )
-@click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
+@click.option("--leave-out", multiple=True, help="Name prefix of panoramas to exclude.")
 @click.option(
     "--composites",
     type=EXISTING_FOLDER,
     metavar="DATA",
-    help="Folder that holds facades/ and materials/: streets of their photos, with and without texture, are learnt from too.",
+    help="Folder with facades/ and materials/, for additional training streets of their photos, with and without texture.",
 )
-@click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of translator.onnx, its .json and the training state.")
 @click.option("--recipe", type=click.Choice(["small", "full"]), default="small", show_default=True)
-@click.option("--steps", type=click.IntRange(1), help="Other than the recipe's.")
-@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
+@click.option("--steps", type=click.IntRange(1), help="Number of steps, instead of the recipe's.")
+@click.option("--seed", default=0, show_default=True, help="0 for the shipped network.")
 def train_translation_network(
     real: tuple[Path, ...],
     runs: tuple[Path, ...],
@@ -162,10 +167,10 @@ def train_translation_network(
     steps: int | None,
     seed: int,
 ) -> None:
-    """Train the network that textures streets like the panoramas of a city (extra: train; `make train-setup`).
+    """Train the network that textures streets in the style of a city's panoramas (extra: train; `make train-setup`).
 
-    small: about an hour on one core, what is shipped; more --steps for longer. full: for an accelerator. A picture of
-    every checkpoint is left in OUT; the best one is what is written. An interrupted run goes on from its last checkpoint.
+    small: about an hour on one core, the recipe of the shipped network; --steps trains longer. full: for an accelerator.
+    Stores a picture of every checkpoint in OUT and exports the best one. Resumes from the last checkpoint.
 
     \b
     Examples:
@@ -200,7 +205,7 @@ def train_translation_network(
 
 
 class _Benchmark(click.Command):
-    """A command that leaves --help to the benchmark once one is named."""
+    """Command that passes --help to the benchmark if one is named."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and not args[0].startswith("-"):
@@ -238,7 +243,7 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
         return
     if name not in summaries:
         raise click.BadParameter(f"{name}: there is {', '.join(summaries)}", param_hint="NAME")
-    # every benchmark prints JSON; --json is accepted since all commands that can print it have it
+    # every benchmark prints JSON; --json is accepted for consistency with other commands
     arguments = [option for option in options if option != "--json"]
     sys.exit(subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], check=False).returncode)
 

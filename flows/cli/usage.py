@@ -1,4 +1,4 @@
-"""What is said of a command line that cannot be understood: one line, with the command whose help tells more."""
+"""One-line messages for invalid command lines, with the command whose help explains more."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import click
 
 from flows.cli.output import print_notice
 
-# What Click calls numbers, and what they are.
+# Number types of Click, and their messages.
 NUMBER_MESSAGES = {
     "integer range": "is no whole number",
     "float range": "is no number",
@@ -22,7 +22,7 @@ NUMBER_MESSAGES = {
 
 
 class CommandLineError(click.ClickException):
-    """A command line that cannot be understood; Click's own errors show four lines."""
+    """Error of an invalid command line; Click's own errors print four lines."""
 
     exit_code = 2
 
@@ -32,9 +32,11 @@ class CommandLineError(click.ClickException):
 
 @contextmanager
 def single_line_errors(parent: click.Context | None = None) -> Iterator[None]:
-    """Click's errors of usage as Misused. A group without a command shows its help, as ever.
+    """Convert Click's usage errors to CommandLineError; a group without a command still shows its help.
 
-    within: the context of the group that invokes a command; Click gives some errors of the command's options none.
+    Parameters
+    ----------
+    parent : context of the group that invokes a command, which Click omits from some errors of the command's options.
     """
     try:
         yield
@@ -45,7 +47,7 @@ def single_line_errors(parent: click.Context | None = None) -> Iterator[None]:
 
 
 def _usage_line(error: click.UsageError, parent: click.Context | None) -> str:
-    """ "run: no such option --worker; did you mean --workers? (streetloom run --help)"."""
+    """Format such as "run: no such option --worker; did you mean --workers? (streetloom run --help)"."""
     names: list[str] = []
     context = error.ctx
     if context is None and parent is not None and parent.invoked_subcommand:
@@ -54,9 +56,9 @@ def _usage_line(error: click.UsageError, parent: click.Context | None) -> str:
         names.insert(0, str(context.info_name))
         context = context.parent
     command = " ".join(names)
-    said = " ".join(_error_text(error).split()).rstrip(".")
+    message = " ".join(_error_text(error).split()).rstrip(".")
     remedy = f"(streetloom {command} --help)" if command else "(streetloom --help)"
-    return f"{f'{command}: ' if command else ''}{said[:1].lower()}{said[1:]} {remedy}"
+    return f"{f'{command}: ' if command else ''}{message[:1].lower()}{message[1:]} {remedy}"
 
 
 def _error_text(error: click.UsageError) -> str:
@@ -64,14 +66,14 @@ def _error_text(error: click.UsageError) -> str:
         return f"no such option {error.option_name}{_suggest_names(error.possibilities)}"
     if isinstance(error, click.exceptions.NoSuchCommand):
         return f"no such command {error.command_name}{_suggest_names(error.possibilities)}"
-    said = error.format_message().rstrip(".") + _suggest_choice(error)
-    for range_of, words in NUMBER_MESSAGES.items():
-        said = said.replace(f"is not a valid {range_of}", words)
-    return said
+    message = error.format_message().rstrip(".") + _suggest_choice(error)
+    for number_type, words in NUMBER_MESSAGES.items():
+        message = message.replace(f"is not a valid {number_type}", words)
+    return message
 
 
 def _suggest_choice(error: click.UsageError) -> str:
-    """Of a value that is none of an option's, the one that may have been meant."""
+    """Return a suggestion for an invalid value of a choice option."""
     chosen = error.param.type if isinstance(error, click.BadParameter) and error.param else None
     given = re.match(r"'(.*?)' is not one of", error.message)
     if not isinstance(chosen, click.Choice) or given is None:
@@ -85,7 +87,7 @@ def _suggest_names(names: Iterable[str] | None) -> str:
 
 
 class BboxCommand(click.Command):
-    """A command whose --bbox says in one line what it wants."""
+    """Command with a one-line error for an invalid --bbox."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         from facade_core.core.errors import InputError
@@ -101,7 +103,13 @@ class BboxCommand(click.Command):
 
 
 def current_user() -> str:
-    """Who types. Raises InputError where the machine has no name for them, as in some containers."""
+    """Return the login name.
+
+    Raises
+    ------
+    InputError
+        The machine has no name for the user, as in some containers.
+    """
     import getpass
 
     from facade_core.core.errors import InputError

@@ -1,1 +1,1 @@
-"""The Prefect server of a run."""
+"""Prefect server of a run."""

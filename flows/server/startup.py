@@ -1,4 +1,4 @@
-"""The Prefect server of a run: the user's own where one is configured, else one that this run starts and stops."""
+"""Prefect server of a run: the user's own where configured, else one that this run starts and stops."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from pathlib import Path
 
 from flows.server import database as server_database
 
-# Seconds in which a server of this run must answer, and in which the user's must.
-START_UP_S, ANSWER_S = 120, 10
+# Seconds until a server of this run must answer.
+START_UP_S = 120
+# Seconds until the user's server must answer.
+ANSWER_S = 10
 LOG_NAME = "server.log"
 # The last line of a traceback.
 ERROR_LINE = re.compile(r"[\w.]*(Error|Exception|Exit)\w*(:|$)")
@@ -26,8 +28,8 @@ TELEMETRY_OFF = {
     "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
     "DO_NOT_TRACK": "1",
 }
-# What a server of one run has no use for: schedules, workers, automations, blocks. It starts sooner without, and leaves
-# the cores to the run.
+# Services that the server of one run does not need: schedules, workers, automations, blocks. Without them it starts
+# faster and leaves the cores to the run.
 UNUSED_SERVICES_OFF = {
     "PREFECT_SERVER_REGISTER_BLOCKS_ON_START": "false",
     "PREFECT_SERVER_MEMOIZE_BLOCK_AUTO_REGISTRATION": "false",
@@ -36,9 +38,8 @@ UNUSED_SERVICES_OFF = {
     for service in ("CANCELLATION_CLEANUP", "FOREMAN", "LATE_RUNS", "PAUSE_EXPIRATIONS", "SCHEDULER", "TRIGGERS")
 }
 
-# The server must not outlive a run that is killed: the guard holds the read end of a pipe whose other end is this process's,
-# and ends the server when the pipe closes, however that came about. A server that ends by itself ends the guard, and Linux ends
-# the server where the guard is killed.
+# The server must not outlive a killed run. The guard reads a pipe from this process and ends the server when the pipe
+# closes. If the server ends, the guard ends; if the guard is killed, Linux ends the server.
 _GUARD = """
 import ctypes, signal, subprocess, sys, threading
 PARENT_DEATH_SIGNAL = 1
@@ -60,12 +61,20 @@ server.wait()
 
 
 class ServerDown(Exception):
-    """The Prefect server is not there, for the reason given. A run does not need it: only its record is kept there."""
+    """Error of an unavailable Prefect server, with the reason; a run can continue without its record there."""
 
 
 @dataclass(frozen=True)
 class PrefectServer:
-    """The server of a run: `guard` watches one that this run has started; None: it is the user's."""
+    """Server that records a run.
+
+    Attributes
+    ----------
+    url : address of its API.
+    home : folder of its data and log.
+    guard : process that stops the server with this run; None for the user's server.
+    has_database : the database existed before the server started.
+    """
 
     url: str
     home: Path
@@ -73,9 +82,15 @@ class PrefectServer:
     has_database: bool = True
 
     def wait_until_ready(self) -> None:
-        """Wait until it answers. Raises ServerDown as soon as it has ended, or does not answer in time."""
-        patience = START_UP_S if self.guard else ANSWER_S
-        deadline = time.monotonic() + patience
+        """Wait until the server answers.
+
+        Raises
+        ------
+        ServerDown
+            The server has ended, or does not answer in time.
+        """
+        timeout_s = START_UP_S if self.guard else ANSWER_S
+        deadline = time.monotonic() + timeout_s
         while not (answers := self.is_answering()) and time.monotonic() < deadline and not self._ended():
             time.sleep(0.2)
         if not answers:
@@ -84,6 +99,7 @@ class PrefectServer:
             server_database.cache_database(self.home)
 
     def is_answering(self) -> bool:
+        """Return True if the health check succeeds."""
         from urllib.error import URLError
         from urllib.request import urlopen
 
@@ -96,7 +112,7 @@ class PrefectServer:
             return False
 
     def is_request_error(self, error: BaseException | None) -> bool:
-        """Whether an error is of a request to it: it answered with one of its own (a full disk, say), or not at all."""
+        """Return True if an error comes from a request to the server: an error response, or no response."""
         import httpx
 
         while error is not None and not isinstance(error, httpx.HTTPError):
@@ -104,7 +120,7 @@ class PrefectServer:
         return error is not None
 
     def describe_failure(self) -> str:
-        """Why it does not answer, in a few words."""
+        """Return the reason why the server does not answer, in a few words."""
         if self.guard is None:
             return f"{self.url} does not answer"
         if not self._ended():
@@ -113,8 +129,12 @@ class PrefectServer:
             lines = (self.home / LOG_NAME).read_text(errors="replace").splitlines()
         except OSError:
             lines = []
-        said = [line.strip() for line in lines if ERROR_LINE.match(line)]
-        return f"{said[-1][:200]}; its log is {self.home / LOG_NAME}" if said else f"it ended; its log is {self.home / LOG_NAME}"
+        errors = [line.strip() for line in lines if ERROR_LINE.match(line)]
+        return (
+            f"{errors[-1][:200]}; its log is {self.home / LOG_NAME}"
+            if errors
+            else f"it ended; its log is {self.home / LOG_NAME}"
+        )
 
     def _ended(self) -> bool:
         return self.guard is not None and self.guard.poll() is not None
@@ -122,13 +142,22 @@ class PrefectServer:
 
 @contextmanager
 def prefect_server(home: Path) -> Iterator[PrefectServer]:
-    """Set PREFECT_API_URL for the block: the user's where set, else of a server on loopback with its data in `home`.
+    """Set PREFECT_API_URL for the block: the user's where set, else of a new server on loopback.
 
-    Settings are read when Prefect is first imported, so this is entered before. The server starts while the block goes on,
-    which calls `require` before it needs the server. Raises ServerDown where it cannot be started.
+    Prefect loads its settings at its first import, so enter this context before. The server starts while the block
+    continues; call `wait_until_ready` before the first use.
+
+    Parameters
+    ----------
+    home : folder of the data of a new server.
+
+    Raises
+    ------
+    OSError
+        The server process cannot be started.
     """
     os.environ.update(TELEMETRY_OFF)
-    # what a run raises comes back to the command line, which says it in one line
+    # the command line prints errors of the run in one line
     for logger in ("LOGGING_LEVEL", "LOGGING_ROOT_LEVEL", "INTERNAL_LOGGING_LEVEL"):
         os.environ.setdefault(f"PREFECT_{logger}", "CRITICAL")
     if url := os.environ.get("PREFECT_API_URL"):
@@ -139,8 +168,8 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
     laid_out = server_database.restore_database(home)
     saved = dict(os.environ)
     url = f"http://127.0.0.1:{port}/api"
-    # logs are in the terminal and the run's own file; sent to a server that ends with the run, the last ones would only fail;
-    # and what it does not answer at once it will not answer at all
+    # logs are in the terminal and the run's own file; the last ones could not reach a server that ends with the run.
+    # A retry of a request to this server would not succeed either.
     os.environ.update(
         PREFECT_HOME=str(home),
         PREFECT_API_URL=url,
@@ -154,7 +183,7 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
             stdout=output,
             stderr=subprocess.STDOUT,
             env=os.environ | UNUSED_SERVICES_OFF | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true"},
-            start_new_session=True,  # Ctrl-C in a terminal is for the run, which ends the server in order
+            start_new_session=True,  # Ctrl-C in a terminal goes to the run only, which ends the server
         )
     try:
         yield PrefectServer(url, home, guard, laid_out)
@@ -167,12 +196,16 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
 
 
 def server_command(port: int) -> list[str]:
+    """Return the command line that starts a Prefect server on a port of loopback."""
     return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
 
 
 def free_port() -> int:
-    """A port on loopback for a server that is about to start: for the next minute Linux gives it to no other socket that asks
-    for any, as a connection there has just been ended by this side; a server may have it, as servers set SO_REUSEADDR."""
+    """Return a port on loopback for a server that is about to start.
+
+    For the next minute Linux gives the port to no other socket without a fixed port, because this side has just closed a
+    connection there. A server can bind it, as servers set SO_REUSEADDR.
+    """
     with socket.create_server(("127.0.0.1", 0)) as listening, socket.create_connection(listening.getsockname()):
         listening.accept()[0].close()
         return int(listening.getsockname()[1])

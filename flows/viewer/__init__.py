@@ -1,4 +1,4 @@
-"""The local page of a run: its map, every facade stage by stage, its streets viewpoint by viewpoint, the block in 3D."""
+"""Local web page of a run: map, facades stage by stage, streets by viewpoint, and the block in 3D."""
 
-# Where `streetloom view` serves unless told otherwise.
+# Default address of `streetloom view`.
 VIEWER_HOST, VIEWER_PORT = "127.0.0.1", 8710

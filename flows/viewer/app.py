@@ -1,4 +1,4 @@
-"""The viewer's pages and data over HTTP, on loopback unless told otherwise."""
+"""HTTP application of the viewer, on loopback by default."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from catalogs.published.folders import Folder
 from facade_core.core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_locked
 from flows.viewer.editing import Editor, edit_routes
-from flows.viewer.guard import HostGuard, create_guard, bracket_ipv6
+from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
 from flows.viewer.matching import match_routes
-from flows.viewer.model import model_index, find_model_file
+from flows.viewer.model import find_model_file, model_index
 from tasks.viewing import Reader, picture, picture_before, stages
 from tasks.viewing.growth import Growth
 from tasks.viewing.pictures import encode
 
 PAGE_FOLDER = Path(__file__).parent / "page"
-# A picture's address names its snapshot, and a snapshot never changes.
+# The address of a picture names its snapshot, and a snapshot never changes.
 IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
-# Scripts, styles, pictures and the model are the page's own.
+# Scripts, styles, pictures and the model come from this server only.
 CONTENT_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-# No other site may show, embed or learn of what is here.
+# Other sites cannot embed the viewer or learn of it.
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
@@ -46,9 +46,18 @@ HEADERS = {
 }
 
 
-def create_application(out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None) -> Starlette:
-    """The viewer of the run in folder `out`, or of several by their names, each below an address of its own; told to listen on
-    `host`, which is the address `bound`; `editor` may correct what it shows, and nobody without one."""
+def create_application(
+    out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None
+) -> Starlette:
+    """Create the viewer of one run, or of several runs by name, each below its own address.
+
+    Parameters
+    ----------
+    out : folder of the run, or folders by name.
+    host : the host that the user named.
+    bound : address that the server listens on.
+    editor : person who may correct facades; None for a viewer without editing.
+    """
     routes = _city_routes(out, editor) if isinstance(out, Mapping) else _run_routes(out, editor)
     middleware = [
         Middleware(_GuardMiddleware, guard=create_guard(host, bound)),
@@ -69,11 +78,11 @@ def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[Base
 def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     reader, growth = Reader(out), Growth()
 
-    def answer(make: Callable[[Request], Response]) -> Callable[[Request], Response]:
+    def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
             try:
-                return make(request)
-            except StoreError as error:  # nothing is there yet: a run that has just begun
+                return respond(request)
+            except StoreError as error:  # no data yet: the run has just begun
                 return JSONResponse({"reason": str(error)}, status_code=503)
             except KeyError as error:
                 return JSONResponse({"reason": f"the address lacks {error}"}, status_code=404)
@@ -130,7 +139,7 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def tile(request: Request) -> Response:
         file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
-        # its pictures are JPEGs: to compress it would only take time
+        # its textures are JPEGs, which compression would not shrink
         headers = IMMUTABLE | {"Content-Encoding": "identity"}
         if isinstance(file, Path):
             return FileResponse(file, media_type="model/gltf-binary", headers=headers)
@@ -157,13 +166,13 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
 
 class _GuardMiddleware:
-    """Refuses who may not ask, and adds the headers that bind browsers to every response."""
+    """Middleware that rejects foreign requests and adds the security headers to every response."""
 
     def __init__(self, app: Any, guard: HostGuard) -> None:
         self.app, self.guard = app, guard
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        if scope["type"] != "http":  # no route here is a socket
+        if scope["type"] != "http":  # no route is a socket
             await self.app(scope, receive, send)
             return
         asked = Headers(scope=scope)
@@ -181,7 +190,7 @@ class _GuardMiddleware:
 
 
 def _parse_index(request: Request, name: str, count: int) -> int:
-    """A number from 0 to count - 1 out of the address. Raises InputError."""
+    """Parse a number from 0 to count - 1 from the address. Raises InputError."""
     text = request.query_params.get(name, "")
     if not text.isascii() or not text.isdigit() or int(text) >= count:
         raise InputError(f"{name}: give a whole number from 0 to {count - 1}")
@@ -195,10 +204,18 @@ def serve(
     ready: Callable[[str, str | None], None],
     editor: Editor | None = None,
 ) -> None:
-    """Serve, as `application` does, until interrupted. `ready` is told the address, and who else can look in where others can.
-    With an editor, to whom alone that address gives its token, on loopback only.
+    """Serve `create_application` until interrupted.
 
-    Raises InputError where host or port cannot be had.
+    Parameters
+    ----------
+    out, host, editor : as of `create_application`. An editor is served on loopback only.
+    port : port to listen on; 0 for any free port.
+    ready : receives the address, with the editor's token, and a warning where other machines can reach the server.
+
+    Raises
+    ------
+    InputError
+        The host or port is unavailable.
     """
     import uvicorn
 
@@ -209,7 +226,7 @@ def serve(
             listening.bind((host, port))
             if editor is not None and not ip_address(listening.getsockname()[0]).is_loopback:
                 raise InputError(f"--host {host}: what --edit writes is for this machine alone; leave --host out")
-            listening.listen()  # who comes before the first answer waits for it
+            listening.listen()  # early clients wait for the first answer
         except socket.gaierror as error:
             raise InputError(f"--host {host}: {error.strerror}; give an address or a name of this machine") from error
         except OSError as error:
@@ -220,19 +237,21 @@ def serve(
         bound, port = listening.getsockname()[:2]
         token = f"/#/token/{editor.token}" if editor else ""
         ready(f"http://{_page_host(host, bound)}:{port}{token}", _exposure_warning(host, bound, port))
-        config = uvicorn.Config(create_application(out, host, bound, editor), log_level="warning", timeout_graceful_shutdown=2)
+        config = uvicorn.Config(
+            create_application(out, host, bound, editor), log_level="warning", timeout_graceful_shutdown=2
+        )
         uvicorn.Server(config).run(sockets=[listening])
 
 
 def _page_host(host: str, bound: str) -> str:
-    """What stands in an address that opens a page here."""
+    """Return the host for an address that opens the page on this machine."""
     if ip_address(bound).is_unspecified:
         return "[::1]" if ":" in bound else "127.0.0.1"
     return bracket_ipv6(host)
 
 
 def _exposure_warning(host: str, bound: str, port: int) -> str | None:
-    """What to know of a viewer that listens to more than this machine."""
+    """Return a warning for a viewer that other machines can reach, else None."""
     if ip_address(bound).is_loopback:
         return None
     names = f"{host}:{port}"

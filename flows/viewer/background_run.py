@@ -1,4 +1,4 @@
-"""Doing again what is due, out of the viewer: the command that a user would type, in a process of its own."""
+"""Run of the pending units of the viewer's block: the user's command in a child process."""
 
 from __future__ import annotations
 
@@ -18,65 +18,71 @@ from tasks.engine.compute.child_processes import end_with_parent
 
 
 class BackgroundRun:
-    """`streetloom run` of a block into the folder that the viewer shows, one at a time: the run's lock sees to that."""
+    """Child process with `streetloom run` of a block into the viewer's folder, one at a time."""
 
     def __init__(self, out: Folder) -> None:
         self.out = out
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._said, self._failed = "", False
+        self._last_line, self._failed = "", False
 
     def start(self, block: Path) -> None:
-        """Begin, unless a run is at work in the folder, which raises InputError."""
+        """Start the run.
+
+        Raises
+        ------
+        InputError
+            A run is in progress in the folder.
+        """
         with self._lock:
-            if self._going or is_locked(self.out):
+            if self._is_running or is_locked(self.out):
                 raise InputError("a run is at work in this folder already; wait for it")
-            self._said, self._failed = "the run begins", False
+            self._last_line, self._failed = "the run begins", False
             self._thread = threading.Thread(target=self._run, args=(block,), daemon=True, name="redo")
             self._thread.start()
 
-    def said(self) -> dict[str, Any]:
-        """Whether it goes on, the last line that it said, and whether it failed."""
-        return {"under_way": self._going, "said": self._said, "failed": self._failed}
+    def status(self) -> dict[str, Any]:
+        """Return whether the run is in progress, its last line, and whether it failed."""
+        return {"under_way": self._is_running, "said": self._last_line, "failed": self._failed}
 
     @property
-    def _going(self) -> bool:
+    def _is_running(self) -> bool:
         return self._thread is not None and self._thread.is_alive()
 
     def _run(self, block: Path) -> None:
-        # Started by this thread, which lives as long as the run: the viewer's end ends it, and what is done is kept.
-        with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as printed:
+        # This thread starts the process and lives as long: the end of the viewer ends the run; its commits are kept.
+        with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
             try:
                 process = subprocess.Popen(
                     [sys.executable, "-m", "flows", "run", str(block), "--out", str(self.out), "--json"],
                     stdin=subprocess.DEVNULL,
-                    stdout=printed,
+                    stdout=output,
                     stderr=subprocess.PIPE,
                     text=True,
                     errors="replace",
                     preexec_fn=end_with_parent,
                 )
             except (OSError, subprocess.SubprocessError) as error:
-                self._said, self._failed = f"the run could not be started: {error}", True
+                self._last_line, self._failed = f"the run could not be started: {error}", True
                 return
             assert process.stderr is not None
             with process.stderr as lines:
                 for line in lines:
                     if line.strip():
-                        self._said = line.strip().removeprefix("streetloom: ")
+                        self._last_line = line.strip().removeprefix("streetloom: ")
             self._failed = process.wait() != 0
-            printed.seek(0)
-            with suppress(LookupError, ValueError, TypeError):  # it ended early; what it said last tells why
-                self._said = describe_outcome(json.loads(printed.read().strip().splitlines()[-1]))
+            output.seek(0)
+            with suppress(LookupError, ValueError, TypeError):  # the run ended early; its last line has the reason
+                self._last_line = describe_outcome(json.loads(output.read().strip().splitlines()[-1]))
 
 
 def describe_outcome(summary: dict[str, Any]) -> str:
-    """What a run came to, in a line."""
-    counted = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
+    """Return the outcome of a run in one line."""
+    counts = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
     failures = summary["failures"]
     if not failures:
         if summary["units_done"]:
-            return counted
+            return counts
         return f"there is nothing to do: all {summary['units_skipped']} units were done before"
     first, more = failures[0], len(failures) - 1
-    return f"{counted}; {first['unit']}: {first['reason']}{f'; and {more} more' if more else ''}"
+    return f"{counts}; {first['unit']}: {first['reason']}{f'; and {more} more' if more else ''}"

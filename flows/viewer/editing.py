@@ -1,4 +1,4 @@
-"""What the viewer's page asks to correct facades: these addresses are there with `--edit` alone."""
+"""Endpoints of the viewer that correct facades; only `--edit` serves them."""
 
 from __future__ import annotations
 
@@ -25,16 +25,22 @@ from tasks.engine.store.status import read_source
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing
 
-# The header with the token: a page of another site cannot state it without asking first, which is not answered.
+# Header with the token. A page of another site must send a preflight request for it, which fails.
 TOKEN_HEADER = "X-Streetloom-Token"
-# Corrections of a facade are some kilobytes.
+# Limit of a request; corrections of a facade take some kilobytes.
 MAX_BODY_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Editor:
-    """Who corrects what the viewer shows: the name that is kept with corrections, the folder of photos that they say the walls
-    of, and the token that the page must state."""
+    """Person who corrects facades in the viewer.
+
+    Attributes
+    ----------
+    who : name that is stored with corrections.
+    photos : folder of photos to match to walls; None without matching.
+    token : secret that the page must send.
+    """
 
     who: str
     photos: Path | None = None
@@ -42,7 +48,7 @@ class Editor:
 
 
 def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
-    """The addresses for who corrects, of whose requests those of other sites have been refused already."""
+    """Return the routes for corrections; the middleware has rejected requests of other sites."""
     redo, taker = BackgroundRun(reader.out), Taker(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
@@ -52,28 +58,28 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
             "labels": ELEMENT_CLASSES,
             "words": words(),
             "kept": str(corrections_file(block)) if block else "",
-            "redo": redo.said(),
+            "redo": redo.status(),
             "photos": editor.photos is not None,
         }
 
-    def stand_of(id: str) -> dict[str, Any]:
+    def facade_state(id: str) -> dict[str, Any]:
         view = reader.view()
         return standing(view, view.number(id), read_corrections(block_of(reader.out)))
 
     def facade(request: Request) -> dict[str, Any]:
-        return stand_of(request.query_params.get("id", ""))
+        return facade_state(request.query_params.get("id", ""))
 
     def save(body: Any) -> dict[str, Any]:
         if not isinstance(body, dict) or not isinstance(body.get("corrections"), list):
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
-        if "facade" in body and body.get("stood") != stand_of(str(body["facade"]))["corrected"]:
+        if "facade" in body and body.get("stood") != facade_state(str(body["facade"]))["corrected"]:
             raise ValueError("it was corrected meanwhile, as is told below; save again to put yours in its place")
-        done = taker.take(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
-        return {"saved": done.facades + done.buildings, "said": done.lines()[0], "notes": done.notes}
+        result = taker.take(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
+        return {"saved": result.facades + result.buildings, "said": result.lines()[0], "notes": result.notes}
 
     def start(body: Any) -> dict[str, Any]:
         redo.start(block_of(reader.out))
-        return redo.said()
+        return redo.status()
 
     return [
         Route("/edit/state", authorize_read(editor, state)),
@@ -84,7 +90,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
 
 
 def authorize_read(editor: Editor, handler: Callable[[Request], dict[str, Any] | Response]) -> Callable[..., Any]:
-    """What answers who holds the editor's token."""
+    """Return an endpoint that answers requests with the editor's token."""
 
     async def endpoint(request: Request) -> Response:
         if refused := _refusal_response(request, editor, writes=False):
@@ -95,7 +101,7 @@ def authorize_read(editor: Editor, handler: Callable[[Request], dict[str, Any] |
 
 
 def authorize_write(editor: Editor, handler: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
-    """What takes JSON of who holds the editor's token, on the viewer's own page."""
+    """Return an endpoint that accepts JSON with the editor's token, from the viewer's own page."""
 
     async def endpoint(request: Request) -> Response:
         if refused := _refusal_response(request, editor, writes=True):
@@ -106,10 +112,10 @@ def authorize_write(editor: Editor, handler: Callable[[Any], dict[str, Any]]) ->
             if len(body) > MAX_BODY_BYTES:
                 return JSONResponse({"reason": "that is too much for corrections"}, 413)
         try:
-            said = json.loads(body)
+            content = json.loads(body)
         except (ValueError, RecursionError):
             return JSONResponse({"reason": "what is sent is no JSON"}, 400)
-        return await _respond(handler, said)
+        return await _respond(handler, content)
 
     return endpoint
 
@@ -123,11 +129,11 @@ def _refusal_response(request: Request, editor: Editor, *, writes: bool) -> Resp
 
 async def _respond(handler: Callable[[Any], dict[str, Any] | Response], argument: Any) -> Response:
     try:
-        made = await run_in_threadpool(handler, argument)
-        return made if isinstance(made, Response) else JSONResponse(made)
+        answer = await run_in_threadpool(handler, argument)
+        return answer if isinstance(answer, Response) else JSONResponse(answer)
     except StoreError as error:
         return JSONResponse({"reason": str(error)}, 503)
     except (FacadeError, ValueError) as error:
         return JSONResponse({"reason": str(error)}, 400)
-    except OSError as error:  # the block's folder cannot be written
+    except OSError as error:  # the block's folder is not writable
         return JSONResponse({"reason": f"{error.filename}: {error.strerror}"}, 500)

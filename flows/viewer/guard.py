@@ -1,4 +1,4 @@
-"""Who may ask the viewer: requests to a name that it is served under, from no page but its own; and who may edit."""
+"""Access rules of the viewer: which host names it answers to, from which pages, and who may edit."""
 
 from __future__ import annotations
 
@@ -14,18 +14,28 @@ LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 
 @dataclass(frozen=True)
 class HostGuard:
-    """The names that a server answers to. With `anywhere`, any address in digits is one too.
+    """Host names that a server answers to.
 
-    A foreign site that has its own name point at this machine (DNS rebinding) asks under that name, never under an address.
+    A foreign site whose name resolves to this machine (DNS rebinding) sends that name, never an address.
+
+    Attributes
+    ----------
+    names : accepted host names, lower case.
+    accepts_any_address : accept every numeric address too.
     """
 
     names: tuple[str, ...]
-    anywhere: bool = False
+    accepts_any_address: bool = False
 
     def refusal(self, hosts: Sequence[str], origins: Sequence[str]) -> tuple[int, str] | None:
-        """Status and reason with which a request with these Host and Origin headers is refused; None where it is not.
+        """Return status and reason for rejecting a request, None to accept it.
 
-        Who is no browser states no origin; a browser always does where a page of another site opens a socket.
+        Clients other than browsers send no origin. Browsers always do where a page of another site opens a socket.
+
+        Parameters
+        ----------
+        hosts : values of the Host header.
+        origins : values of the Origin header.
         """
         if len(hosts) != 1 or not self._known(parse_host_name(hosts[0])):
             return (
@@ -37,16 +47,20 @@ class HostGuard:
         return None
 
     def _known(self, name: str) -> bool:
-        return name in self.names or (self.anywhere and _is_address(name))
+        return name in self.names or (self.accepts_any_address and _is_address(name))
 
 
-def edit_refusal(
-    token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool
-) -> tuple[int, str] | None:
-    """As `Guard.refusal`, of a request which that lets pass, to what only who holds the token may ask.
+def edit_refusal(token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool) -> tuple[int, str] | None:
+    """Return status and reason for rejecting a request of the editor, None to accept it.
 
-    tokens: its headers of that. No cookie: those are told to every server of this machine, whatever its port. What writes
-    must state its origin, as browsers do.
+    Applies to requests that `HostGuard.refusal` accepts.
+
+    Parameters
+    ----------
+    token : the editor's token.
+    tokens : values of the token header. Not a cookie: browsers send cookies to every port of this machine.
+    origins : values of the Origin header.
+    writes : the request writes, so it must state its origin, as browsers do.
     """
     if len(tokens) != 1 or not hmac.compare_digest(tokens[0].encode(), token.encode()):
         return 403, "the token is missing or of an earlier viewer; open the address that the terminal shows"
@@ -56,20 +70,20 @@ def edit_refusal(
 
 
 def create_guard(host: str, bound: str) -> HostGuard:
-    """For a server that was told to listen on `host` and does so on the address `bound`."""
+    """Create the guard of a server for the named `host` that listens on the address `bound`."""
     anywhere = ip_address(bound).is_unspecified
     own = (socket.gethostname(),) if anywhere else ()
     return HostGuard(tuple(dict.fromkeys(name.lower() for name in (host, bound, *LOOPBACK_NAMES, *own))), anywhere)
 
 
 def parse_host_name(host: str) -> str:
-    """The name in a Host header, in lower case, without port and brackets; empty where it is none."""
+    """Return the name in a Host header in lower case, without port and brackets; empty where invalid."""
     found = re.fullmatch(r"(?:\[([0-9a-f:.]+)\]|([\w.-]+))(?::\d+)?", host.lower(), re.ASCII)
     return (found[1] or found[2]) if found else ""
 
 
 def bracket_ipv6(name: str) -> str:
-    """A name as it stands in a web address."""
+    """Return a host name as written in a web address."""
     return f"[{name}]" if ":" in name else name
 
 

@@ -1,4 +1,4 @@
-"""What the viewer's page asks to decide which walls photos show: these addresses are there with `--edit --photos` alone."""
+"""Endpoints of the viewer that match photos to walls; only `--edit --photos` serves them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from tasks.matching.taking import take, taking
 from tasks.viewing import Reader
 from tasks.viewing.pictures import encode
 
-# The longer side of a photo as it is shown, pixels.
+# Longer side of a displayed photo, pixels.
 MAX_PHOTO_SIDE = 1600
 
 
 def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
-    """The addresses for who decides which walls the photos in a folder show; what they say goes into the table beside the block
-    file, and the way of `streetloom match --take`."""
+    """Return the routes that show and decide the matches of a folder of photos.
 
-    def all_of() -> dict[str, Any]:
+    Decisions go into the table in the folder of the block file, then through `streetloom match --take`.
+    """
+
+    def all_matches() -> dict[str, Any]:
         return {"photos": [_match_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
 
     def picture(request: Request) -> Response:
@@ -44,16 +46,19 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
         with alone(path):
             decisions = _parse_decisions(body)
             table = decided(read_table(path), decisions, who=editor.who)
-            # what is decided is checked before anything is written; other rows that are wrong are told
-            found = taking(block, photos, table, {one.photo for one in decisions})
+            # check the decided rows before any write; faults of other rows are only reported
+            found = taking(block, photos, table, {row.photo for row in decisions})
             write_table(table)
             by_hand = take(found)
         notes = [f"not taken: {fault}" for fault in found.faults]
         notes += [f"write into the block file: {by_hand}"] if by_hand else []
-        return {"said": f"{found.count} photos are the block's; what depends on them is due", "notes": notes} | all_of()
+        return {
+            "said": f"{found.count} photos are the block's; what depends on them is due",
+            "notes": notes,
+        } | all_matches()
 
     return [
-        Route("/edit/matches", authorize_read(editor, lambda request: all_of())),
+        Route("/edit/matches", authorize_read(editor, lambda request: all_matches())),
         Route("/edit/photo", authorize_read(editor, picture)),
         Route("/edit/decisions", authorize_write(editor, save), methods=["POST"]),
     ]
@@ -64,19 +69,24 @@ def _match_row(match: Match) -> dict[str, Any]:
         "photo": match.photo,
         "facade": match.facade,
         "by": match.by,
-        "candidates": [{"id": one.facade, "probability": one.probability, "why": one.why} for one in match.candidates],
+        "candidates": [{"id": row.facade, "probability": row.probability, "why": row.why} for row in match.candidates],
         "place": match.place,
         "heading": match.heading,
     }
 
 
 def _parse_decisions(body: Any) -> list[Decision]:
-    """Raises ValueError for what the page does not send."""
+    """Parse the decisions that the page sends. Raises ValueError where they are malformed."""
     try:
         return [
-            Decision(_require_text(one["photo"]), _require_text(one["facade"]), one["decided"] is True, (_require_text(facade), _require_text(by)))
-            for one in body["decisions"]
-            for facade, by in [one["stood"]]
+            Decision(
+                _require_text(row["photo"]),
+                _require_text(row["facade"]),
+                row["decided"] is True,
+                (_require_text(facade), _require_text(by)),
+            )
+            for row in body["decisions"]
+            for facade, by in [row["stood"]]
         ]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(

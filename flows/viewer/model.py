@@ -1,4 +1,4 @@
-"""The textured block in 3D: which files of the newest published snapshot a page draws, and from where it looks first."""
+"""Model files of the newest published snapshot for the 3D view, and its first camera position."""
 
 from __future__ import annotations
 
@@ -14,9 +14,18 @@ from tasks.viewing.opening import opening
 
 
 def model_index(out: Folder, view: View) -> dict[str, Any]:
-    """Addresses of the newest model's tiles with their boxes, world metres, and of its overview; `anchor`, the world place
-    where a walk begins, and `heading`, degrees clockwise from north, None where there is no street. Raises StoreError before
-    anything is published."""
+    """Return the addresses and boxes of the newest model's tiles, of its overview, and the start of a walk.
+
+    Returns
+    -------
+    index : `tiles` with boxes in world metres, `overview`, `anchor` (start in world metres) and `heading` (degrees
+        clockwise from north, None without a street).
+
+    Raises
+    ------
+    StoreError
+        Nothing is published yet.
+    """
     snapshot = find_current_snapshot(out)
     if snapshot is None:
         raise StoreError("nothing is published yet: the model appears at the end of the run")
@@ -40,7 +49,13 @@ def model_index(out: Folder, view: View) -> dict[str, Any]:
 
 
 def find_model_file(out: Folder, snapshot_id: str, tile: str | None) -> Folder:
-    """The model of a tile of the snapshot `of`, or its overview. Raises InputError where that is not there."""
+    """Return the model file of a tile of a snapshot, or its overview.
+
+    Raises
+    ------
+    InputError
+        The snapshot is not the newest, or the file is missing.
+    """
     snapshot = find_current_snapshot(out)
     if snapshot is None or snapshot.id != snapshot_id:
         raise InputError("another model was published since; load the page again")

@@ -154,7 +154,7 @@ def _write_facade(
         evidence = apply_privacy(result.evidence, result.occluded, run.privacy, density)
         digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
         seconds["write"] = time.time() - begun
-        about |= _summary(result) | {"digests": digests}
+        about |= _summarize(result) | {"digests": digests}
         if result.hierarchy is not None:
             about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
             about["variation_digest"] = stored_file_digest(result.hierarchy.to_bytes())
@@ -333,7 +333,7 @@ def _write_rasters(
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
 
 
-def _summary(result: Facade) -> dict[str, Any]:
+def _summarize(result: Facade) -> dict[str, Any]:
     """What the catalogue and the report say of a facade."""
     pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, Any] = {}
@@ -367,10 +367,10 @@ def _summary(result: Facade) -> dict[str, Any]:
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
-    } | ({} if result.hierarchy is None else _variation(result.hierarchy))
+    } | ({} if result.hierarchy is None else _variation_counts(result.hierarchy))
 
 
-def _variation(hierarchy: Hierarchy) -> dict[str, int]:
+def _variation_counts(hierarchy: Hierarchy) -> dict[str, int]:
     """What the catalogue says of a hierarchy of variations."""
     return {
         "variation_types": int((hierarchy.levels[0].counts > 0).sum()),

@@ -45,7 +45,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
     texels = plan.texel_counts()
     units = []
-    for index, (chart, name) in enumerate(zip(charts.tolist(), names_of_ground(plan), strict=True)):
+    for index, (chart, name) in enumerate(zip(charts.tolist(), ground_names(plan), strict=True)):
         taken = cameras.near(corners[index], GROUND_REACH_M)
         key = ground_key(run, plan, chart, taken)
         memory = ground_memory(int(texels[chart]), [one.path for one in taken])
@@ -53,7 +53,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     return units
 
 
-def names_of_ground(plan: Plan) -> list[str]:
+def ground_names(plan: Plan) -> list[str]:
     """What its pieces that panoramas may show are called."""
     return [_name(number) for number in plan.ids[plan.ground_near_cameras()].tolist()]
 
@@ -69,7 +69,7 @@ def _is_over_ground(record: PoseRecord | None) -> bool:
 
 def _match_previous(change: Change) -> dict[int, int]:
     """Match pieces that stay in place; those that no panorama shows any more, or that moved, stay no longer."""
-    names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
+    names, charts = ground_names(change.after), change.after.ground_near_cameras().tolist()
     same = match_by_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}
     shown = set(names)
@@ -109,6 +109,6 @@ GROUNDS = Stage(
     writes_base_layer=True,
     forecast=partial(forecast_after_poses, "grounds"),
     unit_charts=lambda plan: plan.ground_near_cameras()[:, None].tolist(),
-    unit_names=names_of_ground,
+    unit_names=ground_names,
     find_lost=lambda store: find_units_without_base_layer(store.session, store.records["grounds"]),
 )

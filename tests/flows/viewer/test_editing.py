@@ -26,7 +26,9 @@ def served(out: Path, editor: Editor | None) -> Iterator[int]:
     import uvicorn
 
     listening = socket.create_server(("127.0.0.1", 0))
-    server = uvicorn.Server(uvicorn.Config(create_application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning"))
+    server = uvicorn.Server(
+        uvicorn.Config(create_application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning")
+    )
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
     thread.start()
     try:
@@ -61,7 +63,10 @@ REFUSED: dict[str, tuple[dict[str, str], int]] = {
     "a page of another port": ({TOKEN_HEADER: "right", "Origin": "http://127.0.0.1:9"}, 403),
     "a page in a sandbox": ({TOKEN_HEADER: "right", "Origin": "null"}, 403),
     "no origin": ({TOKEN_HEADER: "right"}, 403),
-    "a name made to point here": ({TOKEN_HEADER: "right", "Host": "evil.example", "Origin": "http://evil.example"}, 400),
+    "a name made to point here": (
+        {TOKEN_HEADER: "right", "Host": "evil.example", "Origin": "http://evil.example"},
+        400,
+    ),
 }
 
 

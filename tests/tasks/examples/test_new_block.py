@@ -197,7 +197,7 @@ def test_one_that_is_interrupted_leaves_nothing(osm: Geometry, tmp_path: Path, n
     program = f"""
 import os
 import tasks.examples.new_block as made
-made.plan_of = lambda block: os.kill(os.getpid(), {int(number)})
+made.make_plan = lambda block: os.kill(os.getpid(), {int(number)})
 from flows.cli.commands import command_line
 command_line(["new-block", "new/mine.yaml", "--osm", {str(osm.buildings)!r}, "--bbox", *map(str, {BOX})])
 """

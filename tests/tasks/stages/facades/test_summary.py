@@ -11,7 +11,7 @@ from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, buil
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.synth.facade import paint_facade as paint
-from tasks.stages.facades.worker import _summary
+from tasks.stages.facades.worker import _summarize
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
 HIDDEN = np.zeros(PAINTED.labels.shape, bool)
@@ -26,9 +26,9 @@ def of_exemplar() -> Facade:
 
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:
-    whole = _summary(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
-    half = _summary(build_facade_from_photo(PAINTED.image, HIDDEN, clean=True))
-    made = _summary(of_exemplar())
+    whole = _summarize(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
+    half = _summarize(build_facade_from_photo(PAINTED.image, HIDDEN, clean=True))
+    made = _summarize(of_exemplar())
     assert whole["windows_seen"] == whole["windows"] > 0
     assert 0 < half["windows_seen"] < half["windows"]
     assert made["windows_seen"] == 0 < made["windows"]
@@ -40,7 +40,7 @@ def test_what_is_seen_is_told_from_what_is_made_up() -> None:
 
 
 def test_shops_are_stretches_and_have_a_width() -> None:
-    made = _summary(of_exemplar())
+    made = _summarize(of_exemplar())
     shops = [element for element in made["elements"] if element[0] == "shop"]
     assert made["shops"] == len(shops) > 0
     assert made["shop_width"] == pytest.approx(sum(x1 - x0 for _, x0, _, x1, _, _ in shops) / 334, abs=0.02)
