@@ -116,10 +116,10 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
         f"{estimate['facades']} facades, {estimate['viewpoints']} viewpoints, {estimate['ground']} pieces of ground"
     )
     print_line(f"{account.name}: {estimate['blocks']} blocks, {counts}")
-    processor_time = f"{estimate['processor_hours']:.2g} h of a processor"
-    errors = {quantity: f"{share:.0%}" for quantity, share in fitted["error_planned"].items()}
+    alone = f"{estimate['processor_hours']:.2g} h of a processor"
+    error = {quantity: f"{share:.0%}" for quantity, share in fitted["error_planned"].items()}
     print_line(
-        f"  time   {estimate['hours']:.2g} h with {estimate['workers']} workers ({at_once} x {workers}), {processor_time}"
+        f"  time   {estimate['hours']:.2g} h with {estimate['workers']} workers ({at_once} x {workers}), {alone}"
     )
     print_line(f"  kept   {estimate['gigabytes']:.2g} GB, {estimate['commits']} commits")
     print_line(f"  most   {estimate['bottleneck_share']:.0%} of the time: {estimate['bottleneck']}")
@@ -128,8 +128,8 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
         f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
     )
     print_line(
-        f"  error  of blocks that it was not fitted on at most {errors['seconds']} of a processor's time, {errors['bytes']} of the "
-        f"bytes, {errors['commits']} of the commits; time is of processors that do nothing else"
+        f"  error  of blocks that it was not fitted on at most {error['seconds']} of a processor's time, {error['bytes']} of the "
+        f"bytes, {error['commits']} of the commits; time is of processors that do nothing else"
     )
 
 

@@ -105,7 +105,13 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
         reached = module.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT)
         assert not reached.keys() & {
             f"tasks.{name}"
-            for name in ("compute.cluster", "compute.connect", "compute.workers", "stages.fan_out", "stages.streets")
+            for name in (
+                "engine.compute.cluster",
+                "engine.compute.connect",
+                "engine.compute.worker_setup",
+                "engine.fan_out",
+                "stages.streets.task",
+            )
         }
 
 
