@@ -24,7 +24,7 @@ from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models.glb import read_glb_header
 from facade_core.export.models.textured_mesh import local_frame
 from tasks.export.formats import export
-from tasks.published.opened import published
+from tasks.publish.opened import published
 
 METRES = (3.0, 15.0, 40.0)
 SIZE = (760, 500)

@@ -17,7 +17,7 @@ from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.propagation.render import daylight_grey
-from tasks.published.opened import published
+from tasks.publish.opened import published
 
 # Grey of bare geometry, as a share of white.
 BARE = 0.86

@@ -37,7 +37,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
-from tasks.published.opened import Published, published
+from tasks.publish.opened import Published, published
 from tasks.stages.shared.images import read_panorama
 from tasks.stages.shared.refined_poses import is_rejected, select_pose
 

@@ -27,7 +27,7 @@ from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.street.lighting.sun import sun_direction
 from tasks.export.formats import export
 from tasks.export.lighting import lighting
-from tasks.published.opened import published
+from tasks.publish.opened import published
 
 HERE = Path(__file__).resolve().parent
 SIZE = (1280, 640)

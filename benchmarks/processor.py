@@ -56,9 +56,9 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     from tasks.engine.pending import find_pending_units
     from tasks.engine.run_key import create_run
     from tasks.examples.demo import write_demo
+    from tasks.publish.task import publish_block
     from tasks.stages.ingest.task import ingest_block
     from tasks.stages.order import STAGES_IN_ORDER
-    from tasks.stages.publish.task import publish_block
     from tasks.stages.streets.task import texture_street
 
     class Timed(SerialCompute):

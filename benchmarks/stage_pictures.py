@@ -38,7 +38,7 @@ from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.street_paint import ground_pattern, side_pattern
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
-from tasks.published.opened import Published, published
+from tasks.publish.opened import Published, published
 
 PAPER, GAP = 255, 8
 # What a place of the atlas is drawn in where its colour is shown by where it comes from: unseen, material, translated,

@@ -28,7 +28,7 @@ from PIL import Image
 from facade_core.export.models.glb import COMPONENT_DTYPES, read_glb_header
 from facade_core.geometry.charts import ChartKind
 from tasks.export.formats import export
-from tasks.published.opened import published
+from tasks.publish.opened import published
 
 MIPMAPS = 4 / 3
 

@@ -40,10 +40,10 @@ from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
-from tasks.published.prune import pruned
+from tasks.publish.prune import pruned
+from tasks.publish.task import publish_block
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
-from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.memory import street_memory
 from tasks.stages.streets.redo import select_streets
 from tasks.stages.streets.task import find_finished_streets, record_partial_run, texture_street

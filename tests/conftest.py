@@ -15,7 +15,7 @@ from hypothesis import settings
 
 from tasks.engine.compute.kernel_compilation import compile_kernels_once
 from tasks.engine.compute.worker_setup import limit_threads
-from tasks.published.opened import Published, published
+from tasks.publish.opened import Published, published
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block

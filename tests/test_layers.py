@@ -172,8 +172,8 @@ def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
 def test_an_arrow_up_is_found() -> None:
     up = ("tasks.engine.forecast", "tasks.stages.facades.stage")
     across = ("tasks.export.city", "tasks.viewing.reading")
-    published = ("tasks.published.rows", "tasks.stages.publish.task")
-    down = ("tasks.stages.publish.task", "tasks.published.rows")
+    published = ("tasks.publish.rows", "tasks.publish.task")
+    down = ("tasks.publish.task", "tasks.publish.rows")
     inside = ("tasks.stages.facades.stage", "tasks.stages.bundles.stage")
     arrows_of = {one: {other} for one, other in (up, across, published, down, inside)}
     assert upward("tasks", arrows_of) == {up, across, published}

@@ -18,7 +18,7 @@ from facade_core.export.models.textured_mesh import local_frame
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.export.pictures.views import choose_cameras, view_names
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 # Of pixels, so many are edges: those with the steepest brightness.
 EDGES = 0.1

@@ -19,7 +19,7 @@ from benchmarks.clients.validators import gltf_issues
 from benchmarks.programs import Absent, chromium
 from benchmarks.solid import validated
 from tasks.export.formats import export
-from tasks.published.opened import published
+from tasks.publish.opened import published
 
 COLUMNS = (
     *("client", "version", "format", "opened", "pictures", "attributes", "seconds", "mb", "texture_mb"),

@@ -188,7 +188,7 @@ def _run_block(
             with show_progress():
                 summary = _texture_recorded(entry.source, out, workers, dask, redo if only else None)
         if keep is not None:
-            from tasks.published.prune import pruned
+            from tasks.publish.prune import pruned
 
             for line in pruned(out, keep):
                 print_notice(line)

@@ -30,7 +30,7 @@ from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
 from tasks.engine.store.status import read_source
-from tasks.published.opened import Published, opened, published
+from tasks.publish.opened import Published, opened, published
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction
 from facade_core.geometry.charts import ChartKind
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 # What says of what walls are, beside what has a texture.
 _OF_WALLS = ("wall_material", "wall_colour")

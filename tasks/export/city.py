@@ -16,7 +16,7 @@ from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.models import with_ground
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.bodies.building_models import BuildingModel

@@ -13,7 +13,7 @@ from catalogs.printable_text import escape_invisible
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

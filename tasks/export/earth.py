@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.tiles.earth import EarthFrame

@@ -11,7 +11,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.pictures.annotations import AnnotatedFacade

@@ -13,7 +13,7 @@ from tasks.engine.progress import report_progress
 from tasks.export.earth import on_earth
 from tasks.export.features import features_of
 from tasks.export.laying import laid
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.factored.texture_packing import PackedTextures

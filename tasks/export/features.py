@@ -12,7 +12,7 @@ from catalogs.published.items import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
 from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.geometry.charts import CHART_KINDS
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 # The foot line is in the model already.
 LEFT_OUT = ("geometry",)

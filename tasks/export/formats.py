@@ -16,7 +16,7 @@ from catalogs.published.folders import Folder, join_path, local_folder, map_conc
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
-from tasks.published.opened import Published, published
+from tasks.publish.opened import Published, published
 
 # What an export was made of, and a digest of each of its files: what nobody has touched since, a new export may replace.
 MARKER = "export.json"

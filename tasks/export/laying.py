@@ -13,7 +13,7 @@ from catalogs.block.reader import read_block
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, ChartTexels, RelightingInputs
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 from tasks.stages.shared.materials import material_field, stored_material_field
 
 

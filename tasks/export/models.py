@@ -12,7 +12,7 @@ from catalogs.features import file_stem
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import on_earth
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import TimeOfDay

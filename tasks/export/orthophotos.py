@@ -13,7 +13,7 @@ from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from pystac import Item

@@ -13,7 +13,7 @@ from catalogs.features import file_stem
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import building_rows
 from tasks.export.models import shown, with_ground
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 # 1980-01-02 in any time zone, the first day that a package can state, seconds.
 CHANGED_S = 315_619_200

@@ -21,7 +21,7 @@ from facade_core.facade.correction import rasterise_boxes
 from facade_core.parsing.segmenter import outside_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.store.status import read_source
-from tasks.published.opened import published
+from tasks.publish.opened import published
 from tasks.stages.shared.facade_corrections import match_corrections
 
 # Of fewer corrected facades nothing is learnt that the shipped models do not know better.

@@ -24,7 +24,7 @@ from facade_core.parsing.network_training import TrainingSchedule
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.published.catalogue_facts import OF_FACADES
+from tasks.publish.catalogue_facts import OF_FACADES
 from tasks.training.corrected import LEAST, CorrectedFacade, labelled
 from tasks.training.labelled import painted, with_occluders
 

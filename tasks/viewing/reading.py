@@ -25,8 +25,8 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import rejected_pictures
-from tasks.published.review import CHANGED, look_first
-from tasks.published.rows import facts
+from tasks.publish.review import CHANGED, look_first
+from tasks.publish.rows import facts
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 

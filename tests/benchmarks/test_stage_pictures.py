@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.stage_pictures import GAP, OF_NOTHING, PAPER, beside, of_run, rectified
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 STAGES = Path(__file__).parents[2] / "docs" / "stages"
 

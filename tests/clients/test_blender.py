@@ -21,7 +21,7 @@ from benchmarks.clients.blender import (
     shot,
 )
 from facade_core.export.models.glb import extract_images
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 from tests.clients.conftest import Exported, first, present
 
 Seen = Mapping[str, SimpleNamespace]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine.run import Run
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
 from tests.sharing import alone
 

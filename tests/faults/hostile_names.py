@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from facade_core.synth.exemplars import paint_exemplar_set
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 
 MARKUP = (

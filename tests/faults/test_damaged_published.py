@@ -9,7 +9,7 @@ from pathlib import Path
 from catalogs.published.snapshot import current_snapshot
 from tasks.engine.run import Run
 from tasks.engine.store.status import finished_summary
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 
 
 def cut(path: Path) -> None:

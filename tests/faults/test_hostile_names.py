@@ -26,7 +26,7 @@ from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
 from flows import artifacts, console
 from flows.cli import commands as cli
-from flows.markdown import markdown_code, escape_markdown
+from flows.markdown import escape_markdown, markdown_code
 from tasks.engine.outcome import log_units
 from tasks.export.formats import export
 from tests.exports import EACH

@@ -15,7 +15,7 @@ from facade_core.core.errors import BlockFileError
 from tasks.engine.outcome import failed_record
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
 
 

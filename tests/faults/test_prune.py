@@ -21,8 +21,8 @@ from flows.lock import lock_folder
 from tasks.engine.run import Run
 from tasks.engine.store.status import finished_summary
 from tasks.history import after_viewpoint
-from tasks.published.prune import prune
-from tasks.stages.publish.task import publish_block
+from tasks.publish.prune import prune
+from tasks.publish.task import publish_block
 
 
 def published_again(run: Run, block: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tasks.engine.store.status import record_source
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block, write_photo
 
 # Those of the small block that stand about one street, and one of the others.

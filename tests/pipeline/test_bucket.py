@@ -34,7 +34,7 @@ from flows.cli.commands import command_line
 from flows.lock import lock_folder
 from tasks.engine.compute.worker_setup import inspect_worker
 from tasks.engine.store.commits import fork_store, read_newest_journal
-from tasks.published.prune import prune
+from tasks.publish.prune import prune
 from tasks.stages.order import STAGE_NAMES
 from tests.bucket import SECRET, served
 from tests.pipeline.runs import PATIENCE_S

@@ -18,7 +18,7 @@ from facade_core.core.errors import InputError
 from facade_core.synth.facade import paint_facade as paint
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tasks.viewing import Reader, picture_before
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 

@@ -18,7 +18,7 @@ from tasks.city.blocks import read_city
 from tasks.corrections import Taker, import_corrections
 from tasks.engine.store.status import record_source
 from tasks.export.formats import export
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
 
 # Houses along one street, farther apart than context reaches, and one beside the second; a block each, the last two in one.

@@ -23,7 +23,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import finished_summary
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tasks.stages.surfaces.stage import surface_units
 from tests.pipeline.stages import (
     BUILDINGS,

@@ -22,7 +22,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.imagery.privacy import BLUR_CELL_M
 from facade_core.parsing.segmenter import parse
 from tasks.engine.run_key import create_run
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 
 
 def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:

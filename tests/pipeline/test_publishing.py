@@ -36,10 +36,10 @@ from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_suspect, repair_store
 from tasks.engine.store.status import finished_summary, unpublished_reason
-from tasks.published.stored import stored_block
+from tasks.publish.stored import stored_block
+from tasks.publish.task import publish_block
 from tasks.stages.pictures import stage as pictures
 from tasks.stages.pictures.stage import PICTURES
-from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import Textured, redone, started, texture, write_block, write_photo
 
 NAMES = {"a", "b", "c", "d", "e"}
@@ -290,7 +290,7 @@ def test_a_step_that_fails_leaves_the_others(
         raise ValueError("nothing is as large")
 
     with monkeypatch.context() as patch:
-        patch.setattr("tasks.stages.publish.task.write_model", no_model)
+        patch.setattr("tasks.publish.task.write_model", no_model)
         _, summary, snapshot = again(folder)
     assert {one["unit"] for one in summary["unpublished"]} == {"block.glb"}
     assert "block.glb is not published: ValueError: nothing is as large" in caplog.messages

@@ -15,7 +15,7 @@ from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.context import plan_of_run
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.digests import find_differing_units
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tasks.stages.streets import task
 from tasks.stages.streets.redo import find_redo, redo_street, street_chunks
 from tests.pipeline.stages import digests_of, redone, started, texture

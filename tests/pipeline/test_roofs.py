@@ -15,7 +15,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import texel_points
 from facade_core.plan.plan_tables import read_plan
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, texture, write_block
 
 rasterio = pytest.importorskip("rasterio")

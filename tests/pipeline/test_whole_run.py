@@ -26,8 +26,8 @@ from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.store.commits import read_newest_journal
+from tasks.publish.task import publish_block
 from tasks.stages.order import STAGE_NAMES
-from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.redo import street_chunks
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, TYPED, command, environment, run

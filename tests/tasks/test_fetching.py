@@ -21,7 +21,7 @@ from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 from tasks.fetching import Fetched, fetch_for_block, fetch_for_box
-from tasks.stages.publish.task import publish_block
+from tasks.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)

@@ -26,7 +26,7 @@ def test_what_the_sun_is_on_is_worth_more_than_what_is_in_its_own_shade() -> Non
         def __len__(self) -> int:
             return 3
 
-        def normal(self) -> np.ndarray:
+        def normals(self) -> np.ndarray:
             return np.array([[0.0, -1, 0], [0, 1, 0], [0, 0, 1]])  # of a facade to the south, one to the north, a roof
 
     facades = SimpleNamespace(chart=np.array([0, 1]), role=np.full(2, WallRole.STREET))

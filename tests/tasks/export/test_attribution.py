@@ -16,7 +16,7 @@ from PIL import Image
 
 from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import FORMATS, export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 from tests.exports import EACH
 
 Run = tuple[Path, dict[str, Any]]

@@ -16,7 +16,7 @@ import pytest
 from benchmarks.solid import validated
 from catalogs.readers.cityjson.buildings import read_cityjson
 from tasks.export.formats import export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
 # val3dity, where it lies beside the checkout.

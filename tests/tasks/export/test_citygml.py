@@ -13,7 +13,7 @@ from lxml import etree
 
 from catalogs.readers.citygml.buildings import read_citygml
 from tasks.export.formats import export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
 

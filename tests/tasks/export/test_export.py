@@ -25,7 +25,7 @@ from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line
 from tasks.export.formats import FORMATS, _writers, export, marker_of
 from tasks.export.models import write_3dtiles
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 from tests.exports import HERE
 
 Run = tuple[Path, dict[str, Any]]

@@ -13,7 +13,7 @@ import trimesh
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
 

@@ -14,7 +14,7 @@ import rasterio
 from catalogs.features import file_stem
 from facade_core.export.pictures.stage_pictures import read_chart_raster
 from tasks.export.formats import export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
 

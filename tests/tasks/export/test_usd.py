@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tasks.export.formats import export
-from tasks.published.opened import Published
+from tasks.publish.opened import Published
 
 pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
 Run = tuple[Path, dict[str, Any]]

@@ -17,7 +17,7 @@ from catalogs.block.reader import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, block_sources
 from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
 from facade_core.geometry.walls import WallRole
-from tasks.published.catalogue_facts import (
+from tasks.publish.catalogue_facts import (
     OF_FACADES,
     OF_STREETS,
     Shipped,
@@ -26,7 +26,7 @@ from tasks.published.catalogue_facts import (
     run_facts,
     street_facts,
 )
-from tasks.published.rows import facts
+from tasks.publish.rows import facts
 
 START = 1_800_000_000.0
 

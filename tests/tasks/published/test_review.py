@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from facade_core.plan.facades import Facades
-from tasks.published.review import look_first
+from tasks.publish.review import look_first
 
 FACADES = cast(
     Facades,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.published.rows import _pose_facts
+from tasks.publish.rows import _pose_facts
 
 POSED = {
     name: dict(zip(("pose_residual_deg", "pose_apart_m", "pose_raised_m"), values, strict=True))

@@ -17,8 +17,8 @@ from catalogs.published.runs import find_runs
 from catalogs.published.snapshot import Snapshot, current_snapshot
 from facade_core.core.errors import FormatError, InputError
 from facade_core.core.types import Element
-from tasks.published.attribution import read_attribution
-from tasks.published.stored import StoredBlock, stored_block
+from tasks.publish.attribution import read_attribution
+from tasks.publish.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
     from facade_core.export.city_models.attribution import Attribution

@@ -18,8 +18,8 @@ from facade_core.export.pictures.occlusion_overlay import MAX_PREVIEW_PX
 from facade_core.export.pictures.rendering import encode_image
 from facade_core.export.pictures.views import sample_evenly, select_pictured_facades
 from tasks.engine.stage_code import stage_code
-from tasks.published.aside import Aside
-from tasks.published.stored import StoredBlock
+from tasks.publish.aside import Aside
+from tasks.publish.stored import StoredBlock
 from tasks.stages.pictures.record import PictureRecord
 
 # Panoramas that are shown.

@@ -23,8 +23,8 @@ from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
-from tasks.published.rows import Rows, made_at
-from tasks.published.stored import StoredBlock
+from tasks.publish.rows import Rows, made_at
+from tasks.publish.stored import StoredBlock
 
 Records = Sequence[Mapping[str, Any] | None]
 # A footprint's outline in the catalogue may be off by this.

@@ -26,8 +26,8 @@ from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
 from tasks.engine.stage_code import stage_code
-from tasks.published.aside import Aside
-from tasks.published.stored import StoredBlock
+from tasks.publish.aside import Aside
+from tasks.publish.stored import StoredBlock
 from tasks.stages.tiles.record import TileRecord
 
 # The model of the whole block is written where it has no more bytes than this: viewers and glTF's own counts end not far above.

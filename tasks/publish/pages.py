@@ -8,8 +8,8 @@ from pathlib import Path
 from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.stored_files import page_path, read_stored_file
-from tasks.published.aside import Aside
-from tasks.published.stored import StoredBlock
+from tasks.publish.aside import Aside
+from tasks.publish.stored import StoredBlock
 
 
 def write_pages(snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFiles, aside: Aside) -> None:

@@ -19,7 +19,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
-from tasks.published.stored import StoredBlock
+from tasks.publish.stored import StoredBlock
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.facades.stage import FACADES
 from tasks.stages.order import STAGES_IN_ORDER

@@ -11,10 +11,10 @@ from catalogs.published.report import ReportContent, write_report
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
-from tasks.published.images import Images
-from tasks.published.review import CHANGED, look_first
-from tasks.published.rows import Rows, raised
-from tasks.published.stored import StoredBlock
+from tasks.publish.images import Images
+from tasks.publish.review import CHANGED, look_first
+from tasks.publish.rows import Rows, raised
+from tasks.publish.stored import StoredBlock
 
 # What a panorama has of others where it shares nothing with any.
 _ALONE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}

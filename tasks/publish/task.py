@@ -35,17 +35,17 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.integrity import mark_suspect
-from tasks.published.aside import Aside
-from tasks.published.attribution import attribution_of
-from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
-from tasks.published.images import Images, write_images
-from tasks.published.limit import over_limit
-from tasks.published.pages import write_pages
-from tasks.published.prune import READ_FOR
-from tasks.published.report import write_block_report
-from tasks.published.rows import rows_of, write_masked, write_summary
-from tasks.published.stored import stored_block
-from tasks.published.tiles import WrittenTile, write_model, write_overview, write_tiles
+from tasks.publish.aside import Aside
+from tasks.publish.attribution import attribution_of
+from tasks.publish.catalogue_facts import block_facts, models_used, run_facts, street_facts
+from tasks.publish.images import Images, write_images
+from tasks.publish.limit import over_limit
+from tasks.publish.pages import write_pages
+from tasks.publish.prune import READ_FOR
+from tasks.publish.report import write_block_report
+from tasks.publish.rows import rows_of, write_masked, write_summary
+from tasks.publish.stored import stored_block
+from tasks.publish.tiles import WrittenTile, write_model, write_overview, write_tiles
 from tasks.stages.streets.tags import street_tags
 
 log = logging.getLogger(__name__)
