@@ -80,7 +80,7 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[np.ndarray]) 
     for facade, photo in zip(street.facades, photos, strict=True):
         size = (facade.image.shape[1], facade.image.shape[0])
         painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
-    return replace(street, painted=tuple(painted))
+    return replace(street, facades=tuple(painted))
 
 
 def ground_photos(

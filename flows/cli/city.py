@@ -128,8 +128,8 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
         f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
     )
     print_line(
-        f"  error  of blocks that it was not fitted on at most {error['seconds']} of a processor's time, {error['bytes']} of the "
-        f"bytes, {error['commits']} of the commits; time is of processors that do nothing else"
+        f"  error  of blocks that it was not fitted on at most {error['seconds']} of a processor's time, {error['bytes']} of "
+        f"the bytes, {error['commits']} of the commits; time is of processors that do nothing else"
     )
 
 

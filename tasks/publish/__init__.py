@@ -1,1 +1,1 @@
-"""Publish."""
+"""Publication: assembly of a snapshot from the store, and access to published snapshots."""

@@ -100,7 +100,7 @@ def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
         extract_style(clean.image, clean.labels),
-        FacadeWall.alone(13.0, 16.0, floors=4),
+        FacadeWall.freestanding(13.0, 16.0, floors=4),
         (650, 800),
         metres_per_pixel=0.06,
         seed=3,
@@ -120,7 +120,7 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
         extract_style(clean.image, clean.labels),
-        FacadeWall.alone(16.2, 20.0, floors=5),
+        FacadeWall.freestanding(16.2, 20.0, floors=5),
         (270, 334),
         metres_per_pixel=0.06,
         seed=3,
@@ -136,7 +136,7 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
 @pytest.mark.parametrize("colour", [(150.0, 70.0, 60.0), (60.0, 60.0, 64.0), (225.0, 215.0, 190.0)])
 def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ...]) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
-    style, wall = extract_style(clean.image, clean.labels), FacadeWall.alone(16.2, 20.0, floors=5)
+    style, wall = extract_style(clean.image, clean.labels), FacadeWall.freestanding(16.2, 20.0, floors=5)
     usual = build_facade_from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
     painted = build_facade_from_exemplar(
         style, wall, (270, 334), metres_per_pixel=0.06, wall_colour=np.array(colour), seed=3
@@ -152,7 +152,7 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     style = extract_style(clean.image, clean.labels)
-    front = FacadeWall.alone(16.0, 20.0, floors=5)
+    front = FacadeWall.freestanding(16.0, 20.0, floors=5)
     back = replace(front, street=False, plain=True)
     drawn: list[tuple[int, ...]] = []
 

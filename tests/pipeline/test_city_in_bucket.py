@@ -171,7 +171,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
 
     # one whose time is up soon after
     with monkeypatch.context() as patch:
-        patch.setattr(flows_of_cities, "ends_at", lambda until, since: datetime.now() + timedelta(seconds=2))
+        patch.setattr(flows_of_cities, "next_time_of_day", lambda until, since: datetime.now() + timedelta(seconds=2))
         stopped = textured(file, killed, until="06:00")
     assert sorted(stopped["left"]) == sorted(names), stopped["failures"]
     assert [one["code"] for one in stopped["failures"]] == [TIME_IS_UP]

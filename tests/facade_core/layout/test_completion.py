@@ -97,7 +97,7 @@ def test_floors_that_grow_downwards_are_proposed():
     whole = [box("window", 40 * x + 20, 40 + y, 16, 30) for y in (60, 121, 184, 250, 319, 392) for x in range(6)]
     domain, region = (0.0, 0.0, 240.0, 500.0), [(0.0, 0.0, 240.0, 250.0)]
     seen = see(whole, region)
-    found = propose_elements(seen, fit_grids(seen), domain, np.array(region), shipped_layout_model().usual)
+    found = propose_elements(seen, fit_grids(seen), domain, np.array(region), shipped_layout_model().priors)
     hidden = box_array([e for e in whole if e not in seen])
     assert pairwise_iou(hidden, found.box[found.label == 0]).max(axis=1).min() > 0.5
 

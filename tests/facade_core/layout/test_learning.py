@@ -39,11 +39,11 @@ def trained() -> LayoutModel:
 def test_what_is_learned(trained):
     assert trained.weights.min() > 0
     assert np.linalg.norm(trained.weights) == pytest.approx(1)
-    assert trained.labels[0] > 0.8
-    assert trained.labels.sum() == pytest.approx(1)
+    assert trained.label_shares[0] > 0.8
+    assert trained.label_shares.sum() == pytest.approx(1)
     assert trained.training_set == tuple(str(k) for k in range(12))
     assert trained.priors.floor_progressions.shape[1] == 4
-    assert ((trained.likely >= 0.05) & (trained.likely <= 0.5)).all()
+    assert ((trained.min_probability >= 0.05) & (trained.min_probability <= 0.5)).all()
     assert trained.priors.door_sizes[0, 0] == pytest.approx(20 / 16, rel=0.05)
 
 

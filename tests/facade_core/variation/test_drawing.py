@@ -40,7 +40,7 @@ def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed()
         size = PAINTED.labels.shape
         style = extract_style(PAINTED.image, PAINTED.labels)
         return build_facade_from_exemplar(
-            style, FacadeWall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
+            style, FacadeWall.freestanding(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
         )
 
     one, two = wall(1), wall(2)

@@ -82,5 +82,5 @@ def test_the_same_moves_as_computing_everything_again(seed: int) -> None:
         found = run_icm(moves, cost, alpha)
         np.testing.assert_array_equal(moves.labels, expected)
         np.testing.assert_array_equal(found, energies)
-        assert [sum_reciprocal_sizes(expected == t) for t in range(types)] == moves.sums.tolist()
+        assert [sum_reciprocal_sizes(expected == t) for t in range(types)] == moves.reciprocal_sums.tolist()
         labels = expected

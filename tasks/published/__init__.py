@@ -1,1 +1,0 @@
-"""What a run publishes: its steps, its files, and what readers open."""
