@@ -41,7 +41,7 @@ from facade_core.facade.layout.model import load_layout_model
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import SHIPPED_NETWORK
 from facade_core.parsing.segmenter import parse
-from tasks.training.corrected import CorrectedFacade
+from tasks.training.corrected_facades import CorrectedFacade
 from tasks.training.layout import train_layout
 from tasks.training.parser import train_corrected
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import PLAIN, Finish, Roof, Shell
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ class Footprints:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def bounding_boxes(self) -> np.ndarray:
+    def bounding_boxes(self) -> Float64Array:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the outlines."""
         return _bounding_boxes(footprint.outline for footprint in self.items)
 
@@ -231,7 +232,7 @@ class Centrelines:
         return _bounding_boxes(piece.line for piece in self.items)
 
 
-def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> np.ndarray:
+def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> Float64Array:
     return shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from shapely.geometry import LineString, box
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Element, Street, Sun
 from facade_core.export.pictures.camera import PerspectiveCamera
@@ -79,7 +80,7 @@ def compile_street_kernels() -> None:
     mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)
     paint_visible_texels(window, placement, swatches.materials)
 
-    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+    def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         size = (int(placement.height[chart]), int(placement.width[chart]))
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 

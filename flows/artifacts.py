@@ -29,8 +29,8 @@ from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from flows.markdown import escape_markdown, escape_row, markdown_code
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
-from tasks.city.account import Account, Ended
-from tasks.city.running import TIME_IS_UP
+from tasks.city.block_process import TIME_IS_UP
+from tasks.city.city_log import Account, Ended
 from tasks.engine.progress import add_listener
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal

@@ -26,10 +26,10 @@ from flows.city_options import CityOptions, next_time_of_day
 from flows.console import print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
-from tasks.city.account import Account, Ended, known, write_ended, write_over_of, write_summary
-from tasks.city.over import write_over
-from tasks.city.running import TIME_IS_UP, run_block
-from tasks.city.sources import version
+from tasks.city.block_process import TIME_IS_UP, run_block
+from tasks.city.city_log import Account, Ended, known, write_ended, write_over_of, write_summary
+from tasks.city.city_products import write_over
+from tasks.city.source_digests import version
 
 MAX_CONCURRENT_BLOCKS = 64
 

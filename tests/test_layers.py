@@ -171,7 +171,7 @@ def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
 
 def test_an_arrow_up_is_found() -> None:
     up = ("tasks.engine.forecast", "tasks.stages.facades.stage")
-    across = ("tasks.export.city", "tasks.viewing.reading")
+    across = ("tasks.export.city", "tasks.viewing.run_view")
     published = ("tasks.publish.rows", "tasks.publish.task")
     down = ("tasks.publish.task", "tasks.publish.rows")
     inside = ("tasks.stages.facades.stage", "tasks.stages.bundles.stage")

@@ -35,11 +35,11 @@ from benchmarks.timing import bytes_in
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan_tables import read_plan
-from tasks.city.account import BLOCKS, Ended
+from tasks.city.block_counts import Counts, counts_of
+from tasks.city.block_process import run_block
 from tasks.city.blocks import read_city
+from tasks.city.city_log import BLOCKS, Ended
 from tasks.city.cost import COEFFICIENTS
-from tasks.city.counting import Counts, counts_of
-from tasks.city.running import run_block
 from tasks.engine.store.commits import read_newest_journal
 from tasks.export.formats import export
 

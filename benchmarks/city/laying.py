@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import figures
+from tasks.city.block_counts import NOTHING, Counts
 from tasks.city.cost import WHAT, Cost, cost_of
-from tasks.city.counting import NOTHING, Counts
 
 # What a stage's seconds are laid to; COURSE is what is beside units in this process, COMMAND what the command takes beside it.
 COURSE, EXPORT, COMMAND = "course", "export", "command"

@@ -17,9 +17,9 @@ import yaml
 
 from benchmarks.city.blocks import write_block
 from benchmarks.timing import figures
+from tasks.city.block_counts import NOTHING
 from tasks.city.blocks import read_city
 from tasks.city.cost import shipped
-from tasks.city.counting import NOTHING
 
 SIZES = (10_000, 1_000_000, 100_000_000)
 

@@ -40,7 +40,7 @@ from benchmarks.city.runs import Look, look_at
 from benchmarks.process_usage import add_used
 from benchmarks.timing import bytes_in, figures
 from flows.city_options import CityOptions
-from tasks.city.account import BLOCKS, read_account
+from tasks.city.city_log import BLOCKS, read_account
 
 # Seconds between two looks.
 LOOK_S = 2.0

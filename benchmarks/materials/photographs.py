@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.materials import _gradients
 from facade_core.street.materials.grain import EXAMPLE_NAMES, Grain, GrainTables, add_grain, build_grain_tables
 from facade_core.street.materials.grain_file import load_examples
-from tasks.training.materials import SOURCES, picture
+from tasks.training.materials import GRAIN_PHOTOS, read_picture_file
 
 DENSITIES = (8, 16, 32, 64)
 # Metres along a patch; of the one in which repeats are looked for, at so many texels a metre.
@@ -24,8 +24,8 @@ def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     examples = load_examples()
     drawn = build_grain_tables([Grain(examples[name]) for name in EXAMPLE_NAMES])
     for which, name in enumerate(EXAMPLE_NAMES):
-        file, width, _ = SOURCES[name]
-        photo = picture(data / "materials" / file)[0].mean(axis=2)
+        file, width, _ = GRAIN_PHOTOS[name]
+        photo = read_picture_file(data / "materials" / file)[0].mean(axis=2)
         photo /= photo.mean()
         own = {}
         for density in DENSITIES:

@@ -197,9 +197,9 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
     from facade_core.street.translator.kernel_distance import image_features
-    from tasks.training.translator import Places, in_folders, panoramas
+    from tasks.training.translator import TrainingSplit, list_pictures, read_panorama_sets
 
-    held_out = panoramas(in_folders([data / "panoramas"]), Places(PLACES))[1]
+    held_out = read_panorama_sets(list_pictures([data / "panoramas"]), TrainingSplit(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
     return {kind: image_features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
 
@@ -232,7 +232,7 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, 
 
     import tasks.training.composites
     from facade_core.street.translator import training, training_steps
-    from tasks.training.translator import Places, in_folders, panoramas, renderings
+    from tasks.training.translator import TrainingSplit, list_pictures, read_panorama_sets, render_training_views
 
     missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:
@@ -240,12 +240,12 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, 
     blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
     os.environ["STREETLOOM_DATA"] = str(data)  # which the blocks' files name
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
-    learnt, judged, _ = panoramas(in_folders(folders), Places(("strasbourg_stra_1",), ("toulouse",)))
-    rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
+    learnt, judged, _ = read_panorama_sets(list_pictures(folders), TrainingSplit(("strasbourg_stra_1",), ("toulouse",)))
+    rendered, rendered_judged = render_training_views([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
     domains = training_steps.TrainingDomains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
-        paired = tasks.training.composites.composites(data, seed=seed) if name == "full and composites" else []
+        paired = tasks.training.composites.render_composites(data, seed=seed) if name == "full and composites" else []
         begun = time.perf_counter()
         trained = training.train_generator(replace(domains, paired=paired), rows[name], seed=seed)
         seconds[name] = round((time.perf_counter() - begun) / rows[name].steps, 2)

@@ -19,6 +19,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.serial_schemas import SCHEMAS
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 
 # Class by its tag in a part file.
@@ -122,5 +123,5 @@ def _decode_value(encoded: Any, blob: bytes, folder: Path) -> Any:
     return cls(**dict(zip(attributes, (_decode_value(part, blob, folder) for part in content), strict=False)))
 
 
-def _byte_array(blob: bytearray) -> np.ndarray:
+def _byte_array(blob: bytearray) -> UInt8Array:
     return np.frombuffer(bytes(blob), np.uint8)

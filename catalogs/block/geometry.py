@@ -31,6 +31,7 @@ from catalogs.crs import (
 from catalogs.features import Centrelines, Fault, ids_by_reason, notes_by_reason
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground
 from catalogs.readers.vectors.points_of_interest import read_points_of_interest
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import Building, Ground, Street
 
@@ -226,7 +227,7 @@ def _shops_and_entrances(
     if not found:
         return None, ()
 
-    def select_within_extent(places: list[np.ndarray]) -> tuple[tuple[float, float], ...]:
+    def select_within_extent(places: list[Float64Array]) -> tuple[tuple[float, float], ...]:
         there = np.column_stack(coordinate_transform("EPSG:4326", frame)(*np.concatenate(places).T))
         kept = (there >= extent[:2]).all(axis=1) & (there <= extent[2:]).all(axis=1)
         return tuple((x, y) for x, y in there[kept].tolist())

@@ -14,6 +14,7 @@ from shapely import LineString
 from catalogs.crs import coordinate_transform
 from catalogs.features import Centrelines, natural_sort_key
 from catalogs.readers.vectors.lengths import parse_length
+from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Area, Ground, Way
 
 if TYPE_CHECKING:
@@ -251,7 +252,7 @@ def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | 
     return Way(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
 
 
-def _project_features(source: Centrelines, crs: CRS) -> np.ndarray:
+def _project_features(source: Centrelines, crs: CRS) -> ObjectArray:
     flat = np.empty(len(source.ground), dtype=object)
     flat[:] = [feature.geometry for feature in source.ground]
     flat = shapely.force_2d(flat)

@@ -14,6 +14,7 @@ from shapely import LineString
 from catalogs.crs import coordinate_transform
 from catalogs.features import Centreline, Centrelines, Fault, natural_sort_key
 from catalogs.readers.limits import MAX_STREET_LENGTH_M
+from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Street
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def clip_centrelines(
     return replace(source, crs=None, items=tuple(items), faults=tuple(faults)), tuple(cut)
 
 
-def _project_lines(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.ndarray:
+def _project_lines(geometries: Sequence[Any], source: str | None, crs: CRS) -> ObjectArray:
     flat = np.empty(len(geometries), dtype=object)
     flat[:] = geometries
     flat = shapely.force_2d(flat)

@@ -20,6 +20,7 @@ from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, natural_sort_key, notes_by_reason
 from catalogs.reader_errors import fault_reason
+from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Building
 
 if TYPE_CHECKING:
@@ -319,7 +320,7 @@ def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | N
     return None, "default"
 
 
-def _project(outlines: Sequence[BaseGeometry | None], source: str, crs: CRS) -> np.ndarray:
+def _project(outlines: Sequence[BaseGeometry | None], source: str, crs: CRS) -> ObjectArray:
     flat = np.empty(len(outlines), dtype=object)
     flat[:] = outlines
     return shapely.transform(shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False)

@@ -14,6 +14,7 @@ import numpy as np
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, coordinate_transform, has_east_north_axes, parse_crs
 from catalogs.features import BuildingModels, Centrelines, Fault, Footprints
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,16 +44,16 @@ class BoxLocations:
     size : (n,) diagonal, metres.
     """
 
-    corners: np.ndarray
-    centre: np.ndarray
-    size: np.ndarray
+    corners: Float64Array
+    centre: Float64Array
+    size: Float64Array
 
     @property
-    def is_located(self) -> np.ndarray:
+    def is_located(self) -> BoolArray:
         """Return a mask (n,) of the boxes with a location."""
         return np.isfinite(self.size)
 
-    def mean_lonlat(self, mask: np.ndarray) -> tuple[float, float]:
+    def mean_lonlat(self, mask: BoolArray) -> tuple[float, float]:
         """Return the mean (longitude, latitude) of the selected boxes, degrees.
 
         Parameters
@@ -61,7 +62,7 @@ class BoxLocations:
         """
         return _point_lonlat(self.centre[mask].mean(axis=0))
 
-    def lonlat_bounds(self, mask: np.ndarray) -> Bounds:
+    def lonlat_bounds(self, mask: BoolArray) -> Bounds:
         """Return (west, south, east, north) of the selected boxes, degrees.
 
         East exceeds 180 across the date line.
@@ -89,7 +90,7 @@ def check_area_span(area: Sequence[float]) -> None:
         )
 
 
-def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
+def locate_boxes(crs: str, boxes: Float64Array) -> BoxLocations:
     """Return the locations of bounding boxes.
 
     Parameters
@@ -212,7 +213,7 @@ def _without_items(source: Any, reasons: dict[int, str]) -> Any:
     return replace(source, items=items, faults=(*source.faults, *faults))
 
 
-def _intersects_area(corners: np.ndarray, area: Sequence[float] | None) -> np.ndarray:
+def _intersects_area(corners: Float64Array, area: Sequence[float] | None) -> BoolArray:
     """Return a mask (n,) of the boxes that intersect the area."""
     if area is None:
         return np.ones(len(corners), bool)
@@ -222,7 +223,7 @@ def _intersects_area(corners: np.ndarray, area: Sequence[float] | None) -> np.nd
     return inside & (corners[..., 1].max(axis=1) >= south) & (corners[..., 1].min(axis=1) <= north)
 
 
-def _neighbour_groups(points: np.ndarray) -> np.ndarray:
+def _neighbour_groups(points: Float64Array) -> Int32Array:
     """Return the group number (n,) of each point; neighbours share a group."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -238,7 +239,7 @@ def _neighbour_groups(points: np.ndarray) -> np.ndarray:
     return connected_components(graph, directed=False)[1][cell]
 
 
-def _main_groups(places: BoxLocations, group: np.ndarray, centrelines: Centrelines | None) -> np.ndarray:
+def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelines | None) -> Int64Array:
     """Return the groups with many buildings; of distant ones those near streets."""
     counts = np.bincount(group[group >= 0])
     main = np.flatnonzero(counts > MAX_STRAY_SHARE * counts.max(initial=0))
@@ -265,11 +266,11 @@ def _is_near_any(points: np.ndarray, others: np.ndarray) -> bool:
     )
 
 
-def _diagonal(points: np.ndarray) -> float:
+def _diagonal(points: Float64Array) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
-def _point_lonlat(point: np.ndarray) -> tuple[float, float]:
+def _point_lonlat(point: Float64Array) -> tuple[float, float]:
     x, y, z = point
     return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
 

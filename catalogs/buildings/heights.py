@@ -13,6 +13,7 @@ import shapely
 
 from catalogs.buildings.roofs import ATTACHED_DISTANCE_M, SHED_USES, hash_uniform_pair
 from catalogs.features import Footprint
+from facade_core.core.arrays import BoolArray, Float64Array, ObjectArray
 from facade_core.core.types import Building
 
 # Weight of a known building: exponential in the distance, Gaussian in the logarithm of the area ratio. Both scales were set by
@@ -70,7 +71,7 @@ def assume_heights(
     )
 
 
-def _is_single_floor(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Footprint | None]) -> np.ndarray:
+def _is_single_floor(outlines: ObjectArray, area: Float64Array, stated: Sequence[Footprint | None]) -> BoolArray:
     """Return a mask (n,) of the buildings that have one floor by use or size."""
     low = (area < MAX_LOW_AREA_M2) | np.array(
         [source is not None and source.use in ONE_FLOOR_USES for source in stated], bool
@@ -82,14 +83,14 @@ def _is_single_floor(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Fo
 
 
 def _estimate_floors(
-    centre: np.ndarray,
-    area: np.ndarray,
-    chance: np.ndarray,
-    known_centre: np.ndarray,
-    known_area: np.ndarray,
-    known_levels: np.ndarray,
+    centre: Float64Array,
+    area: Float64Array,
+    chance: Float64Array,
+    known_centre: Float64Array,
+    known_area: Float64Array,
+    known_levels: Float64Array,
     default_floors: float,
-) -> np.ndarray:
+) -> Float64Array:
     """Return whole floor counts (n,): the weighted median of the known ones, varied by `chance`.
 
     Parameters

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.readers.pictures.decoding import open_picture
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
@@ -29,7 +30,7 @@ class LabelledFacade:
     """
 
     name: str
-    image: np.ndarray
+    image: UInt8Array
     labels: np.ndarray
     possible: np.ndarray
     occluder: np.ndarray

@@ -18,6 +18,7 @@ import numpy as np
 
 from catalogs.crs import LONLAT
 from catalogs.features import natural_sort_key
+from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -291,7 +292,7 @@ def _check_row(row: Mapping[str, Any], path: Path) -> None:
         raise InputError(f"{facade}: failed without a reason; say why")
 
 
-def transform_foot_lines(foot_lines: Sequence[LineString | None], crs: Any, target: Any) -> np.ndarray:
+def transform_foot_lines(foot_lines: Sequence[LineString | None], crs: Any, target: Any) -> ObjectArray:
     """Transform foot lines from one CRS to another, without heights.
 
     Parameters

@@ -12,6 +12,7 @@ import icechunk
 import numpy as np
 
 from facade_core.atlas.store_location import StoreLocation
+from facade_core.core.arrays import AnyArray
 from facade_core.core.zarr_types import StoreGroup
 
 
@@ -50,7 +51,7 @@ def cache_journals(store: StoreLocation) -> Iterator[None]:
         _caches.pop(store, None)
 
 
-def read_cached_array(group: StoreGroup, path: str) -> np.ndarray:
+def read_cached_array(group: StoreGroup, path: str) -> AnyArray:
     """Return an array (n,) with one chunk per element, read-only for the caller.
 
     `facade_core.atlas.store` puts the store's folder on the root group's store.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, Int64Array, IntArray, UInt8Array, UInt64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray
@@ -27,8 +28,8 @@ class TexelLayout:
     total : number of texels.
     """
 
-    charts: np.ndarray
-    offset: np.ndarray
+    charts: Int64Array
+    offset: Int64Array
     total: int
 
     @classmethod
@@ -46,7 +47,7 @@ class TexelLayout:
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
-def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> np.ndarray:
+def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> AnyArray:
     """Read the layout's texels from a page array; a chunk that small charts share is read once.
 
     Parameters
@@ -77,7 +78,7 @@ def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -
 
 
 def write_rasters(
-    array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: np.ndarray
+    array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: AnyArray
 ) -> None:
     """Write the layout's texels and their gutters to a page array.
 
@@ -118,7 +119,7 @@ def write_rasters(
         write_chunks(array, region, whole)
 
 
-def write_chunks(array: StoreArray, region: tuple[int, slice, slice], values: np.ndarray) -> None:
+def write_chunks(array: StoreArray, region: tuple[int, slice, slice], values: AnyArray) -> None:
     """Write a region of a page as whole chunks: each chunk has one writer.
 
     Parameters
@@ -147,7 +148,7 @@ def _chunk_region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, s
 
 
 def chart_digests(
-    colour: np.ndarray, provenance: np.ndarray, placement: Placement, layout: TexelLayout, ids: np.ndarray
+    colour: UInt8Array, provenance: IntArray, placement: Placement, layout: TexelLayout, ids: UInt64Array
 ) -> dict[str, str]:
     """Compute the digest of colour and provenance of every chart of a layout.
 
@@ -174,7 +175,7 @@ def chart_digests(
     return digests
 
 
-def picture_digest(rgb: np.ndarray) -> str:
+def picture_digest(rgb: UInt8Array) -> str:
     """Compute the digest of a picture's pixels, hexadecimal."""
     return hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).hexdigest()
 

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 
@@ -76,7 +77,7 @@ def read_stored_file(group: StoreGroup, path: str, digest: str) -> bytes:
     return read_verified_array(group, path, digest).tobytes()
 
 
-def read_verified_array(group: StoreGroup, path: str, digest: str) -> np.ndarray:
+def read_verified_array(group: StoreGroup, path: str, digest: str) -> UInt8Array:
     """Return a file or coarse rasters as a stored array.
 
     Raises

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array
 from facade_core.geometry.charts import CORNER_SHARES, Charts, raster_sizes
 
 # Coplanar pieces: cosine between normals, and distance.
@@ -16,7 +17,7 @@ MAX_PLANE_GAP_M = 0.5
 ChartReader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
 
 
-def coplanar_pieces(charts: Charts, chart: int, margin: float) -> np.ndarray:
+def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
     """Find the other pieces of a chart's surface in its plane within a margin.
 
     Parameters

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray
 from facade_core.core.errors import StoreError
 from facade_core.geometry.charts import CHART_KINDS
 from facade_core.geometry.walls import WALL_ROLES
@@ -100,13 +101,13 @@ class Table:
         return values
 
 
-def _to_array(values: Any, dtype: str) -> np.ndarray:
+def _to_array(values: Any, dtype: str) -> AnyArray:
     if dtype == TEXT:
         return text_column(values)
     return np.asarray(values, dtype)
 
 
-def text_column(values: Sequence[str]) -> np.ndarray:
+def text_column(values: Sequence[str]) -> AnyArray:
     """Convert strings to a variable-length string column of zarr."""
     return np.array(list(values), dtype=np.dtypes.StringDType())
 

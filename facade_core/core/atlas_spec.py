@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 
@@ -84,7 +83,7 @@ class ArraySpec:
             overwrite=True,
         )
 
-    def write(self, group: StoreGroup, folder: str, values: np.ndarray) -> None:
+    def write(self, group: StoreGroup, folder: str, values: UInt8Array) -> None:
         """Write `values` as a new array of one chunk in `folder`."""
         axes = {dim: Axis(size, size) for dim, size in zip(self.dims, values.shape, strict=True)}
         replace(self, path=f"{folder}/{self.path}").create(group, axes)[:] = values

@@ -6,6 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
+
 CLASSES = ("wall", "window", "balcony", "door", "roof", "shop", "sky")
 
 
@@ -38,7 +40,7 @@ COLOURS = np.array(
 PARSE_COLOURS = {name: "#" + bytes(colour.tolist()).hex() for name, colour in zip(CLASSES, COLOURS, strict=True)}
 
 
-def colourise(labels: np.ndarray) -> np.ndarray:
+def colourise(labels: UInt8Array) -> UInt8Array:
     """Draw a label map in the class colours, with UNKNOWN in black.
 
     Parameters

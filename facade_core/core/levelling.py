@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, NumericArray, UInt8Array
+
 # Metres from a seam at which its offset has fallen to 1 / e.
 SEAM_DECAY_M = 2.0
 # Beyond this many decay lengths the rest of the offset is invisible, and texels need not be read.
@@ -16,7 +18,7 @@ MAX_SEAM_OFFSET = 64.0
 RELAXATIONS_PER_SIZE = 24
 
 
-def fill_unknown(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fill_unknown(values: NumericArray, known: BoolArray) -> Float32Array:
     """Fill unknown values with the means of known ones around them (pull-push).
 
     An unknown value takes the mean of the smallest square with a power-of-two side that contains a known one. So means
@@ -35,7 +37,7 @@ def fill_unknown(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return _known_means(values.astype(np.float32) * weight[..., None], weight)
 
 
-def fill_unknown_colours(colour: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fill_unknown_colours(colour: UInt8Array, known: BoolArray) -> UInt8Array:
     """Fill unknown colours as `fill_unknown` does, rounded to bytes.
 
     The finest size, with four times as many texels as all others together, is processed without floats.
@@ -58,7 +60,7 @@ def fill_unknown_colours(colour: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known[..., None], colour, near.repeat(2, axis=0).repeat(2, axis=1)[:height, :width])
 
 
-def _known_means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _known_means(total: Float32Array, weight: Float32Array) -> Float32Array:
     """Compute the pyramid means of sums (h, w, c) of `weight` (h, w) known values."""
     levels = [(total, weight)]
     while max(levels[-1][1].shape) > 1:
@@ -74,7 +76,7 @@ def _known_means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return result
 
 
-def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach: float) -> np.ndarray:
+def level_seam(colour: UInt8Array, fixed: BoolArray, free: BoolArray, *, reach: float) -> UInt8Array:
     """Level the seam between the fixed and the free texels of a chart.
 
     The mean colours on both sides of the border are compared, up to MAX_SEAM_OFFSET. A membrane through the difference
@@ -117,7 +119,7 @@ def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach
     return levelled
 
 
-def _membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _membrane(values: np.ndarray, known: np.ndarray) -> Float32Array:
     """Interpolate known values (h, w, c) smoothly, with free borders, by relaxation from coarse to fine."""
     import cv2
 
@@ -140,7 +142,7 @@ def _membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return sheet
 
 
-def _sum_blocks(array: np.ndarray, dtype: type | None = None) -> np.ndarray:
+def _sum_blocks(array: AnyArray, dtype: type | None = None) -> NumericArray:
     """Sum blocks of 2 x 2, zero-padded for odd sizes."""
     rows, columns = array.shape[0] % 2, array.shape[1] % 2
     padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2)) if rows or columns else array

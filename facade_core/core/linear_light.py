@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array
+
 _BYTES = np.arange(256) / 255
 # IEC 61966-2-1.
 _LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def srgb_to_linear(image: np.ndarray) -> np.ndarray:
+def srgb_to_linear(image: np.ndarray) -> Float32Array:
     """Convert sRGB bytes (...) to linear light (...), 0 to 1."""
     return _LINEAR[image]
 
@@ -21,7 +23,7 @@ def linear_to_srgb(light: np.ndarray) -> np.ndarray:
     return np.rint(255 * encoded).astype(np.uint8)
 
 
-def smooth_known(light: np.ndarray, known: np.ndarray, sigma: float, *, wrap: bool = False) -> np.ndarray:
+def smooth_known(light: np.ndarray, known: BoolArray, sigma: float, *, wrap: bool = False) -> np.ndarray:
     """Compute Gaussian means of the known light around each pixel.
 
     Where no known pixel is near, ever wider means are used (pull-push).

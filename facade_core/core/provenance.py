@@ -6,6 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array, UInt16Array
+
 # Names by rising rank; the value of a texel is its rank.
 PROVENANCE = ("unseen", "material", "translated", "synthesised", "inpainted", "photo")
 
@@ -22,8 +24,8 @@ class Provenance(IntEnum):
 
 
 def resolve_provenance(
-    seed: np.ndarray, evidence: np.ndarray, street: np.ndarray, views: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    seed: UInt8Array, evidence: UInt8Array, street: UInt8Array, views: UInt16Array
+) -> tuple[UInt8Array, UInt8Array]:
     """Combine the base layer of the facade stages with the result of the street stage.
 
     Rank: photo > inpainted > synthesised > translated > unseen. Unseen texels stay black; `facade_core.street.surfaces`

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+from facade_core.core.arrays import UInt8Array
 
 
-def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def resize_image(image: UInt8Array, size: tuple[int, int]) -> UInt8Array:
     """Resize an image (h, w, ...) to (height, width): by area means where it gets smaller, else bicubic."""
     import cv2
 
@@ -15,7 +15,7 @@ def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
 
 
-def resize_with_labels(image: np.ndarray, labels: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def resize_with_labels(image: UInt8Array, labels: UInt8Array, size: tuple[int, int]) -> tuple[UInt8Array, UInt8Array]:
     """Resize an image (h, w, 3) and its labels (h, w) to (height, width)."""
     import cv2
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def argsort_few(values: np.ndarray) -> np.ndarray:
+def argsort_few(values: Float64Array) -> np.ndarray:
     """Return the stable ascending order (k,) of a few values (k,)."""
     order = np.empty(len(values), np.int64)
     for i in range(len(values)):

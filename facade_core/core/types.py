@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,9 +61,9 @@ class Parsing:
     occluded : (height, width), True where something hides the facade.
     """
 
-    labels: np.ndarray
-    confidence: np.ndarray
-    occluded: np.ndarray
+    labels: UInt8Array
+    confidence: Float32Array
+    occluded: BoolArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +94,9 @@ class Synthesis:
     energy : Eq. 4 of the tiles paper.
     """
 
-    image: np.ndarray
-    labels: np.ndarray
-    tiles: np.ndarray
+    image: UInt8Array
+    labels: UInt8Array
+    tiles: Int32Array
     energy: float
 
 
@@ -117,11 +117,11 @@ class Shell:
     uv : (t, 3, 2) texture coordinates of the corners, 0 to 1, u right and v up; zeros without a texture.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    semantic: np.ndarray
-    texture: np.ndarray
-    uv: np.ndarray
+    vertices: Float64Array
+    triangles: Int32Array
+    semantic: UInt8Array
+    texture: Int32Array
+    uv: Float32Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +275,7 @@ class Elevation:
     x: float
     y: float
     step: float
-    heights: np.ndarray
+    heights: Float32Array
 
 
 @dataclass(frozen=True, slots=True)

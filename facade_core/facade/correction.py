@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.levelling import fill_unknown
 from facade_core.core.provenance import Provenance
@@ -26,7 +27,7 @@ SILL_SHARE = 0.15
 CONTEXT_TEXELS = 10
 
 
-def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
+def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> BoolArray:
     """Mark the texels whose centre is in one of the boxes.
 
     Parameters
@@ -155,7 +156,7 @@ def unmatched_elements(
     ]
 
 
-def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
+def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> UInt8Array:
     """Return a label map (h, w) uint8 whose elements are those of a layout; former elements become wall."""
     drawn = labels.copy()
     drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = FacadeClass.WALL

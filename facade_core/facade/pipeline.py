@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
@@ -78,11 +79,11 @@ class Facade:
     seconds : seconds of each stage.
     """
 
-    evidence: np.ndarray
-    image: np.ndarray
-    labels: np.ndarray
-    occluded: np.ndarray
-    provenance: np.ndarray
+    evidence: UInt8Array
+    image: UInt8Array
+    labels: UInt8Array
+    occluded: BoolArray
+    provenance: UInt8Array
     masked: tuple[Box, ...]
     masked_share: float
     lattice: Lattice
@@ -110,10 +111,10 @@ class Exemplar:
     seconds : seconds of each stage.
     """
 
-    evidence: np.ndarray
-    image: np.ndarray
-    labels: np.ndarray
-    occluded: np.ndarray
+    evidence: UInt8Array
+    image: UInt8Array
+    labels: UInt8Array
+    occluded: BoolArray
     box: Box
     has_facade: bool
     metres_per_pixel: float
@@ -126,9 +127,9 @@ class Exemplar:
 class _CompletedPhoto(NamedTuple):
     """Parsed and completed photo, before lattice and variations; fields as in `Facade`."""
 
-    image: np.ndarray
-    labels: np.ndarray
-    occluded: np.ndarray
+    image: UInt8Array
+    labels: UInt8Array
+    occluded: BoolArray
     masked: tuple[Box, ...]
     masked_share: float
     elements: tuple[Element, ...]
@@ -137,12 +138,12 @@ class _CompletedPhoto(NamedTuple):
 
 
 def build_facade_from_photo(
-    image: np.ndarray,
-    hidden: np.ndarray,
+    image: UInt8Array,
+    hidden: BoolArray,
     *,
-    facade_mask: np.ndarray | None = None,
-    outside: np.ndarray | None = None,
-    private: np.ndarray | None = None,
+    facade_mask: BoolArray | None = None,
+    outside: BoolArray | None = None,
+    private: BoolArray | None = None,
     clean: bool = False,
     entrances: Sequence[float] = (),
     front: bool = False,
@@ -208,13 +209,13 @@ def build_facade_from_photo(
 
 
 def _complete_photo(
-    image: np.ndarray,
-    hidden: np.ndarray,
+    image: UInt8Array,
+    hidden: BoolArray,
     seconds: dict[str, float],
     *,
-    facade_mask: np.ndarray | None = None,
-    outside: np.ndarray | None,
-    private: np.ndarray | None,
+    facade_mask: BoolArray | None = None,
+    outside: BoolArray | None,
+    private: BoolArray | None,
     clean: bool,
     entrances: Sequence[float] = (),
     front: bool = False,
@@ -273,7 +274,7 @@ def _complete_photo(
     )
 
 
-def _require_visible(hidden: np.ndarray, cause: str) -> None:
+def _require_visible(hidden: BoolArray, cause: str) -> None:
     seen = 1 - hidden.mean()
     if seen < MIN_VISIBLE_SHARE:
         raise ImageError(
@@ -283,12 +284,12 @@ def _require_visible(hidden: np.ndarray, cause: str) -> None:
 
 
 def prepare_exemplar(
-    image: np.ndarray,
-    hidden: np.ndarray,
+    image: UInt8Array,
+    hidden: BoolArray,
     *,
     floor_height: float,
-    private: np.ndarray | None = None,
-    labels: np.ndarray | None = None,
+    private: BoolArray | None = None,
+    labels: UInt8Array | None = None,
     models: ModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Exemplar:
@@ -348,7 +349,7 @@ def prepare_exemplar(
     )
 
 
-def _shrink_to_side(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
+def _shrink_to_side(image: UInt8Array, labels: UInt8Array, longest: int) -> tuple[UInt8Array, UInt8Array]:
     """Shrink an image (h, w, 3) and its labels (h, w) until no side is longer than `longest` pixels."""
     share = longest / max(labels.shape)
     if share >= 1:
@@ -366,7 +367,7 @@ def build_facade_from_exemplar(
     floor_style: ExemplarStyle | None = None,
     metres_per_pixel: float,
     building_seed: int = 0,
-    wall_colour: np.ndarray | None = None,
+    wall_colour: Float64Array | None = None,
     seed: int = 0,
 ) -> Facade:
     """Build a wall without imagery in the style of an exemplar.
@@ -441,7 +442,7 @@ def build_facade_from_exemplar(
     )
 
 
-def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
+def _paint_factors(texture: UInt8Array, labels: UInt8Array, colour: Float64Array | None) -> Float64Array | None:
     """Return (3,) factors that bring a texture's wall to a colour; None without a wall or a colour."""
     is_wall = labels == FacadeClass.WALL
     if colour is None or not is_wall.any():
@@ -451,7 +452,7 @@ def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray |
     )
 
 
-def _free_mask(wall: FacadeWall, span: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+def _free_mask(wall: FacadeWall, span: tuple[float, float], size: tuple[int, int]) -> BoolArray:
     """Mark, (h, w) bool, the texels of a part of a wall that no neighbour covers."""
     import cv2
 

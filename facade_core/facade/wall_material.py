@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Smallest area of visible wall, square metres.
@@ -35,11 +36,11 @@ class WallMaterial(NamedTuple):
     brick : True if courses of bricks show; otherwise plaster of that colour.
     """
 
-    colour: np.ndarray
+    colour: Float64Array
     brick: bool
 
 
-def measure_wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> WallMaterial | None:
+def measure_wall_material(image: UInt8Array, labels: UInt8Array, texels_per_metre: float) -> WallMaterial | None:
     """Measure the wall material of a facade, None where too little wall is visible.
 
     Parameters
@@ -54,7 +55,7 @@ def measure_wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metr
     return WallMaterial(lit_colour(image[is_wall]), _shows_courses(image, is_wall, texels_per_metre))
 
 
-def lit_colour(pixels: np.ndarray) -> np.ndarray:
+def lit_colour(pixels: UInt8Array) -> Float64Array:
     """Return the (3,) colour of wall texels (n, 3) that are neither in shadow nor glossy."""
     light = pixels.mean(axis=1, dtype=np.float64)
     low, high = np.quantile(light, LIT_QUANTILES)
@@ -62,7 +63,7 @@ def lit_colour(pixels: np.ndarray) -> np.ndarray:
     return np.asarray(np.median(pixels[lit if lit.any() else slice(None)].astype(np.float64), axis=0))
 
 
-def _shows_courses(image: np.ndarray, is_wall: np.ndarray, density: float) -> bool:
+def _shows_courses(image: UInt8Array, is_wall: BoolArray, density: float) -> bool:
     """Return whether the vertical profile of wall patches has the period of brick courses."""
     if density < MIN_TEXELS_PER_METRE:
         return False

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Street
 from facade_core.geometry.buildings.chimneys import build_chimneys
@@ -185,7 +186,7 @@ def add_building(
     return outline, found
 
 
-def _wall_foot(terrain: Terrain, base: float, raised: float, place: np.ndarray) -> float:
+def _wall_foot(terrain: Terrain, base: float, raised: float, place: Float64Array) -> float:
     """Return the height in metres at which walls begin at a place (2,)."""
     return base + raised if raised else max(base, float(terrain.interpolate(place[None])[0]))
 

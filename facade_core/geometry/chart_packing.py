@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import raster_sizes
@@ -29,15 +30,15 @@ class Placement:
     pages : number of pages.
     """
 
-    page: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    texels_per_metre: np.ndarray
+    page: Int32Array
+    x: Int32Array
+    y: Int32Array
+    width: Int32Array
+    height: Int32Array
+    texels_per_metre: Float64Array
     pages: int
 
-    def chunks(self, chart: int, chunk: int, gutter: int) -> np.ndarray:
+    def chunks(self, chart: int, chunk: int, gutter: int) -> Int32Array:
         """Return the chunks that hold a chart's texels and gutters.
 
         Parameters
@@ -64,19 +65,19 @@ class Placement:
 class PreviousPlacement:
     """Placement of an earlier ingest, with its chart ids (n,) as computed by `facade_core.plan.identity`."""
 
-    ids: np.ndarray
+    ids: UInt64Array
     placement: Placement
 
 
 def pack_charts(
-    size: np.ndarray,
-    texels_per_metre: float | np.ndarray,
-    owner: np.ndarray,
+    size: Float64Array,
+    texels_per_metre: float | Float64Array,
+    owner: Int32Array,
     *,
     page: int,
     chunk: int,
     gutter: int,
-    ids: np.ndarray | None = None,
+    ids: UInt64Array | None = None,
     previous: PreviousPlacement | None = None,
 ) -> Placement:
     """Pack charts into square pages, first fit in their order over the last few pages.
@@ -133,14 +134,14 @@ def pack_charts(
 
 
 def _reuse_places(
-    place: np.ndarray,
-    block: np.ndarray,
-    corner: np.ndarray,
-    texels: np.ndarray,
-    ids: np.ndarray,
+    place: Int64Array,
+    block: Int64Array,
+    corner: Int64Array,
+    texels: Int64Array,
+    ids: UInt64Array,
     last: PreviousPlacement,
     chunk: int,
-) -> np.ndarray:
+) -> Int64Array:
     """Fill `place` (blocks, 3) with page, column and row of each block whose charts all keep their earlier places."""
     if len(last.ids) == 0:
         return place
@@ -159,7 +160,7 @@ def _reuse_places(
 
 
 @njit(cache=True)
-def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def _share_chunks(outer: Int64Array, owner: Int64Array, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Assign each chart to a block of whole chunks and a place in it; small and thin charts of one owner share shelves."""
     n = len(outer)
     block = np.empty(n, np.int64)
@@ -197,14 +198,14 @@ def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.
 
 
 @njit(cache=True)
-def _occupy(taken: np.ndarray, row: int, column: int, height: int, width: int) -> None:
+def _occupy(taken: BoolArray, row: int, column: int, height: int, width: int) -> None:
     for y in range(row, row + height):
         for x in range(column, column + width):
             taken[y, x] = True
 
 
 @njit(cache=True)
-def _is_free(taken: np.ndarray, row: int, column: int, height: int, width: int) -> bool:
+def _is_free(taken: BoolArray, row: int, column: int, height: int, width: int) -> bool:
     for y in range(row, row + height):
         for x in range(column, column + width):
             if taken[y, x]:
@@ -213,7 +214,7 @@ def _is_free(taken: np.ndarray, row: int, column: int, height: int, width: int) 
 
 
 @njit(cache=True)
-def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) -> None:
+def _first_fit(place: Int64Array, size: Int64Array, side: int, open_pages: int) -> None:
     """Place blocks without a page, in place, on the last `open_pages` pages of side x side chunks."""
     pages = 0
     for i in range(len(place)):

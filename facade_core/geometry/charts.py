@@ -9,6 +9,15 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import (
+    Float32Array,
+    Float64Array,
+    Int32Array,
+    Int64Array,
+    IntArray,
+    NumericArray,
+    UInt8Array,
+)
 from facade_core.core.grouping import RowIndex
 
 CHART_KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
@@ -45,18 +54,18 @@ class Charts:
     size : (n, 2) width and height in metres.
     """
 
-    kind: np.ndarray
-    surface: np.ndarray
-    building: np.ndarray
-    origin: np.ndarray
-    axis_u: np.ndarray
-    axis_v: np.ndarray
-    size: np.ndarray
+    kind: UInt8Array
+    surface: Int32Array
+    building: Int32Array
+    origin: Float64Array
+    axis_u: Float64Array
+    axis_v: Float64Array
+    size: Float64Array
 
     def __len__(self) -> int:
         return len(self.kind)
 
-    def normals(self) -> np.ndarray:
+    def normals(self) -> Float64Array:
         """Return the outward unit normals (n, 3), read-only: v x u, as y runs down."""
         return self._normal
 
@@ -66,7 +75,7 @@ class Charts:
         normal.flags.writeable = False
         return normal
 
-    def points(self, chart: int | np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def points(self, chart: int | IntArray, x: Float64Array, y: Float64Array) -> Float64Array:
         """Return world points = origin + x axis_u + y axis_v of places in chart frames.
 
         Parameters
@@ -80,12 +89,12 @@ class Charts:
         """
         return self.origin[chart] + x[..., None] * self.axis_u[chart] + y[..., None] * self.axis_v[chart]
 
-    def points_at_shares(self, charts: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def points_at_shares(self, charts: IntArray, share: NumericArray) -> Float64Array:
         """Return world points (k, s, 3) at shares (s, 2) of the width and height of charts (k,)."""
         x, y = np.moveaxis(share * self.size[charts][:, None], -1, 0)
         return self.points(charts[:, None], x, y)
 
-    def coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def coordinates(self, chart: Int64Array, points: Float64Array) -> Float64Array:
         """Return the chart coordinates of world points.
 
         Parameters
@@ -100,7 +109,7 @@ class Charts:
         offset = points - self.origin[chart]
         return np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in (self.axis_u, self.axis_v)], axis=1)
 
-    def charts_within(self, chart: int, reach: float) -> np.ndarray:
+    def charts_within(self, chart: int, reach: float) -> Int64Array:
         """Return the charts (k,), ascending, whose boxes from above are within `reach` metres of a chart's, itself included."""
         low, high = self._low[chart] - reach, self._high[chart] + reach
         return np.sort(self._boxes.query(shapely.box(*low, *high)))
@@ -127,7 +136,7 @@ class Charts:
     def _boxes(self) -> shapely.STRtree:
         return shapely.STRtree(self.boxes)
 
-    def texels(self, texels_per_metre: float | np.ndarray) -> np.ndarray:
+    def texels(self, texels_per_metre: float | Float64Array) -> Int64Array:
         """Return the raster sizes (n, 2) of all charts, width and height, at one density or at a density (n,) each."""
         return raster_sizes(self.size, texels_per_metre)
 
@@ -146,12 +155,12 @@ class Mesh:
     uv : (t, 3, 2) texture coordinates of the corners, u right and v up; may be left out.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    chart: np.ndarray
-    vertex_chart: np.ndarray
-    texture: np.ndarray = None  # type: ignore[assignment]
-    uv: np.ndarray = None  # type: ignore[assignment]
+    vertices: Float64Array
+    triangles: Int32Array
+    chart: Int32Array
+    vertex_chart: Int32Array
+    texture: Int32Array = None  # type: ignore[assignment]
+    uv: Float32Array = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.texture is None:
@@ -159,7 +168,7 @@ class Mesh:
         if self.uv is None:
             object.__setattr__(self, "uv", np.zeros((len(self.triangles), 3, 2), np.float32))
 
-    def chart_triangles(self, chart: int) -> np.ndarray:
+    def chart_triangles(self, chart: int) -> Int64Array:
         """Return the triangles (k,) of a chart, ascending."""
         return self._by_chart.rows_with(chart)
 
@@ -167,12 +176,12 @@ class Mesh:
     def _by_chart(self) -> RowIndex:
         return RowIndex(self.chart)
 
-    def chart_coordinates(self, charts: Charts) -> np.ndarray:
+    def chart_coordinates(self, charts: Charts) -> Float64Array:
         """Return each vertex in the frame of its chart: (v, 2) metres, x right and y down."""
         return charts.coordinates(self.vertex_chart, self.vertices)
 
 
-def raster_sizes(size: np.ndarray, texels_per_metre: float | np.ndarray) -> np.ndarray:
+def raster_sizes(size: Float64Array, texels_per_metre: float | Float64Array) -> Int64Array:
     """Convert sizes in metres to texels, rounded up.
 
     Parameters
@@ -187,7 +196,7 @@ def raster_sizes(size: np.ndarray, texels_per_metre: float | np.ndarray) -> np.n
     return np.maximum(1, np.ceil((size.T * texels_per_metre).T - 1e-6)).astype(np.int64)
 
 
-def chart_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def chart_axes(normal: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Compute the axes of charts: u horizontal (east on level charts), v = u x n, which runs down on walls.
 
     Parameters
@@ -221,16 +230,16 @@ class ChartBuilder:
 
     def add_surfaces(
         self,
-        kind: np.ndarray,
-        surface: np.ndarray,
+        kind: UInt8Array,
+        surface: Int64Array,
         building: int,
-        axis_u: np.ndarray,
-        axis_v: np.ndarray,
-        vertices: np.ndarray,
-        triangles: np.ndarray,
-        chart: np.ndarray,
-        texture: np.ndarray | None = None,
-        uv: np.ndarray | None = None,
+        axis_u: Float64Array,
+        axis_v: Float64Array,
+        vertices: Float64Array,
+        triangles: Int64Array,
+        chart: Int64Array,
+        texture: Int32Array | None = None,
+        uv: Float32Array | None = None,
     ) -> None:
         """Add charts of one building with their triangles.
 
@@ -270,10 +279,10 @@ class ChartBuilder:
 
     def add_charts(
         self,
-        charts: tuple[np.ndarray, ...],
-        mesh: tuple[np.ndarray, ...],
-        texture: np.ndarray | None = None,
-        uv: np.ndarray | None = None,
+        charts: tuple[NumericArray, ...],
+        mesh: tuple[NumericArray, ...],
+        texture: Int32Array | None = None,
+        uv: Float32Array | None = None,
     ) -> None:
         """Append columns of `Charts` and of their `Mesh`.
 

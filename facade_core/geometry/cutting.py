@@ -6,13 +6,15 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
+
 # Metres; walls are not cut into shorter pieces.
 MIN_WALL_PIECE_M = 0.05
 # Vertices nearer than this to a cutting plane lie on it; metres.
 ON_PLANE_M = 1e-6
 
 
-def grid_crossings(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
+def grid_crossings(a: Float64Array, b: Float64Array, length: float, grid: float) -> Float64Array:
     """Compute the distances at which a wall crosses the world grid.
 
     Parameters

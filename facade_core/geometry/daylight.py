@@ -7,6 +7,7 @@ from threading import Lock
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.raycast import MISS, RayCaster
@@ -48,7 +49,7 @@ class Daylight:
         self._used = 0
         self._filling = Lock()
 
-    def compute(self, wanted: Sequence[int] | np.ndarray) -> None:
+    def compute(self, wanted: Sequence[int] | IntArray) -> None:
         """Compute the missing light of the charts (k,)."""
         chosen = np.asarray(wanted, np.int64)
         if (self.start[chosen] >= 0).all():
@@ -56,7 +57,7 @@ class Daylight:
         with self._filling:
             self._fill(np.unique(chosen[self.start[chosen] < 0]))
 
-    def _fill(self, new: np.ndarray) -> None:
+    def _fill(self, new: Int64Array) -> None:
         count = self.rows[new] * self.columns[new]
         first = np.cumsum(count) - count
         own = np.repeat(new, count)
@@ -89,7 +90,7 @@ class Daylight:
 
 @njit(cache=True)
 def fill_hidden_places(
-    clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.ndarray, columns: np.ndarray
+    clear: Float64Array, inside: BoolArray, first: Int64Array, rows: Int64Array, columns: Int64Array
 ) -> None:
     """Fill places inside buildings with the mean of visible neighbours, ring by ring, in place.
 
@@ -126,7 +127,7 @@ def fill_hidden_places(
             hidden = ring
 
 
-def hemisphere_directions() -> np.ndarray:
+def hemisphere_directions() -> Float64Array:
     """Return unit directions (RAYS_PER_PLACE, 3) about +z with cosine density: a spiral of equal steps."""
     share = (np.arange(RAYS_PER_PLACE) + 0.5) / RAYS_PER_PLACE
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS_PER_PLACE)

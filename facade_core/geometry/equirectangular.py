@@ -6,14 +6,16 @@ from functools import lru_cache
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 
-def upright_rotation(forward: np.ndarray) -> np.ndarray:
+
+def upright_rotation(forward: Float64Array) -> Float64Array:
     """Return the camera_from_world rotation (3, 3) of an upright camera along the horizontal unit vector `forward` (2,)."""
     fx, fy = float(forward[0]), float(forward[1])
     return np.array([[fy, -fx, 0.0], [0.0, 0.0, -1.0], [fx, fy, 0.0]])
 
 
-def panorama_rays(forward: np.ndarray, width: int) -> np.ndarray:
+def panorama_rays(forward: Float64Array, width: int) -> Float64Array:
     """Return the world unit directions through the pixel centres, (width / 2, width, 3)."""
     return _camera_rays(width) @ upright_rotation(forward)
 

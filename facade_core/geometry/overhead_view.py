@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
@@ -21,7 +22,7 @@ TEXELS_PER_BATCH = 1 << 17
 AerialSampler = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 
-def roofs_seen_from_above(scene: Scene) -> np.ndarray:
+def roofs_seen_from_above(scene: Scene) -> BoolArray:
     """Return the roofs that a picture from above can texture, (charts,)."""
     return (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
 
@@ -68,7 +69,7 @@ def texel_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray
     return scene.charts.points(chart, step * columns[None], step * rows[:, None])
 
 
-def has_free_sky(caster: RayCaster, points: np.ndarray) -> np.ndarray:
+def has_free_sky(caster: RayCaster, points: np.ndarray) -> BoolArray:
     """Return whether nothing of the block is above each world point (n, 3): (n,)."""
     if len(points) == 0:
         return np.zeros(0, bool)

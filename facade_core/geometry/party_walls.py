@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 
@@ -15,7 +16,7 @@ PROBE_DISTANCE_M = 0.3
 EDGE_INSET_M = 0.02
 
 
-def enclosed_texels(scene: Scene, chart: int) -> np.ndarray:
+def enclosed_texels(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) of a wall that are inside a building; none for charts of other kinds.
 
     A probe is inside where a ray outwards and a ray upwards both hit a back face first.
@@ -42,7 +43,7 @@ def enclosed_texels(scene: Scene, chart: int) -> np.ndarray:
     return cell[np.ix_(row, column)]
 
 
-def _hits_back_face(scene: Scene, points: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def _hits_back_face(scene: Scene, points: Float64Array, direction: Float64Array) -> BoolArray:
     """Return whether rays from points (n, 3) along a direction (3,) hit a back face first: (n,)."""
     if not len(points):
         return np.zeros(0, bool)

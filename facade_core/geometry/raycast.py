@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int32Array
 from facade_core.geometry.charts import Mesh
 
 MISS = -1
@@ -43,7 +44,7 @@ class RayCaster:
             self._tensor(mesh.triangles.astype(np.uint32)),
         )
 
-    def cast(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def cast(self, origin: Float64Array, directions: Float64Array) -> tuple[Float32Array, Int32Array]:
         """Cast rays and return their nearest hits.
 
         Parameters

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.name_hash import hash_name
 from facade_core.core.numba_cache import njit
@@ -47,7 +48,7 @@ class Scene:
         return Scene, tuple(getattr(self, one.name) for one in fields(self))
 
     @cached_property
-    def building_hashes(self) -> np.ndarray:
+    def building_hashes(self) -> Int64Array:
         """Return a 32-bit hash of each building's id as a random seed, (buildings,); the row in a scene without names."""
         if not self.names:
             return np.arange(max(1, int(self.charts.building.max(initial=0)) + 1))
@@ -63,7 +64,7 @@ class Scene:
         """Return the daylight of the charts."""
         return Daylight(self.charts, self.caster)
 
-    def cast_panorama(self, viewpoint: Viewpoint, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def cast_panorama(self, viewpoint: Viewpoint, width: int) -> tuple[Float64Array, Float32Array, Int32Array]:
         """Cast the rays of a viewpoint's panorama.
 
         Parameters

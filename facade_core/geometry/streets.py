@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import RowIndex
 
 # Metres; a shorter street has no viewpoint.
@@ -29,8 +30,8 @@ class Viewpoint:
 
     id: int
     street: int
-    position: np.ndarray
-    forward: np.ndarray
+    position: Float64Array
+    forward: Float64Array
 
 
 def flat_ground(points: np.ndarray) -> np.ndarray:
@@ -46,7 +47,7 @@ def place_viewpoints(
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
     ground: Callable[[np.ndarray], np.ndarray] = flat_ground,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 
     The first is half a spacing from the start, so that two streets that meet share none. A street from MIN_STREET_M to
@@ -85,7 +86,7 @@ def place_viewpoints(
     return np.column_stack([points, ground(points) + height]), forward
 
 
-def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
+def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> Int32Array:
     """Assign streets to waves, (n,); within a wave no street touches a chunk that another writes.
 
     Greedy colouring of the conflict graph: streets with most conflicts first (ties: lower index), lowest free wave.
@@ -109,7 +110,7 @@ def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
     return wave
 
 
-def wave_predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> list[np.ndarray]:
+def wave_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -> list[Int64Array]:
     """Return for each street the streets of earlier waves that must end before it starts, ascending.
 
     They touch a chunk of its writes, or write a chunk of its reads.

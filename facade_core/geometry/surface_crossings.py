@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.geometry.raycast import load_open3d
 
 # Metres; nearer hits do not count: a window may be in front of its wall.
@@ -15,7 +16,7 @@ RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.00
 class CrossingCounter:
     """Counter of ray crossings with triangles (t, 3, 3) of facets (t,); not picklable."""
 
-    def __init__(self, corners: np.ndarray, facet: np.ndarray) -> None:
+    def __init__(self, corners: Float64Array, facet: Int64Array) -> None:
         self._facet = facet
         self._centre = corners.reshape(-1, 3).mean(axis=0) if len(corners) else np.zeros(3)
         open3d = load_open3d()
@@ -27,7 +28,7 @@ class CrossingCounter:
                 self._tensor(np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)),
             )
 
-    def is_odd(self, points: np.ndarray, directions: np.ndarray, own: np.ndarray) -> np.ndarray:
+    def is_odd(self, points: Float64Array, directions: Float64Array, own: Int64Array) -> BoolArray:
         """Return whether most of three rays from each point cross an odd number of triangles.
 
         Parameters

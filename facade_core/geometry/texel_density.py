@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import wall_runs
 
@@ -21,8 +22,8 @@ CHARTS_PER_BATCH = 1 << 16
 
 
 def texel_density(
-    charts: Charts, free_share: np.ndarray, viewpoints: np.ndarray, texels_per_metre: float
-) -> np.ndarray:
+    charts: Charts, free_share: Float64Array, viewpoints: Float64Array, texels_per_metre: float
+) -> Float64Array:
     """Compute the texel density of charts: full, half or a quarter, by the nearest viewpoint in front.
 
     Occlusion does not count, so that a building elsewhere changes no chart. Walls round a bend share one density.
@@ -50,7 +51,7 @@ def min_texel_density(texels_per_metre: float) -> float:
     return texels_per_metre / 2.0 ** min(max(possible, 0), 2)
 
 
-def _viewpoint_distances(charts: Charts, viewpoints: np.ndarray) -> np.ndarray:
+def _viewpoint_distances(charts: Charts, viewpoints: Float64Array) -> Float64Array:
     """Return the metres (n,) from each chart to the nearest viewpoint in front of it, inf beyond HALF_DENSITY_M."""
     nearest = np.full(len(charts), np.inf)
     if not len(viewpoints):

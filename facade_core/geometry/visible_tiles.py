@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.numba_cache import njit
 
 # Texels along the side of a tile.
@@ -28,21 +29,21 @@ class FacingCharts(NamedTuple):
     offset : (k,) first texel in the texel buffer.
     """
 
-    origin: np.ndarray
-    axis_u: np.ndarray
-    axis_v: np.ndarray
-    normal: np.ndarray
-    farthest: np.ndarray
-    step: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    surface: np.ndarray
-    offset: np.ndarray
+    origin: Float64Array
+    axis_u: Float64Array
+    axis_v: Float64Array
+    normal: Float64Array
+    farthest: Float64Array
+    step: Float64Array
+    width: Int64Array
+    height: Int64Array
+    surface: Int32Array
+    offset: Int64Array
 
 
 @njit(cache=True, nogil=True)
 def mark_visible_tiles(
-    seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: FacingCharts
+    seen: Int32Array, surface: Int32Array, place: Int64Array, camera: Float64Array, charts: FacingCharts
 ) -> np.ndarray:
     """Mark the tiles below pixels that show their chart, and below adjoining pixels of the same surface.
 

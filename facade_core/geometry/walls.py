@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 
@@ -47,7 +48,7 @@ MIN_MAIN_SURFACE_M = 0.6
 FLOOR_HEIGHT_M = (2.6, 4.5)
 
 
-def is_main_surface(charts: Charts) -> np.ndarray:
+def is_main_surface(charts: Charts) -> BoolArray:
     """Return the walls and roofs that are no details, (n,)."""
     large = (charts.size.min(axis=1) >= MIN_MAIN_SURFACE_M) & (charts.size.prod(axis=1) >= MIN_MAIN_SURFACE_M2)
     return ((charts.kind == ChartKind.WALL) | (charts.kind == ChartKind.ROOF)) & large
@@ -82,7 +83,7 @@ def free_wall_area(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry
     return own, open_
 
 
-def free_wall_shares(charts: Charts, mesh: Mesh) -> np.ndarray:
+def free_wall_shares(charts: Charts, mesh: Mesh) -> Float64Array:
     """Return the share of each chart's area without a neighbour's wall against it, (n,).
 
     Charts that are no walls, or smaller than MIN_WALL_M, have share 1.
@@ -105,7 +106,7 @@ def _outline_without_openings(charts: Charts, mesh: Mesh, chart: int, frame: int
     return shapely.union_all(parts)
 
 
-def wall_runs(charts: Charts, walls: np.ndarray) -> list[list[int]]:
+def wall_runs(charts: Charts, walls: Int64Array) -> list[list[int]]:
     """Group walls (k,) into runs that are laid out as one, from left to right seen from outside.
 
     A run is a rounded wall of several facets, or the pieces of one surface; most walls form their own run.
@@ -126,7 +127,7 @@ def wall_runs(charts: Charts, walls: np.ndarray) -> list[list[int]]:
     return sorted(runs)
 
 
-def _right_neighbours(charts: Charts, walls: np.ndarray) -> dict[int, int]:
+def _right_neighbours(charts: Charts, walls: Int64Array) -> dict[int, int]:
     """Map walls (k,) of one building to the wall on the right that continues them."""
     foot = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
     top = charts.origin[walls, 2]

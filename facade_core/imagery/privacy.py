@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Privacy
 
 # Side in metres of the squares over which a blurred occluder is averaged: about three faces or one plate.
 BLUR_CELL_M = 0.5
 
 
-def apply_privacy(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, texels_per_metre: float) -> np.ndarray:
+def apply_privacy(evidence: UInt8Array, hidden: BoolArray, privacy: Privacy, texels_per_metre: float) -> UInt8Array:
     """Keep, mask or blur the hidden texels of a facade's evidence.
 
     A blurred texel has the mean colour of all hidden texels of its square. Visible texels contribute nothing and stay

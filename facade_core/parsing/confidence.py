@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.model_file import file_stamps, read_model_record
@@ -86,7 +87,7 @@ class Calibration:
         slope, offset = self.lines[element.label]
         return 1 / (1 + math.exp(-(slope * _log_odds(element.confidence) + offset)))
 
-    def estimate(self, parsing: Parsing, elements_found: Sequence[Element], hidden: np.ndarray) -> FacadeEstimates:
+    def estimate(self, parsing: Parsing, elements_found: Sequence[Element], hidden: BoolArray) -> FacadeEstimates:
         """Estimate a facade's figures, with intervals that account for hidden parts.
 
         Parameters
@@ -148,9 +149,7 @@ def _cached_calibration(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Cali
         raise ModelError(f"{path}: its .json does not say how sure it is; train it anew with this version") from error
 
 
-def calibrate_elements(
-    elements_found: Sequence[Element], calibration: Calibration, hidden: np.ndarray
-) -> list[Element]:
+def calibrate_elements(elements_found: Sequence[Element], calibration: Calibration, hidden: BoolArray) -> list[Element]:
     """Replace the confidence of elements by the probability that they are correct.
 
     Parameters
@@ -167,13 +166,13 @@ def calibrate_elements(
     ]
 
 
-def box_coverage(mask: np.ndarray, element: Element) -> float:
+def box_coverage(mask: BoolArray, element: Element) -> float:
     """Compute the share of an element's box that a mask (h, w) bool covers."""
     part = mask[int(element.y0) : math.ceil(element.y1), int(element.x0) : math.ceil(element.x1)]
     return float(part.mean()) if part.size else 0.0
 
 
-def expected_window_error(chance: np.ndarray, share: float, hidden: np.ndarray) -> float:
+def expected_window_error(chance: Float32Array, share: float, hidden: BoolArray) -> float:
     """Compute the expected share of a facade with a wrong decision between window and other.
 
     Parameters
@@ -187,7 +186,7 @@ def expected_window_error(chance: np.ndarray, share: float, hidden: np.ndarray) 
     return _MIN_UNCERTAINTY + float(error.mean())
 
 
-def figure_uncertainty(chance: np.ndarray, value: FacadeFigures, hidden: np.ndarray) -> FacadeFigures:
+def figure_uncertainty(chance: Float32Array, value: FacadeFigures, hidden: BoolArray) -> FacadeFigures:
     """Compute the uncertainty that widens the intervals of a parse.
 
     For counts it is the uncertainty of the visible part times the square root of the count: the error of a large count
@@ -204,12 +203,12 @@ def figure_uncertainty(chance: np.ndarray, value: FacadeFigures, hidden: np.ndar
     return FacadeFigures(share, visible_error * math.sqrt(1 + value.windows), math.sqrt(visible_error * value.floors))
 
 
-def _parse_figures(labels: np.ndarray, elements_found: Sequence[Element]) -> FacadeFigures:
+def _parse_figures(labels: UInt8Array, elements_found: Sequence[Element]) -> FacadeFigures:
     windows = sum(element.label == "window" for element in elements_found)
     return FacadeFigures(float((labels == FacadeClass.WINDOW).mean()), windows, count_floors(labels))
 
 
-def _hidden_figures(value: FacadeFigures, elements_found: Sequence[Element], hidden: np.ndarray) -> FacadeFigures:
+def _hidden_figures(value: FacadeFigures, elements_found: Sequence[Element], hidden: BoolArray) -> FacadeFigures:
     """Numbers of windows and floors that may be wrong in hidden parts (h, w) bool, by visible surroundings or by
     guesses.
 

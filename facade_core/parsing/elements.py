@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy import ndimage
 
+from facade_core.core.arrays import BoolArray, Int64Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.validation import check_labels
@@ -30,7 +31,7 @@ _SPLIT_RATIO = 0.35
 _Box = tuple[int, int, int, int]
 
 
-def elements(parsing: Parsing | np.ndarray) -> list[Element]:
+def elements(parsing: Parsing | UInt8Array) -> list[Element]:
     """Extract windows, balconies, doors and shops as rectangles in pixels, half-open, by y0, then x0.
 
     Each 4-connected component becomes one box, or several where a row or column profile dips between two peaks. The box
@@ -99,7 +100,7 @@ def _balcony_windows(balcony: _Box, windows: Sequence[_Box]) -> list[_Box]:
     return sorted(served, key=lambda box: box[1])
 
 
-def _cut_balcony(balcony: _Box, windows: Sequence[_Box], mask: np.ndarray) -> list[_Box]:
+def _cut_balcony(balcony: _Box, windows: Sequence[_Box], mask: BoolArray) -> list[_Box]:
     """Balcony cut between its windows where its profile is lower than in front of both."""
     y0, x0, y1, x1 = balcony
     profile = mask[y0:y1, x0:x1].sum(0)
@@ -114,7 +115,7 @@ def _cut_balcony(balcony: _Box, windows: Sequence[_Box], mask: np.ndarray) -> li
     return [(y0, left, y1, right) for left, right in itertools.pairwise([*edges, x1])]
 
 
-def _class_boxes(mask: np.ndarray, least: float) -> Iterator[_Box]:
+def _class_boxes(mask: BoolArray, least: float) -> Iterator[_Box]:
     components, _ = ndimage.label(mask)
     sizes = np.bincount(components.reshape(-1))
     places = ndimage.find_objects(components)
@@ -125,7 +126,7 @@ def _class_boxes(mask: np.ndarray, least: float) -> Iterator[_Box]:
             yield y0 + rows.start, x0 + columns.start, y1 + rows.start, x1 + columns.start
 
 
-def _split(component: np.ndarray, least: float) -> list[_Box]:
+def _split(component: BoolArray, least: float) -> list[_Box]:
     """Boxes of a component: trimmed to its well-filled part, cut at the clearest dip, and recursively split."""
     if np.count_nonzero(component) < least:
         return []
@@ -145,7 +146,7 @@ def _split(component: np.ndarray, least: float) -> list[_Box]:
     ]
 
 
-def _trim(component: np.ndarray) -> _Box:
+def _trim(component: BoolArray) -> _Box:
     """Span of the well-filled rows and columns, across the long side first, which has the steadier profile."""
     y0, x0, (y1, x1) = 0, 0, component.shape
     if x1 >= y1:
@@ -157,12 +158,12 @@ def _trim(component: np.ndarray) -> _Box:
     return y0, x0, y1, x1
 
 
-def _span(profile: np.ndarray) -> tuple[int, int]:
+def _span(profile: Int64Array) -> tuple[int, int]:
     full = np.flatnonzero(profile >= _MIN_FILL_RATIO * profile.max())
     return int(full[0]), int(full[-1]) + 1
 
 
-def _dip(profile: np.ndarray) -> tuple[float, int]:
+def _dip(profile: Int64Array) -> tuple[float, int]:
     """Deepest dip: its share of the lower neighbouring peak, and the middle of its lowest stretch."""
     if len(profile) < 3:
         return 1.0, 0

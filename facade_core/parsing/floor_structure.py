@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 
@@ -64,20 +65,20 @@ class FloorStructure:
         return len(self.floors) + self.has_ground_band
 
 
-def count_floors(labels: np.ndarray) -> int:
+def count_floors(labels: UInt8Array) -> int:
     """Count the floors of a label map (H, W), including the ground floor and roof windows; 0 without windows."""
     structure = find_structure(labels)
     return structure.floor_count if structure else 0
 
 
-def spans_above(profile: np.ndarray, threshold: float) -> list[Span]:
+def spans_above(profile: Float64Array, threshold: float) -> list[Span]:
     """Return half-open spans over which a profile (n,) exceeds a threshold."""
     inside = np.concatenate([[False], profile > threshold, [False]])
     edges = np.flatnonzero(inside[1:] != inside[:-1])
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def window_spans(window: np.ndarray) -> list[Span]:
+def window_spans(window: BoolArray) -> list[Span]:
     """Find the spans of rows with windows in a mask (H, W) bool, one per floor, top first.
 
     In these rows the window profile exceeds a quarter of its typical peak. Spans below a third of the median height are
@@ -97,7 +98,7 @@ def window_spans(window: np.ndarray) -> list[Span]:
     return joined
 
 
-def find_structure(labels: np.ndarray) -> FloorStructure | None:
+def find_structure(labels: UInt8Array) -> FloorStructure | None:
     """Find the floors and bays of a label map (H, W); None without windows.
 
     The sky above the roof is excluded: `top` is the first row with less than a tenth of sky.
@@ -144,7 +145,7 @@ def find_structure(labels: np.ndarray) -> FloorStructure | None:
     )
 
 
-def _move_off_windows(window: np.ndarray, top: int) -> int:
+def _move_off_windows(window: BoolArray, top: int) -> int:
     """Top row that cuts no window: below windows that are mostly above it, else above them."""
     for a, b in spans_above(window.mean(1), 0.0):
         if a < top < b:
@@ -152,7 +153,7 @@ def _move_off_windows(window: np.ndarray, top: int) -> int:
     return top
 
 
-def _floor_kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
+def _floor_kinds(labels: UInt8Array, floors: list[Span], top: int) -> tuple[str, ...]:
     """Kind of each floor: roof if roof surrounds its windows; ground if it is the lowest one, with doors or shops."""
     kinds = []
     for k, (a, b) in enumerate(floors):
@@ -174,7 +175,7 @@ def _floor_kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str,
     return tuple(kinds)
 
 
-def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) -> int:
+def _ground_top(labels: UInt8Array, floors: list[Span], kinds: tuple[str, ...]) -> int:
     """Top of the band of doors and shops below the last upper floor; the bottom where there is none."""
     above = [span for span, kind in zip(floors, kinds, strict=True) if kind != "ground"]
     height = labels.shape[0]
@@ -196,7 +197,7 @@ def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) 
     )
 
 
-def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
+def _cut(cost: Float64Array, start: int, stop: int, preferred: float) -> int:
     """Cheapest position in the gap between two elements, near a preferred fraction of it."""
     if stop - start < 2:
         return max(start, 1)
@@ -226,7 +227,7 @@ def _clamp_between(position: int, low: int, high: int, room: int) -> int:
     return min(max(position, low + 1), high - room)
 
 
-def fill_sky_and_unknown(labels: np.ndarray) -> np.ndarray:
+def fill_sky_and_unknown(labels: UInt8Array) -> UInt8Array:
     """Relabel remaining sky around chimneys and roof lines as roof, and unknown pixels (H, W) as wall."""
     return np.where(
         labels == FacadeClass.SKY, FacadeClass.ROOF, np.where(labels == UNKNOWN, FacadeClass.WALL, labels)

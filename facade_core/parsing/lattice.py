@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Lattice
 from facade_core.parsing.validation import check_labels
 
 
-def lattice(labels: np.ndarray, *, max_lines: int = 40, eta: float = 0.02) -> Lattice:
+def lattice(labels: UInt8Array, *, max_lines: int = 40, eta: float = 0.02) -> Lattice:
     """Choose split lines greedily along strong, well-spread label edges (Algo. 1 of the tiles paper).
 
     Row position h is between the pixel rows h - 1 and h; the borders 0 and H (0 and W) are always included. The score
@@ -58,17 +59,17 @@ def lattice(labels: np.ndarray, *, max_lines: int = 40, eta: float = 0.02) -> La
     return Lattice(tuple(sorted(rows)), tuple(sorted(columns)))
 
 
-def _border_distance(length: int) -> np.ndarray:
+def _border_distance(length: int) -> Int64Array:
     """Distance of the inner positions 1 .. length - 1 to the nearer border."""
     position = np.arange(1, length)
     return np.minimum(position, length - position)
 
 
-def _nearest_distance(distance: np.ndarray, line: int) -> np.ndarray:
+def _nearest_distance(distance: Int64Array, line: int) -> Int64Array:
     return np.minimum(distance, np.abs(np.arange(1, len(distance) + 1) - line))
 
 
-def _best_position(scores: np.ndarray) -> tuple[int, int]:
+def _best_position(scores: Int64Array) -> tuple[int, int]:
     """Position of the highest score, the first of equals, and that score; (0, 0) without positions."""
     if not scores.size:
         return 0, 0

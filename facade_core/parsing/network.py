@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
@@ -55,7 +56,7 @@ class Network:
     views: tuple[tuple[float, bool], ...] = AVERAGED_VIEWS
     working_area = (150_000, 250_000)
 
-    def segment(self, image: np.ndarray) -> Segmentation:
+    def segment(self, image: UInt8Array) -> Segmentation:
         """Segment an image (H, W, 3) uint8 by means over mirrored and scaled views."""
         height, width = image.shape[:2]
         classes = np.zeros((len(CLASSES), height, width), np.float32)
@@ -68,7 +69,7 @@ class Network:
         views = len(self.views)
         return Segmentation(_channels_last(classes / classes.sum(0)), occluder / views, outside / views)
 
-    def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
+    def _view(self, image: UInt8Array, scale: float, mirrored: bool) -> Float32Array:
         """Logits of one view at the image's size, (classes + 2, H, W) float32: planes are faster than pixel-wise
         channels."""
         import cv2
@@ -88,17 +89,17 @@ class Network:
         return np.ascontiguousarray(np.moveaxis(full, 2, 0))
 
 
-def _softmax(logits: np.ndarray) -> np.ndarray:
+def _softmax(logits: Float32Array) -> Float32Array:
     """Softmax of planes (classes, H, W) over the classes."""
     shares = np.exp(logits - logits.max(0))
     return shares / shares.sum(0)
 
 
-def _channels_last(planes: np.ndarray) -> np.ndarray:
+def _channels_last(planes: Float32Array) -> Float32Array:
     return np.ascontiguousarray(np.moveaxis(planes, 0, 2))
 
 
-def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:
+def place_planes(height: int, width: int, corners: Float64Array) -> Float32Array:
     """Compute the positions of an image's cells.
 
     Parameters

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Box
 from facade_core.parsing.training_views import ANY_CLASS
@@ -24,9 +25,9 @@ _MIN_FILLED_SHARE = 0.35
 
 
 def occluders_from_labels(
-    image: np.ndarray,
-    labels: np.ndarray,
-    possible: np.ndarray,
+    image: UInt8Array,
+    labels: UInt8Array,
+    possible: UInt8Array,
     detected: Sequence[Box] | None,
     doubtful: Sequence[Box] = (),
 ) -> np.ndarray:
@@ -88,7 +89,7 @@ def ground_floor_rows(labels: np.ndarray, possible: np.ndarray) -> tuple[int, in
     return (int(foot[0]) if foot.size else top), bottom
 
 
-def _segment_object(image: np.ndarray, box: Box) -> np.ndarray:
+def _segment_object(image: UInt8Array, box: Box) -> np.ndarray:
     """Mask (h, w) bool of the object in a box, by GrabCut (Rother et al. 2004) with background from around the box.
 
     An oval replaces a mask that has lost the object.

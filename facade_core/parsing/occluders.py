@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Box
 
 # Smaller occluders, as a share of the image, are ignored.
@@ -15,7 +16,7 @@ OCCLUDER_RIM_SHARE = 0.006
 MAX_SPILL_SHARE = 0.05
 
 
-def occluder_mask(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
+def occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
     """Remove specks from the parser's occluder mask (h, w) bool and add a rim.
 
     Returns
@@ -32,7 +33,7 @@ def occluder_mask(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
     )
 
 
-def remove_spill(occluded: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+def remove_spill(occluded: BoolArray, hidden: BoolArray) -> BoolArray:
     """Remove the parts of an occluder mask that only line a hole.
 
     A car that crosses the hole's border is no such part: it is kept up to there.
@@ -49,7 +50,7 @@ def remove_spill(occluded: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     return np.isin(parts, beyond[beyond > 0])
 
 
-def dilate(mask: np.ndarray, share: float) -> np.ndarray:
+def dilate(mask: BoolArray, share: float) -> BoolArray:
     """Dilate a mask (h, w) bool by a share of its side."""
     import cv2
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.elements import elements
 
@@ -28,7 +29,7 @@ _MIN_FILLED_LINE = 0.7
 _MIN_CONFIDENCE = 1e-3
 
 
-def window_boxes(confidence: np.ndarray) -> np.ndarray:
+def window_boxes(confidence: Float32Array) -> Int64Array:
     """Extract regular windows from a confidence map (H, W, 7) float32.
 
     Returns
@@ -47,7 +48,7 @@ def window_boxes(confidence: np.ndarray) -> np.ndarray:
     return _fit_boxes(np.array(boxes, np.intp), gain)
 
 
-def draw_windows(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) -> None:
+def draw_windows(labels: UInt8Array, confidence: Float32Array, boxes: Int64Array) -> None:
     """Draw window boxes into labels and confidence, in place.
 
     Only boxes that are mostly window already are drawn. Window pixels near them, but outside, get the next best class.
@@ -76,7 +77,7 @@ def draw_windows(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) 
     confidence[changed], labels[changed] = rows, rows.argmax(1)
 
 
-def _fit_boxes(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _fit_boxes(boxes: Int64Array, gain: Float32Array) -> Int64Array:
     """Boxes (n, 4) moved to the gain they enclose, floor by floor, then column by column."""
     for _ in range(2):
         boxes = _align(boxes, gain)
@@ -84,7 +85,7 @@ def _fit_boxes(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
     return boxes
 
 
-def _align(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _align(boxes: Int64Array, gain: Float32Array) -> Int64Array:
     """Boxes with upper and lower edges moved; boxes whose heights overlap most form one floor."""
     moved = boxes.copy()
     for group in _group_intervals(boxes[:, 1], boxes[:, 3]):
@@ -99,7 +100,7 @@ def _align(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _group_intervals(low: np.ndarray, high: np.ndarray) -> list[list[int]]:
+def _group_intervals(low: Int64Array, high: Int64Array) -> list[list[int]]:
     """Indices of intervals that share most of their length with the first of their group, from the top down."""
     groups: list[list[int]] = []
     for index in np.argsort(low + high, kind="stable"):
@@ -115,7 +116,7 @@ def _group_intervals(low: np.ndarray, high: np.ndarray) -> list[list[int]]:
     return groups
 
 
-def _edge_curve(box: np.ndarray, edge: int, gain: np.ndarray) -> dict[int, float]:
+def _edge_curve(box: Int64Array, edge: int, gain: Float32Array) -> dict[int, float]:
     """Gain inside the box for each place of its upper (1) or lower (3) edge."""
     x0, y0, x1, y1 = box
     middle = (y0 + y1) // 2
@@ -139,7 +140,7 @@ def _common_place(curves: list[dict[int, float]]) -> int:
     return places[int(np.argmax(sums))]
 
 
-def _is_filled(inside: np.ndarray) -> bool:
+def _is_filled(inside: BoolArray) -> bool:
     """True if a box is well filled as a whole and in each inner row and column."""
     if not inside.size:
         return False

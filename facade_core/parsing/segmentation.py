@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
+from facade_core.core.arrays import Float32Array
 
 
 class Segmentation(NamedTuple):
@@ -17,6 +17,6 @@ class Segmentation(NamedTuple):
     outside : (H, W) float32 probability of sky, street or neighbours outside the facade.
     """
 
-    confidence: np.ndarray
-    occluder: np.ndarray
-    outside: np.ndarray
+    confidence: Float32Array
+    occluder: Float32Array
+    outside: Float32Array

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps
@@ -50,7 +51,7 @@ class Segmenter(Protocol):
     def working_area(self) -> tuple[int, int]:
         """Return the smallest and largest number of pixels of an image."""
 
-    def segment(self, image: np.ndarray) -> Segmentation:
+    def segment(self, image: UInt8Array) -> Segmentation:
         """Segment an image (H, W, 3) uint8 RGB."""
 
 
@@ -67,7 +68,7 @@ def load_segmenter(model: str | Path | None = None) -> Segmenter:
     return load_network(path)
 
 
-def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
+def parse(image: UInt8Array, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     Windows are made rectangular and aligned (`regularity`); then the class of highest confidence wins. The confidence
@@ -92,7 +93,7 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     return parse_with_segmenter(image, load_segmenter(model))
 
 
-def parse_with_segmenter(image: np.ndarray, segmenter: Segmenter, *, regularise: bool = True) -> Parsing:
+def parse_with_segmenter(image: UInt8Array, segmenter: Segmenter, *, regularise: bool = True) -> Parsing:
     """Parse an image by a given segmenter, see `parse`.
 
     Parameters
@@ -118,7 +119,7 @@ def parse_with_segmenter(image: np.ndarray, segmenter: Segmenter, *, regularise:
     return Parsing(labels, confidence, occluded | _enlarge(_occluder_regions(occluder), height, width))
 
 
-def _occluder_regions(probability: np.ndarray) -> np.ndarray:
+def _occluder_regions(probability: Float32Array) -> BoolArray:
     """Occluder mask (H, W) bool from the probability at each pixel."""
     from skimage.filters import apply_hysteresis_threshold
     from skimage.measure import label
@@ -134,7 +135,7 @@ def _occluder_regions(probability: np.ndarray) -> np.ndarray:
     )
 
 
-def outside_mask(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
+def outside_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
     """Mask sky, street and neighbours outside a facade.
 
     Parameters
@@ -155,7 +156,7 @@ def outside_mask(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | N
     return _enlarge(outside if nearest is None else outside[nearest], *hidden.shape)
 
 
-def _hidden_by_alpha(image: np.ndarray) -> np.ndarray:
+def _hidden_by_alpha(image: UInt8Array) -> BoolArray:
     hidden = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros(image.shape[:2], bool)
     if hidden.all():
         raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
@@ -163,8 +164,8 @@ def _hidden_by_alpha(image: np.ndarray) -> np.ndarray:
 
 
 def _to_working_size(
-    image: np.ndarray, occluded: np.ndarray, area_bounds: tuple[int, int]
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+    image: UInt8Array, occluded: BoolArray, area_bounds: tuple[int, int]
+) -> tuple[UInt8Array, tuple[Int32Array, Int32Array] | None]:
     """Image at working size with hidden places filled from the nearest visible ones, and the source of each."""
     import cv2
 
@@ -183,7 +184,7 @@ def _to_working_size(
     return working[rows, columns], (rows, columns)
 
 
-def _to_full_size(confidence: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+def _to_full_size(confidence: Float32Array, height: int, width: int) -> tuple[UInt8Array, Float32Array]:
     """Labels and confidence at full size, interpolated linearly in bands of rows."""
     labels = np.empty((height, width), np.uint8)
     if confidence.shape[:2] == (height, width):
@@ -202,13 +203,13 @@ def _to_full_size(confidence: np.ndarray, height: int, width: int) -> tuple[np.n
     return labels, full
 
 
-def _enlarge(mask: np.ndarray, height: int, width: int) -> np.ndarray:
+def _enlarge(mask: BoolArray, height: int, width: int) -> BoolArray:
     import cv2
 
     return cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) == 1
 
 
-def _interpolation_neighbours(length: int, source: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _interpolation_neighbours(length: int, source: int) -> tuple[Int64Array, Int64Array, Float32Array]:
     """Both source pixels next to each pixel centre, and the share of the second."""
     position = np.clip((np.arange(length) + 0.5) * source / length - 0.5, 0, source - 1)
     first = np.floor(position).astype(np.intp)

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
+from facade_core.core.arrays import Float32Array
 from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.parsing.network import PLACE_STRIDE, place_planes
 
@@ -72,7 +73,7 @@ class TrainingView:
     possible: np.ndarray
     occluder: np.ndarray
     outside: np.ndarray
-    place: np.ndarray
+    place: Float32Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,7 @@ def _thin_out(cutouts: list[Cutout]) -> list[Cutout]:
     return cutouts[:: max(1, len(cutouts) // _MAX_CUTOUTS)]
 
 
-def occluder_weights(occluder: np.ndarray) -> np.ndarray:
+def occluder_weights(occluder: np.ndarray) -> Float32Array:
     """Compute each pixel's weight in the occluder loss: more for smaller occluders, by the root of their area.
 
     Parameters

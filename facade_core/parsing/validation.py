@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 
 
-def check_image(image: np.ndarray) -> None:
+def check_image(image: UInt8Array) -> None:
     """Raise ImageError unless an image is uint8, (H, W, 3) RGB or (H, W, 4) RGBA, with at least one pixel."""
     if not isinstance(image, np.ndarray):
         raise ImageError(
@@ -22,7 +23,7 @@ def check_image(image: np.ndarray) -> None:
         raise ImageError(f"image: no pixels in shape {image.shape}; check the crop that it comes from")
 
 
-def check_labels(labels: np.ndarray) -> None:
+def check_labels(labels: UInt8Array) -> None:
     """Raise ImageError unless labels are (H, W) uint8 class ids or UNKNOWN, with at least one pixel."""
     if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8:
         kind = labels.dtype if isinstance(labels, np.ndarray) else type(labels).__name__

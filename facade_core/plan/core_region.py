@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.streets import Viewpoint
@@ -25,7 +26,7 @@ class CoreRegion:
 
 def core_charts(
     charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], core: CoreRegion
-) -> np.ndarray:
+) -> BoolArray:
     """Return the charts of the core, (n,).
 
     These are charts of core buildings, and ground charts whose nearest building or street is in the core. Buildings

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
 from facade_core.plan.exemplar_style import StyleTargets
@@ -48,6 +49,6 @@ def walls_from_outlines(
     )
 
 
-def _edges(ring: np.ndarray) -> np.ndarray:
+def _edges(ring: Float64Array) -> Float64Array:
     """Return the edges (k, 2, 2) of a closed ring (k + 1, 2)."""
     return np.stack([ring[:-1], ring[1:]], axis=1)

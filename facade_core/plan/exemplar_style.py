@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Greatest random cost, for variety among exemplars that fit.
@@ -60,13 +61,13 @@ class StyleTargets:
     shops : (n,) 1 with mapped shops, 0 without, -1 where unknown.
     """
 
-    width: np.ndarray
-    height: np.ndarray
-    floors: np.ndarray
-    building: np.ndarray
-    street: np.ndarray
-    ends: np.ndarray
-    shops: np.ndarray
+    width: Float64Array
+    height: Float64Array
+    floors: Int32Array
+    building: Int64Array
+    street: Int64Array
+    ends: Float64Array
+    shops: Int64Array
 
 
 @dataclass(frozen=True)
@@ -101,12 +102,12 @@ class ExemplarLibrary:
         """Return the distances without the colour components, (k, k)."""
         return self._descriptor_distances(_COLOUR_COMPONENTS)
 
-    def _descriptor_distances(self, first: int) -> np.ndarray:
+    def _descriptor_distances(self, first: int) -> Float64Array:
         looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
         return np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
 
     @cached_property
-    def family(self) -> np.ndarray:
+    def family(self) -> Int64Array:
         """Return the family of each exemplar, (k,) from 0, by average linkage of the descriptors."""
         from scipy.cluster.hierarchy import fcluster, linkage
         from scipy.spatial.distance import squareform
@@ -119,7 +120,7 @@ class ExemplarLibrary:
         return fcluster(tree, most, "maxclust").astype(np.int64) - 1
 
 
-def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> list[float]:
+def style_descriptor(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float) -> list[float]:
     """Compute the style descriptor of a facade.
 
     Its components are the CIELAB colour of the wall; the share of windows, log of their height to width, and log of
@@ -157,7 +158,7 @@ def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: fl
     return [round(float(v), 4) for v in (*colour, share[0], tall, pitch, share[1], share[2], ornament)]
 
 
-def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> np.ndarray:
+def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
     The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted
@@ -212,10 +213,10 @@ class ChoiceOrder:
     predecessors : rows of the neighbours that choose before each building.
     """
 
-    numbers: np.ndarray
-    predecessors: tuple[np.ndarray, ...]
+    numbers: Int64Array
+    predecessors: tuple[Int64Array, ...]
 
-    def dependencies(self, buildings: np.ndarray) -> np.ndarray:
+    def dependencies(self, buildings: Int64Array) -> Int64Array:
         """Return the buildings (k,) whose choices some buildings (c,) depend on, these included, at any depth."""
         found = np.isin(self.numbers, buildings)
         waiting = np.flatnonzero(found).tolist()
@@ -237,17 +238,17 @@ def choice_order(walls: StyleTargets, *, seed: int) -> ChoiceOrder:
     return ChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
-def _rank_draws(first: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+def _rank_draws(first: Float64Array, numbers: Int64Array) -> Int64Array:
     """Return the rank (b,) of random draws (b,)."""
     rank = np.empty(len(numbers), np.int64)
     rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
     return rank
 
 
-def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrary) -> np.ndarray:
+def _misfit_costs(walls: StyleTargets, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
     """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
 
-    def ratio(own: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    def ratio(own: Float64Array, theirs: Float64Array) -> Float64Array:
         return np.abs(np.log(own[:, None] / theirs[None]))
 
     floors, given = walls.floors[main].astype(float), np.maximum(np.asarray(library.floors, float), 1)
@@ -260,7 +261,7 @@ def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrar
     return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
 
 
-def _is_in_street_families(street: np.ndarray, family: np.ndarray, seed: int) -> np.ndarray:
+def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
     """Return whether each exemplar is of the families of each building's street (b,), (b, k)."""
     home = np.ones((len(street), len(family)), bool)
     count = int(family.max(initial=0)) + 1
@@ -270,7 +271,9 @@ def _is_in_street_families(street: np.ndarray, family: np.ndarray, seed: int) ->
     return home
 
 
-def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _neighbouring_buildings(
+    ends: Float64Array, row: Int64Array, count: int
+) -> tuple[list[Int64Array], list[Float64Array]]:
     """Return the neighbours of each building within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
     lines = shapely.linestrings(ends)
     one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURHOOD_M)
@@ -286,7 +289,7 @@ def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tu
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _cheapest_exemplar(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: ExemplarLibrary) -> int:
+def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:
     """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances."""
     cost = misfit.copy()
     has = theirs >= 0

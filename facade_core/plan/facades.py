@@ -10,6 +10,7 @@ from itertools import groupby
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import RowIndex, group_rows
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building, Street
@@ -62,31 +63,31 @@ class Facades:
     """
 
     id: tuple[str, ...]
-    chart: np.ndarray
-    street: np.ndarray
-    building: np.ndarray
-    role: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    floors: np.ndarray
-    seen: np.ndarray
-    run: np.ndarray
-    along: np.ndarray
-    foot: np.ndarray
-    eaves: np.ndarray
-    storeys: np.ndarray
-    raised: np.ndarray
-    house: np.ndarray
+    chart: Int32Array
+    street: Int32Array
+    building: Int32Array
+    role: UInt8Array
+    width: Float64Array
+    height: Float64Array
+    floors: Int32Array
+    seen: Float64Array
+    run: Int32Array
+    along: Float64Array
+    foot: Float64Array
+    eaves: Float64Array
+    storeys: Int32Array
+    raised: BoolArray
+    house: Int64Array
 
     def __len__(self) -> int:
         return len(self.id)
 
-    def run_members(self, facade: int) -> np.ndarray:
+    def run_members(self, facade: int) -> Int64Array:
         """Return the facades (k,) of a facade's run from left to right, itself included."""
         own = self._by_run.rows_with(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
 
-    def building_facades(self, facade: int) -> np.ndarray:
+    def building_facades(self, facade: int) -> Int64Array:
         """Return the facades (k,) of a facade's building, ascending."""
         return self._by_building.rows_with(int(self.building[facade]))
 
@@ -103,9 +104,9 @@ def find_facades(
     scene: Scene,
     buildings: Sequence[Building],
     viewpoints: Sequence[Viewpoint],
-    seen: Sequence[np.ndarray],
+    seen: Sequence[Int32Array],
     floor_height: float,
-    free_share: np.ndarray,
+    free_share: Float64Array,
     streets: Sequence[Street] = (),
 ) -> Facades:
     """Find the facades of a block: walls that a street sees, and with `streets` all others with a free part.
@@ -168,7 +169,7 @@ def find_facades(
     )
 
 
-def _is_large_wall(scene: Scene) -> np.ndarray:
+def _is_large_wall(scene: Scene) -> BoolArray:
     """Return the walls that are large enough to be parsed, (charts,)."""
     charts = scene.charts
     large = (
@@ -179,7 +180,7 @@ def _is_large_wall(scene: Scene) -> np.ndarray:
     return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= MIN_FACADE_TEXELS)
 
 
-def _is_tall_wall(charts: Charts) -> np.ndarray:
+def _is_tall_wall(charts: Charts) -> BoolArray:
     """Return the walls at least a floor high, narrow ones included, (charts,)."""
     return (
         (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= MIN_WALL_M) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
@@ -187,15 +188,15 @@ def _is_tall_wall(charts: Charts) -> np.ndarray:
 
 
 def _nearest_streets(
-    charts: Charts, chart: np.ndarray, street: np.ndarray, seen: np.ndarray, streets: Sequence[Street]
-) -> np.ndarray:
+    charts: Charts, chart: Int64Array, street: Int32Array, seen: Float64Array, streets: Sequence[Street]
+) -> Int32Array:
     """Return the streets (k,) of charts: the nearest where none sees them."""
     middle = shapely.points(charts.points_at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
     nearest = shapely.STRtree([one.line for one in streets]).nearest(middle)
     return np.where(seen > 0, street, nearest).astype(np.int32)
 
 
-def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _foot_and_eaves(charts: Charts, chart: Int64Array) -> tuple[Float64Array, Float64Array]:
     """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres."""
     foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
@@ -207,7 +208,7 @@ def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.n
     return np.where(np.abs(over) < LEVEL_TOLERANCE_M, 0.0, over), eaves
 
 
-def _begins_above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
+def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) -> BoolArray:
     """Return the walls (k,) above a roof, or a floor above the prevailing foot and without ground below."""
     charts = scene.charts
     feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in FOOT_PROBE_SHARES]))
@@ -218,13 +219,13 @@ def _begins_above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> n
     return roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
 
 
-def _prevailing_level(level: np.ndarray, width: np.ndarray) -> float:
+def _prevailing_level(level: Float64Array, width: Float64Array) -> float:
     """Return the level with most wall width within LEVEL_TOLERANCE_M."""
     near = np.abs(level[:, None] - level) < LEVEL_TOLERANCE_M
     return float(level[np.argmax(near @ width)])
 
 
-def _is_gable(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
+def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     """Return the charts above the walls of buildings without a model, whose walls are rectangles: (charts,)."""
     charts, mesh = scene.charts, scene.mesh
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
@@ -234,8 +235,8 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
 
 
 def _best_visibility(
-    scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
+    scene: Scene, candidate: BoolArray, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array]
+) -> tuple[Float64Array, Int32Array]:
     """Return the largest share of each chart that one street sees, (charts,), and the first such street, 0 without.
 
     Every viewpoint looks at a grid of points on each candidate in its panorama.
@@ -265,7 +266,7 @@ def _best_visibility(
     return best, best_street
 
 
-def _wall_numbers(charts: Charts) -> np.ndarray:
+def _wall_numbers(charts: Charts) -> Int64Array:
     """Return the number of each wall among those of its building, (charts,)."""
     number = np.zeros(len(charts), np.int64)
     walls = np.flatnonzero(charts.kind == ChartKind.WALL)
@@ -275,7 +276,7 @@ def _wall_numbers(charts: Charts) -> np.ndarray:
     return number
 
 
-def count_floors(levels: Sequence[int | None], height: np.ndarray, floor_height: float) -> np.ndarray:
+def count_floors(levels: Sequence[int | None], height: Float64Array, floor_height: float) -> Int32Array:
     """Count the floors of facades: tagged levels, else by the floor height, limited to what the height allows.
 
     Parameters

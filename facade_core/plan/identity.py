@@ -14,6 +14,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt64Array
 from facade_core.core.types import PLAIN, Finish, Ground
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.shapes import GroundTiles
@@ -52,12 +53,12 @@ class SceneObjects:
     chart_object : (charts,) object of each chart.
     """
 
-    digest: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    chart_object: np.ndarray
+    digest: UInt64Array
+    low: Float64Array
+    high: Float64Array
+    chart_object: Int64Array
 
-    def digests_in_box(self, low: np.ndarray, high: np.ndarray) -> list[str]:
+    def digests_in_box(self, low: Float64Array, high: Float64Array) -> list[str]:
         """Return the sorted hexadecimal digests of the objects whose boxes meet the box from low to high (3,)."""
         near = self._with_surface[self._boxes.query(shapely.box(*low[:2], *high[:2]))]
         meet = (self.low[near] <= high).all(axis=1) & (self.high[near] >= low).all(axis=1)
@@ -82,7 +83,9 @@ def serialise_finish(finish: Finish) -> str:
     )
 
 
-def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
+def chart_ids(
+    charts: Charts, share: Float64Array, names: Sequence[str], finishes: Sequence[Finish] = ()
+) -> UInt64Array:
     """Compute a 64-bit id for each chart, (n,); charts that are equal get different ids by their order.
 
     Parameters
@@ -135,12 +138,12 @@ def build_scene_objects(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Sce
 def compute_view_digests(
     scene: Scene,
     objects: SceneObjects,
-    ids: np.ndarray,
+    ids: UInt64Array,
     viewpoints: Sequence[Viewpoint],
     ground: Ground,
     width: int,
     parallel_map: ParallelMap = map_in_process,
-) -> tuple[list[np.ndarray], tuple[str, ...]]:
+) -> tuple[list[Int32Array], tuple[str, ...]]:
     """Compute what the panorama of each viewpoint shows, and a digest of everything it is made of.
 
     The digest covers the chart and depth of every pixel, the objects, common surfaces and daylight of the charts, and
@@ -180,8 +183,8 @@ def compute_view_digests(
 
 
 def _trace_viewpoints(
-    scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]
-) -> list[tuple[np.ndarray, bytes]]:
+    scene: Scene, ids: UInt64Array, width: int, cameras: Sequence[Viewpoint]
+) -> list[tuple[Int32Array, bytes]]:
     """Return the ascending charts and a digest of the pixels of each viewpoint."""
     found = []
     for camera in cameras:

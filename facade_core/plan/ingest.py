@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Int32Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Elevation, Ground, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
@@ -229,8 +230,8 @@ def _find_sightings(
 
 
 def _street_waves(
-    scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], writable: np.ndarray, streets: int
-) -> np.ndarray:
+    scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array], writable: BoolArray, streets: int
+) -> Int32Array:
     """Colour the conflict graph of streets, by shared chunks, into waves."""
     chunks: dict[int, frozenset] = {}
     reads: list[set] = [set() for _ in range(streets)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
@@ -107,25 +108,25 @@ class _FacadePoints:
     """
 
     covers: sparse.csr_array
-    weight: np.ndarray
-    facade: np.ndarray
+    weight: Float64Array
+    facade: Int64Array
     facades: int
 
-    def is_covered_by(self, panorama: int) -> np.ndarray:
+    def is_covered_by(self, panorama: int) -> BoolArray:
         """Return whether a panorama covers each point, (points,)."""
         return self.coverage_counts([panorama]) > 0
 
-    def coverage_counts(self, panoramas: Sequence[int]) -> np.ndarray:
+    def coverage_counts(self, panoramas: Sequence[int]) -> Float64Array:
         """Return the number of some panoramas that cover each point, (points,)."""
         return np.asarray(self.covers[list(panoramas)].sum(axis=0)).ravel() if panoramas else np.zeros(len(self.weight))
 
-    def facade_sums(self, weight: np.ndarray) -> np.ndarray:
+    def facade_sums(self, weight: Float64Array) -> Float64Array:
         """Return the sum of a weight of points per facade, (facades,)."""
         return np.bincount(self.facade, weight, self.facades)
 
 
 def _facade_points(
-    scene: Scene, charts: np.ndarray, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+    scene: Scene, charts: Int32Array, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
 ) -> _FacadePoints:
     near = nearby_panoramas(scene, charts, poses)
     panorama, point, weight, facade = [], [], [], []
@@ -147,7 +148,7 @@ def _facade_points(
     )
 
 
-def _drop_redundant(points: _FacadePoints, needs: np.ndarray, chosen: Sequence[int]) -> list[int]:
+def _drop_redundant(points: _FacadePoints, needs: Float64Array, chosen: Sequence[int]) -> list[int]:
     """Return the chosen panoramas without those whose points the others cover."""
     kept, times = list(chosen), points.coverage_counts(chosen)
     for one in reversed(chosen):

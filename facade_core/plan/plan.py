@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt64Array
 from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Ground, Pose, Street
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
@@ -37,12 +38,12 @@ class Sightings:
     pixels_per_metre : (s,) resolution of the panorama on the facade.
     """
 
-    facade: np.ndarray
-    panorama: np.ndarray
-    seen: np.ndarray
-    pixels_per_metre: np.ndarray
+    facade: Int32Array
+    panorama: Int32Array
+    seen: Float64Array
+    pixels_per_metre: Float64Array
 
-    def panoramas_showing(self, facade: int) -> np.ndarray:
+    def panoramas_showing(self, facade: int) -> Int32Array:
         """Return the panoramas that show a facade, best first."""
         return self.panorama[self._of_facade.rows_with(facade)]
 
@@ -81,14 +82,14 @@ class Plan:
     poses: tuple[Pose, ...]
     rejected_buildings: tuple[tuple[str, str], ...]
     sightings: Sightings
-    textured: np.ndarray
+    textured: BoolArray
     viewpoints: tuple[Viewpoint, ...]
-    views: np.ndarray
-    writable: np.ndarray
-    wave: np.ndarray
-    ids: np.ndarray
+    views: Int32Array
+    writable: BoolArray
+    wave: Int32Array
+    ids: UInt64Array
     view_digests: tuple[str, ...]
-    in_core: np.ndarray
+    in_core: BoolArray
 
     @cached_property
     def scene_objects(self) -> SceneObjects:
@@ -136,7 +137,7 @@ class Plan:
     def _own_by_building(self) -> RowIndex:
         return RowIndex(self.scene.charts.building[self._own_charts])
 
-    def ground_near_cameras(self) -> np.ndarray:
+    def ground_near_cameras(self) -> Int64Array:
         """Return the ground charts (k,) of the core, ascending, that a panorama may show after refinement of its pose."""
         return self._ground_near_cameras
 
@@ -173,7 +174,7 @@ class Plan:
         return dict(sorted(found.items()))
 
     @cached_property
-    def street_of_viewpoints(self) -> np.ndarray:
+    def street_of_viewpoints(self) -> Int64Array:
         """Return the street of every viewpoint, (viewpoints,)."""
         return np.array([viewpoint.street for viewpoint in self.viewpoints], np.int64)
 
@@ -186,11 +187,11 @@ class Plan:
         return RowIndex(self.street_of_viewpoints)
 
     @cached_property
-    def street_charts(self) -> np.ndarray:
+    def street_charts(self) -> Int64Array:
         """Return the sorted pairs of street and chart in its panoramas, (k, 2)."""
         return np.unique(np.column_stack([self.street_of_viewpoints[self.views[:, 0]], self.views[:, 1]]), axis=0)
 
-    def charts_of_street(self, street: int) -> np.ndarray:
+    def charts_of_street(self, street: int) -> Int64Array:
         """Return the charts (k,) in the panoramas of a street, ascending."""
         return self.street_charts[self._charts_by_street.rows_with(street), 1]
 
@@ -198,7 +199,7 @@ class Plan:
     def _charts_by_street(self) -> RowIndex:
         return RowIndex(self.street_charts[:, 0])
 
-    def streets_of_charts(self, charts: np.ndarray) -> np.ndarray:
+    def streets_of_charts(self, charts: Int64Array) -> Int64Array:
         """Return the rows (k, 2) of street_charts with some charts (n,)."""
         return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
 
@@ -206,7 +207,7 @@ class Plan:
     def _streets_by_chart(self) -> RowIndex:
         return RowIndex(self.street_charts[:, 1])
 
-    def charts_of_viewpoint(self, viewpoint: int) -> np.ndarray:
+    def charts_of_viewpoint(self, viewpoint: int) -> Int32Array:
         """Return the charts (k,) in the panorama of a viewpoint, ascending."""
         return self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
 
@@ -214,7 +215,7 @@ class Plan:
     def _charts_by_viewpoint(self) -> RowIndex:
         return RowIndex(self.views[:, 0])
 
-    def views_of_charts(self, charts: np.ndarray) -> np.ndarray:
+    def views_of_charts(self, charts: Int64Array) -> Int32Array:
         """Return the rows (k, 2) of views with some charts (n,)."""
         return self.views[self._views_by_chart.rows_with_any(charts)]
 
@@ -222,7 +223,7 @@ class Plan:
     def _views_by_chart(self) -> RowIndex:
         return RowIndex(self.views[:, 1])
 
-    def texel_counts(self) -> np.ndarray:
+    def texel_counts(self) -> Int64Array:
         """Return the number of texels of every chart, (charts,)."""
         return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
 
@@ -236,7 +237,7 @@ class Plan:
             pictures.setdefault(building, []).append(picture)
         return pictures
 
-    def street_texels(self) -> np.ndarray:
+    def street_texels(self) -> Int64Array:
         """Return per street the texels that its viewpoints see, and those that it writes, (streets, 2)."""
         seen = self.street_charts
         texels = self.texel_counts()

@@ -12,6 +12,7 @@ import shapely
 
 from facade_core.atlas.store import open_root, open_table, write_table
 from facade_core.atlas.table_schema import TABLES
+from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Area, Building, Finish, Ground, Pose, Street, Way
 from facade_core.geometry.chart_packing import Placement
@@ -271,5 +272,5 @@ def _mesh_from_table(values: Values) -> Mesh:
     )
 
 
-def _street_points(street: Street) -> np.ndarray:
+def _street_points(street: Street) -> Float64Array:
     return shapely.get_coordinates(street.line)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_with_surroundings
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
@@ -90,7 +91,7 @@ def finish_chart(
     sun: Sun | None = None,
     labels: np.ndarray | None = None,
     repaint: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
 
     Untextured texels get their material; untextured ground under the open sky gets the aerial picture. Hidden parts of
@@ -140,7 +141,7 @@ def _finish_unlit(
     levelling: bool,
     aerial: AerialSampler | None,
     repaint: bool,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, UInt8Array]:
     """Compute `finish_chart` without contact shading and sunlight."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
@@ -222,7 +223,7 @@ def _extend_photos(
     materials: MaterialField | None,
     chart: int,
     colour: np.ndarray,
-    free: np.ndarray,
+    free: BoolArray,
     known: KnownTexture,
     max_distance_m: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -275,7 +276,7 @@ def photo_fade_weight(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
     )
 
 
-def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> np.ndarray:
+def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> UInt8Array:
     """Return the mean colour (3,) of a chart."""
     width, height = scene.charts.size[chart]
     middle = scene.charts.points(chart, np.array([width / 2]), np.array([height / 2]))
@@ -297,14 +298,14 @@ def _smallest_footprint(
 def _level_to_surroundings(
     scene: Scene,
     chart: int,
-    colour: np.ndarray,
-    fixed: np.ndarray,
-    free: np.ndarray,
+    colour: UInt8Array,
+    fixed: BoolArray,
+    free: BoolArray,
     read: ChartReader,
     neighbours: Collection[int],
     rank_limit: int,
     decay_m: float = SEAM_DECAY_M,
-) -> np.ndarray:
+) -> UInt8Array:
     """Level the free texels (h, w) of a chart to the fixed ones and its neighbours.
 
     Texels of `neighbours` count if their rank exceeds `rank_limit`. The offset decays to a third over `decay_m` metres.

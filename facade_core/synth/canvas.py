@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
+
 GAMMA = 2.2  # of display values
 
 
-def hex_to_linear(colour: str) -> np.ndarray:
+def hex_to_linear(colour: str) -> Float32Array:
     """Convert a display colour '#rrggbb' to (3,) float32 in linear light."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float32)
     return (rgb / 255) ** np.float32(GAMMA)
@@ -34,8 +36,8 @@ class Plate:
     is_hinged : the plate touches the wall at its upper edge and reaches `depth` at its lower edge.
     """
 
-    colour: np.ndarray
-    alpha: np.ndarray
+    colour: Float32Array
+    alpha: Float32Array
     y: int
     x: int
     depth: float
@@ -55,9 +57,9 @@ class Canvas:
     plates : thin objects in front of the wall.
     """
 
-    albedo: np.ndarray
-    relief: np.ndarray
-    gloss: np.ndarray
+    albedo: Float32Array
+    relief: Float32Array
+    gloss: Float32Array
     scale: float
     plates: list[Plate] = field(default_factory=list)
 
@@ -94,7 +96,7 @@ class Canvas:
         y0: float,
         x1: float,
         y1: float,
-        colour: np.ndarray | None,
+        colour: Float32Array | None,
         relief: float | None = None,
         gloss: float = 0.0,
     ) -> None:
@@ -116,8 +118,8 @@ class Canvas:
 
     def fill_polygon(
         self,
-        points: Sequence[tuple[float, float]] | np.ndarray,
-        colour: np.ndarray,
+        points: Sequence[tuple[float, float]] | Float64Array,
+        colour: Float32Array,
         relief: float | None = None,
         gloss: float = 0.0,
     ) -> None:
@@ -145,7 +147,7 @@ class Canvas:
             self.relief[at][inside] = relief
 
     def add_moulding(
-        self, x0: float, y0: float, x1: float, y1: float, colour: np.ndarray, profile: Sequence[float]
+        self, x0: float, y0: float, x1: float, y1: float, colour: Float32Array, profile: Sequence[float]
     ) -> None:
         """Fill a box with a horizontal moulding.
 
@@ -161,7 +163,7 @@ class Canvas:
         self.gloss[rows, columns] = 0
         self.relief[rows, columns] = np.interp(steps, np.arange(len(profile)), profile)[:, None]
 
-    def paste(self, tile: Canvas, x: int, y: int, where: np.ndarray | None = None) -> None:
+    def paste(self, tile: Canvas, x: int, y: int, where: BoolArray | None = None) -> None:
         """Copy the pixels of a tile.
 
         Parameters
@@ -179,7 +181,7 @@ class Canvas:
                 target[at][where] = source[where]
 
 
-def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng: np.random.Generator) -> Float32Array:
     """Draw smooth noise of about unit deviation.
 
     Parameters
@@ -202,7 +204,7 @@ def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng:
     return cv2.resize(grid, shape[::-1], interpolation=cv2.INTER_CUBIC)
 
 
-def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> np.ndarray:
+def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> Float32Array:
     """Draw the sum of octaves of smooth noise, each half as large and 0.6 as strong.
 
     Parameters
@@ -225,7 +227,7 @@ def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.ran
     return total / np.float32(np.sqrt(power))
 
 
-def gaussian_blur(array: np.ndarray, sigma: float) -> np.ndarray:
+def gaussian_blur(array: Float32Array, sigma: float) -> Float32Array:
     """Blur an array with a Gaussian; a wide one works on a reduced copy, at a tenth of the cost.
 
     Parameters

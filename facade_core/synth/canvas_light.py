@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
 from facade_core.synth.canvas import Canvas, Plate, gaussian_blur
 
 SUN_COLOUR = np.array([0.720, 0.690, 0.640], np.float32)
@@ -15,7 +16,7 @@ SHADOW_DOWN_PER_METRE = 0.78
 MAX_RELIEF_M = 1.0  # metres that anything projects from a facade
 
 
-def light_canvas(canvas: Canvas) -> np.ndarray:
+def light_canvas(canvas: Canvas) -> Float32Array:
     """Light the canvas with its plates.
 
     Returns
@@ -43,7 +44,7 @@ def light_canvas(canvas: Canvas) -> np.ndarray:
     return lit
 
 
-def _cast_shadows(relief: np.ndarray, scale: float) -> np.ndarray:
+def _cast_shadows(relief: Float32Array, scale: float) -> Float32Array:
     """Return soft cast shadows (H, W) in 0..1, by a search for relief above the ray to the sun."""
     # Half the raster is still finer than the picture; mouldings continue beyond its borders.
     half = cv2.resize(relief, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -69,7 +70,7 @@ def _cast_shadows(relief: np.ndarray, scale: float) -> np.ndarray:
     return cv2.resize(soft, relief.shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
-def _add_plate_shadow(shadow: np.ndarray, plate: Plate, scale: float) -> None:
+def _add_plate_shadow(shadow: Float32Array, plate: Plate, scale: float) -> None:
     dy, dx = round(plate.depth * SHADOW_DOWN_PER_METRE * scale), round(plate.depth * SHADOW_RIGHT_PER_METRE * scale)
     pad = max(2, round(0.08 * scale))
     alpha = plate.alpha
@@ -84,7 +85,7 @@ def _add_plate_shadow(shadow: np.ndarray, plate: Plate, scale: float) -> None:
     np.maximum(here, 0.8 * soft[top : top + here.shape[0], left : left + here.shape[1]], out=here)
 
 
-def _sun_share(relief: np.ndarray, scale: float) -> np.ndarray:
+def _sun_share(relief: Float32Array, scale: float) -> Float32Array:
     """Return the share of sunlight per pixel, 1 for the flat wall; edges to the upper left are brighter."""
     slope = np.zeros_like(relief)
     slope[1:] = 0.8 * (relief[1:] - relief[:-1])
@@ -93,7 +94,7 @@ def _sun_share(relief: np.ndarray, scale: float) -> np.ndarray:
     return 1 + np.float32(0.34) * np.tanh(slope)
 
 
-def _sky_share(relief: np.ndarray, scale: float) -> np.ndarray:
+def _sky_share(relief: Float32Array, scale: float) -> Float32Array:
     """Return the share of the sky that a pixel sees (ambient occlusion), from the relief around and above it."""
     open_ = np.ones_like(relief)
     # The sky is above: a ledge darkens the wall below it more than the wall above.

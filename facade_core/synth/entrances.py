@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
 from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 from facade_core.synth.windows import glass_reflections
 
 
 def door_tile(
-    shape: tuple[int, int], scale: float, colour: np.ndarray, *, is_modern: bool, rng: np.random.Generator
+    shape: tuple[int, int], scale: float, colour: Float32Array, *, is_modern: bool, rng: np.random.Generator
 ) -> Canvas:
     """Paint a two-leaved door under a fanlight.
 

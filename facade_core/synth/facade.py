@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
@@ -53,10 +54,10 @@ class PaintedFacade:
     columns : number of window columns.
     """
 
-    image: np.ndarray
-    labels: np.ndarray
+    image: UInt8Array
+    labels: UInt8Array
     elements: list[Element]
-    occluded: np.ndarray
+    occluded: BoolArray
     element_states: list[str]
     metres_per_pixel: float
     floors: int

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
 from facade_core.synth.styles import FacadeStyle
@@ -85,7 +86,7 @@ class FacadePlan:
         """Number of floors below the eaves."""
         return len(self.lines) - 1
 
-    def labels(self) -> np.ndarray:
+    def labels(self) -> UInt8Array:
         """Return amodal class ids (H, W) uint8: elements over wall and roof in the order of ELEMENT_CLASSES."""
         labels = np.full((self.height, self.width), FacadeClass.WALL, np.uint8)
         labels[: self.roof] = FacadeClass.ROOF

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
 from facade_core.street.materials.grain import (
     GrainKind,
     add_grain,
@@ -43,7 +44,7 @@ class MasonryBond:
 def paint_plaster(
     canvas: Canvas,
     box: tuple[float, float, float, float],
-    colour: np.ndarray,
+    colour: Float32Array,
     rng: np.random.Generator,
     *,
     rough: float,
@@ -77,8 +78,8 @@ def paint_plaster(
 def paint_masonry(
     canvas: Canvas,
     box: tuple[float, float, float, float],
-    colour: np.ndarray,
-    mortar: np.ndarray,
+    colour: Float32Array,
+    mortar: Float32Array,
     bond: MasonryBond,
     rng: np.random.Generator,
     *,
@@ -137,7 +138,7 @@ def paint_masonry(
 
 def photographic_grain(
     shape: tuple[int, int], scale: float, kind: int, weight: float, rng: np.random.Generator
-) -> np.ndarray:
+) -> Float32Array:
     """Return a factor about 1 of a material's colour: the grain of photographs of it.
 
     Parameters
@@ -168,7 +169,7 @@ def photographic_grain(
 def paint_rustication(
     canvas: Canvas,
     box: tuple[float, float, float, float],
-    colour: np.ndarray,
+    colour: Float32Array,
     rng: np.random.Generator,
     *,
     course: float,
@@ -217,7 +218,7 @@ def paint_slate(
 
 
 def paint_sheet_metal(
-    canvas: Canvas, box: tuple[float, float, float, float], colour: np.ndarray, rng: np.random.Generator
+    canvas: Canvas, box: tuple[float, float, float, float], colour: Float32Array, rng: np.random.Generator
 ) -> None:
     """Paint seamed sheet metal, as on Nordic roofs: a seam every 0.55 m and a lighter upper part.
 

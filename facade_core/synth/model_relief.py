@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Grey of each class under soft light; recessed classes are darker.
@@ -19,7 +20,7 @@ _SHADOW = 92
 _LIT_SILL = 236
 
 
-def relief_image(labels: np.ndarray, metres_per_pixel: float) -> np.ndarray:
+def relief_image(labels: np.ndarray, metres_per_pixel: float) -> UInt8Array:
     """Render the relief of a facade in grey: openings have a shadow below their head and a lit sill.
 
     Parameters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, UInt8Array
 from facade_core.synth.canvas import GAMMA, fractal_noise, gaussian_blur, hex_to_linear, smooth_noise
 
 MAX_HIDDEN_SHARE = 0.40
@@ -15,8 +16,8 @@ Sprite = tuple[np.ndarray, np.ndarray]  # colour (H, W, 3) linear and alpha (H, 
 
 
 def paint_occluders(
-    image: np.ndarray, metres_per_pixel: float, count: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, metres_per_pixel: float, count: int, rng: np.random.Generator
+) -> tuple[UInt8Array, BoolArray]:
     """Paint occluders over an image.
 
     Parameters
@@ -120,11 +121,11 @@ def _paint_car(shape: tuple[int, int], scale: float, place: float, share: float,
     flip = bool(rng.random() < 0.5)
     colour, alpha = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8)
 
-    def px(points: list[tuple[float, float]]) -> np.ndarray:
+    def px(points: list[tuple[float, float]]) -> Int32Array:
         corners = [((1 - x if flip else x) * long + left, ground - 0.02 - y * tall) for x, y in points]
         return np.round(np.array(corners) * scale).astype(np.int32)
 
-    def fill(points: list[tuple[float, float]], tone: np.ndarray) -> None:
+    def fill(points: list[tuple[float, float]], tone: Float32Array) -> None:
         cv2.fillPoly(colour, [px(points)], tone.tolist())
         cv2.fillPoly(alpha, [px(points)], 1)
 

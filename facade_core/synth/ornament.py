@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
 from facade_core.synth.canvas import Canvas, hex_to_linear
 from facade_core.synth.facade_plan import FacadePlan, PaintedOpening
 
@@ -25,11 +26,11 @@ class FacadePalette:
     wall, trim, base, door, roof : colour of each part.
     """
 
-    wall: np.ndarray
-    trim: np.ndarray
-    base: np.ndarray
-    door: np.ndarray
-    roof: np.ndarray
+    wall: Float32Array
+    trim: Float32Array
+    base: Float32Array
+    door: Float32Array
+    roof: Float32Array
 
 
 def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> None:
@@ -195,7 +196,7 @@ def _paint_stepped_parapet(canvas: Canvas, plan: FacadePlan, y0: float, y1: floa
             canvas.fill_box(x - half * pitch, y0, x + half * pitch, y0 + share * (y1 - y0), colour, relief)
 
 
-def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
+def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: Float32Array) -> None:
     """Paint corner stones, long and short in turn, up to the first windows.
 
     Parameters
@@ -282,7 +283,7 @@ def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, bo
         paint_sill(canvas, box, trim, out=0.14)
 
 
-def paint_sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
+def paint_sill(canvas: Canvas, box: Box, colour: Float32Array, *, out: float) -> None:
     """Paint a window sill.
 
     Parameters
@@ -353,7 +354,7 @@ def _paint_dormer(canvas: Canvas, box: Box, palette: FacadePalette) -> None:
     canvas.add_moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
 
 
-def _paint_brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -> None:
+def _paint_brick_arch(canvas: Canvas, box: Box, brick: Float32Array, trim: Float32Array) -> None:
     """Paint a flat arch of upright bricks, fanned from a keystone."""
     x0, y0, x1, _ = box
     mid, tall = (x0 + x1) / 2, 0.30
@@ -371,7 +372,7 @@ def _paint_brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndar
         canvas.fill_box(x, y0 - tall - lift, x + 0.22, y0, trim, 0.08 if key else 0.06)
 
 
-def _paint_pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, is_curved: bool) -> None:
+def _paint_pediment(canvas: Canvas, box: Box, trim: Float32Array, *, is_curved: bool) -> None:
     x0, y0, x1, _ = box
     mid, half, foot = (x0 + x1) / 2, (x1 - x0) / 2 + 0.32, y0 - 0.30
     across = np.linspace(-1, 1, 21)
@@ -387,7 +388,7 @@ def _paint_pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, is_curved: bo
         canvas.add_moulding(x, foot + 0.12, x + 0.14, foot + 0.44, trim, (0.18, 0.16, 0.1, 0.05))
 
 
-def _paint_voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
+def _paint_voussoirs(canvas: Canvas, box: Box, stone: Float32Array) -> None:
     """Paint wedge stones of a flat arch that continue the rustication."""
     x0, y0, x1, _ = box
     mid = (x0 + x1) / 2
@@ -401,7 +402,7 @@ def _paint_voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
     paint_sill(canvas, box, stone * 1.05, out=0.12)
 
 
-def _paint_dentils(canvas: Canvas, y0: float, y1: float, colour: np.ndarray, *, pitch: float, relief: float) -> None:
+def _paint_dentils(canvas: Canvas, y0: float, y1: float, colour: Float32Array, *, pitch: float, relief: float) -> None:
     count = max(3, round(canvas.width_m / pitch))
     for x in (np.arange(count) + 0.5) * canvas.width_m / count:
         canvas.fill_box(x - 0.25 * pitch, y0, x + 0.25 * pitch, y1, colour, relief)
@@ -416,13 +417,13 @@ def _paint_corbels(canvas: Canvas, y0: float, y1: float) -> None:
             canvas.relief[at] = np.maximum(canvas.relief[at], np.float32(relief))
 
 
-def _paint_panels(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_panels(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: Float32Array) -> None:
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch)) * pitch:
         canvas.fill_box(x + 0.14 * pitch, y0, x + 0.86 * pitch, y1, colour * 0.94, 0.05)
 
 
-def _paint_garland(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_garland(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: Float32Array) -> None:
     """Paint a frieze of stylised leaves in low relief."""
     count = max(4, round(canvas.width_m / 0.62))
     width, mid = canvas.width_m / count, (y0 + y1) / 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear
 
 BALCONY_DEPTH_M = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
@@ -16,8 +17,8 @@ def paint_balcony(
     box: tuple[float, float, float, float],
     railing: str,
     state: str,
-    stone: np.ndarray,
-    render: np.ndarray,
+    stone: Float32Array,
+    render: Float32Array,
     rng: np.random.Generator,
     *,
     spacing: int,
@@ -49,7 +50,7 @@ def paint_balcony(
     canvas.plates.append(Plate(colour, alpha, rows.start, columns.start, depth))
 
 
-def paint_brackets(canvas: Canvas, places: np.ndarray, y: float, stone: np.ndarray) -> None:
+def paint_brackets(canvas: Canvas, places: Float64Array, y: float, stone: Float32Array) -> None:
     """Paint scrolled stone brackets under a slab.
 
     Parameters
@@ -63,7 +64,9 @@ def paint_brackets(canvas: Canvas, places: np.ndarray, y: float, stone: np.ndarr
         canvas.add_moulding(x - 0.10, y, x + 0.10, y + 0.36, stone, (0.42, 0.40, 0.26, 0.16, 0.14, 0.05))
 
 
-def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, is_ornate: bool) -> tuple[np.ndarray, np.ndarray]:
+def _ironwork(
+    shape: tuple[int, int], scale: float, spacing: int, *, is_ornate: bool
+) -> tuple[Float32Array, Float32Array]:
     rows, columns = shape
     alpha = np.zeros(shape, np.uint8)
     rail = max(2, round(0.05 * scale))
@@ -86,7 +89,9 @@ def _ironwork(shape: tuple[int, int], scale: float, spacing: int, *, is_ornate: 
     return colour, alpha.astype(np.float32) / 255
 
 
-def _parapet(shape: tuple[int, int], scale: float, colour: np.ndarray, railing: str) -> tuple[np.ndarray, np.ndarray]:
+def _parapet(
+    shape: tuple[int, int], scale: float, colour: Float32Array, railing: str
+) -> tuple[Float32Array, Float32Array]:
     rows, columns = shape
     alpha = np.ones(shape, np.float32)
     y = ((np.arange(rows) + 0.5) / rows)[:, None]
@@ -118,7 +123,7 @@ def _parapet(shape: tuple[int, int], scale: float, colour: np.ndarray, railing: 
     return image.astype(np.float32), alpha.astype(np.float32)
 
 
-def _add_flowers(colour: np.ndarray, alpha: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _add_flowers(colour: Float32Array, alpha: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Add a flower box along the rail: overhanging leaves, and blossom of one colour."""
     rows = alpha.shape[0]
     box = slice(0, min(rows, round(0.42 * scale)))

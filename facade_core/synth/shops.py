@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear, smooth_noise
 from facade_core.synth.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 
@@ -98,7 +99,7 @@ def shop_tile(
     *,
     has_name: bool,
     has_door: bool,
-    stone: np.ndarray,
+    stone: Float32Array,
     rng: np.random.Generator,
 ) -> tuple[Canvas, Plate | None]:
     """Paint one bay of a shop.
@@ -154,7 +155,7 @@ def shop_tile(
     return tile, _awning_plate(tile, top, shop)
 
 
-def _paint_shop_door(tile: Canvas, x0: float, top: float, x1: float, wood: np.ndarray) -> None:
+def _paint_shop_door(tile: Canvas, x0: float, top: float, x1: float, wood: Float32Array) -> None:
     """Paint a glazed, recessed door on a step."""
     h = tile.height_m
     head = min(top + 0.45, 0.5 * (top + h))
@@ -189,11 +190,11 @@ def _paint_shop_window(
     tile.gloss[at] = 1.0
 
 
-def _draw_goods_colour(rng: np.random.Generator) -> np.ndarray:
+def _draw_goods_colour(rng: np.random.Generator) -> Float32Array:
     return hex_to_linear(_GOODS_COLOURS[int(rng.integers(len(_GOODS_COLOURS)))]) * np.float32(rng.uniform(0.4, 1.0))
 
 
-def _paint_shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_shelves(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint boxes of all sizes on two partly filled shelves."""
     rows, columns = room.shape[:2]
     for shelf in rng.uniform(0.5, 0.68), 0.98:
@@ -206,7 +207,7 @@ def _paint_shelves(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
         room[y : y + max(1, round(0.03 * scale))] *= 0.4
 
 
-def _paint_clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_clothes(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint coats and dresses on stands, before a plain screen."""
     rows, columns = room.shape[:2]
     room[round(0.1 * rows) :, round(0.05 * columns) : round(0.95 * columns)] *= np.float32(rng.uniform(0.6, 2.2))
@@ -224,7 +225,7 @@ def _paint_clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
         x += rng.uniform(0.6, 1.3) * scale
 
 
-def _paint_garment(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
+def _paint_garment(room: Float32Array, outline: Float64Array, tone: Float32Array) -> None:
     """Paint cloth of one tone with folds inside an outline (k, 2), with an antialiased edge."""
     cover = np.zeros(room.shape[:2], np.uint8)
     cv2.fillPoly(cover, [np.round(outline * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4)
@@ -235,7 +236,7 @@ def _paint_garment(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> N
     room[:] = share * np.clip(light, 0.4, 1.2)[:, None] * tone + (1 - share) * room
 
 
-def _paint_flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_flowers(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint leaves and blossom in buckets, denser towards the floor."""
     shape = room.shape[:2]
     rise = np.linspace(-6.0, 2.0, shape[0], dtype=np.float32)[:, None]
@@ -247,7 +248,7 @@ def _paint_flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
         room[spots] = (hex_to_linear(colour) * tone)[spots]
 
 
-def _paint_counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_counter(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint a counter across the room, a board on the wall and lit lamps."""
     rows, columns = room.shape[:2]
     y = max(0, rows - round(rng.uniform(0.6, 0.8) * scale))
@@ -259,7 +260,7 @@ def _paint_counter(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
     _paint_ceiling_lights(room, scale, rng)
 
 
-def _paint_posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_posters(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint a screen in the lower part of the window, and sheets of paper before it."""
     rows, columns = room.shape[:2]
     top = round(rng.uniform(0.2, 0.55) * rows)
@@ -272,7 +273,7 @@ def _paint_posters(room: np.ndarray, scale: float, rng: np.random.Generator) -> 
         sheet[len(sheet) // 2 : round(0.7 * len(sheet))] *= 0.5
 
 
-def _paint_lamp_shop(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_lamp_shop(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     """Paint a deep room with goods on a table and lights far behind."""
     rows, columns = room.shape[:2]
     room *= 0.55
@@ -283,7 +284,7 @@ def _paint_lamp_shop(room: np.ndarray, scale: float, rng: np.random.Generator) -
     _paint_ceiling_lights(room, scale, rng)
 
 
-def _paint_ceiling_lights(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
+def _paint_ceiling_lights(room: Float32Array, scale: float, rng: np.random.Generator) -> None:
     rows, columns = room.shape[:2]
     y = rng.uniform(0.12, 0.35) * rows
     warm = hex_to_linear("#f2dcae")
@@ -302,7 +303,12 @@ _GOODS_PAINTERS = {
 
 
 def _paint_fascia(
-    tile: Canvas, tall: float, ground: np.ndarray, ink: np.ndarray, shop: ShopDesign | None, rng: np.random.Generator
+    tile: Canvas,
+    tall: float,
+    ground: Float32Array,
+    ink: Float32Array,
+    shop: ShopDesign | None,
+    rng: np.random.Generator,
 ) -> None:
     """Paint the board over the glass, with the name if `shop` is given."""
     w = tile.width_m

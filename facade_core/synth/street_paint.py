@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 
@@ -66,7 +67,7 @@ def side_pattern(street: SyntheticStreet) -> SidePaint:
     return paint
 
 
-def replace_front_images(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
+def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) -> SyntheticStreet:
     """Return the street with photos on its facades.
 
     Parameters
@@ -106,7 +107,7 @@ def ground_photos(
     return paint
 
 
-def _sample_tiled(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _sample_tiled(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> Float32Array:
     """Sample a seamless picture, repeated in both directions, at metres x, y; colours (n, 3) float32."""
     image, metres = picture
     rows, columns = image.shape[:2]

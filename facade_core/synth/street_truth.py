@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
 from facade_core.core.numba_cache import njit
@@ -61,8 +62,8 @@ class SyntheticStreet:
     scene: Scene
     charts: tuple[int, ...]
     facades: tuple[PaintedFacade, ...]
-    cutouts: tuple[np.ndarray, ...]
-    axis: np.ndarray
+    cutouts: tuple[UInt8Array, ...]
+    axis: Float64Array
     length: float
 
     def world_point(self, along: float, across: float) -> np.ndarray:
@@ -136,7 +137,7 @@ def render_street_panorama(
     seed: int = 0,
     ground: GroundPaint | None = None,
     sides: SidePaint | None = None,
-) -> np.ndarray:
+) -> UInt8Array:
     """Render the panorama of a camera: facades, cut-outs, plain other surfaces and a bright sky.
 
     Parameters
@@ -197,7 +198,7 @@ def cutout_mask(
     return is_behind_cutout(street, charts.points(chart, x, y), pose, assumed_pose=assumed_pose)
 
 
-def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, assumed_pose: Pose) -> np.ndarray:
+def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, assumed_pose: Pose) -> BoolArray:
     """Return for world points whether they show a cut-out, as `cutout_mask` does.
 
     Parameters
@@ -216,13 +217,13 @@ def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *,
     return _blend_cutouts(street, camera_position(pose), rays, nearest, colour) > 0.02
 
 
-def _paint_cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
+def _paint_cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> UInt8Array:
     """Return the occluders alone, (H, W, 4) uint8, of the facade's size."""
     image, mask = paint_occluders(facade.image, facade.metres_per_pixel, count, rng)
     return np.dstack([image, np.where(mask, 255, 0).astype(np.uint8)])
 
 
-def _facade_sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
+def _facade_sheet(street: SyntheticStreet) -> tuple[UInt8Array, Int64Array]:
     """Return all facades in one row followed by a tile of mottled grey, and the first column of each."""
     images = [facade.image for facade in street.facades]
     rng = np.random.default_rng(len(images))
@@ -235,13 +236,13 @@ def _facade_sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
 
 def _trace_colours(
     street: SyntheticStreet,
-    origin: np.ndarray,
-    rays: np.ndarray,
-    sheet: np.ndarray,
-    left: np.ndarray,
+    origin: Float64Array,
+    rays: Float32Array,
+    sheet: UInt8Array,
+    left: Int64Array,
     ground: GroundPaint | None,
     sides: SidePaint | None,
-) -> np.ndarray:
+) -> Float32Array:
     """Return colours (h, w, 3) float32 along rays (h, w, 3)."""
     import cv2
 
@@ -279,8 +280,8 @@ def _trace_colours(
 
 
 def _blend_cutouts(
-    street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, nearest: np.ndarray, colour: np.ndarray
-) -> np.ndarray:
+    street: SyntheticStreet, origin: Float64Array, rays: Float32Array, nearest: Float32Array, colour: Float32Array
+) -> Float32Array:
     """Blend the cut-outs nearer than `nearest` (in ray lengths) along rays (..., 3) over `colour`, in place.
 
     Returns the share of each ray that they stop (...,).
@@ -318,20 +319,20 @@ class _CutoutPlanes(NamedTuple):
     sheet : (h, w, 4) all cut-outs in one row.
     """
 
-    corner: np.ndarray
-    normal: np.ndarray
-    axis_u: np.ndarray
-    axis_v: np.ndarray
+    corner: Float64Array
+    normal: Float64Array
+    axis_u: Float64Array
+    axis_v: Float64Array
     density: float
-    order: np.ndarray
-    left: np.ndarray
-    sizes: np.ndarray
-    sheet: np.ndarray
+    order: Int64Array
+    left: Int64Array
+    sizes: Int64Array
+    sheet: UInt8Array
 
 
 @njit(cache=True, nogil=True)
 def _blend_cutout_texels(
-    rays: np.ndarray, nearest: np.ndarray, cutouts: _CutoutPlanes, colour: np.ndarray, stopped: np.ndarray
+    rays: Float32Array, nearest: Float32Array, cutouts: _CutoutPlanes, colour: Float32Array, stopped: Float32Array
 ) -> None:
     corner, normal, axis_u, axis_v = cutouts.corner, cutouts.normal, cutouts.axis_u, cutouts.axis_v
     density, order, left, sizes, sheet = cutouts.density, cutouts.order, cutouts.left, cutouts.sizes, cutouts.sheet

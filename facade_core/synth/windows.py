@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array
 from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 
 # Relief of glass, glazing bars and frames, metres in front of the wall plane.
@@ -33,9 +34,9 @@ class WindowColours:
     frame, curtain, blind : colour of each part.
     """
 
-    frame: np.ndarray
-    curtain: np.ndarray
-    blind: np.ndarray
+    frame: Float32Array
+    curtain: Float32Array
+    blind: Float32Array
 
 
 def window_tile(
@@ -47,7 +48,7 @@ def window_tile(
     fabrics: WindowColours,
     sky: float,
     rng: np.random.Generator,
-) -> tuple[Canvas, np.ndarray | None]:
+) -> tuple[Canvas, BoolArray | None]:
     """Paint a window in one state.
 
     Parameters
@@ -90,7 +91,7 @@ def window_tile(
 
 def glass_reflections(
     shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float
-) -> np.ndarray:
+) -> Float32Array:
     """Paint the reflections in panes: shaded buildings across the street, and the sky over their eaves in some leaves.
 
     Parameters
@@ -128,7 +129,7 @@ def glass_reflections(
 
 def _room_colours(
     shape: tuple[int, int], state: str, fabrics: WindowColours, scale: float, rng: np.random.Generator
-) -> np.ndarray:
+) -> Float32Array:
     """Return the dim room behind the glass with its curtains or blinds."""
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
@@ -164,7 +165,7 @@ def _room_colours(
     return room
 
 
-def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
+def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: Float32Array) -> None:
     w, h = tile.width_m, tile.height_m
     foot = 0.0
     if kind == "door" and glazing not in ("french",):

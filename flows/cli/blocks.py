@@ -14,7 +14,7 @@ from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
-    from tasks.examples.new_block import Geometry
+    from tasks.examples.new_block import MapFiles
 
 
 @click.command("new-block", cls=BboxCommand)
@@ -68,12 +68,12 @@ def new_block(
     """
     from flows.cli.interrupts import unwind_on_signal
     from flows.console import show_progress
-    from tasks.examples.new_block import Around
-    from tasks.examples.new_block import new_block as write
+    from tasks.examples.new_block import SquareArea
+    from tasks.examples.new_block import write_new_block as write
 
     if bbox and around:
         raise click.UsageError("give --bbox or --around, not both")
-    area = bbox or (Around(*around, size) if around else size)
+    area = bbox or (SquareArea(*around, size) if around else size)
     with unwind_on_signal(), show_progress(quiet=not sys.stderr.isatty()):
         found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():
@@ -83,9 +83,9 @@ def new_block(
     print_line(f"ready: streetloom run {block_file}")
 
 
-def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> Geometry:
+def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> MapFiles:
     """Return the input files of new-block; raise click.UsageError where they are missing or ambiguous."""
-    from tasks.examples.new_block import Geometry
+    from tasks.examples.new_block import MapFiles
 
     if osm is None and buildings is None:
         raise click.UsageError("give a map as --osm FILE.osm.pbf, or buildings of another format as --buildings FILE")
@@ -93,12 +93,12 @@ def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, cr
         raise click.UsageError("--osm holds buildings and streets; give it, or --buildings and --streets")
     if osm is None:
         assert buildings is not None
-        return Geometry(buildings, streets, crs)
+        return MapFiles(buildings, streets, crs)
     if osm.suffix.lower() != ".pbf":
         raise click.UsageError(
             f"--osm: {osm} is no .osm.pbf; give it as --buildings {osm}, and its streets as --streets"
         )
-    return Geometry(osm, osm, crs)
+    return MapFiles(osm, osm, crs)
 
 
 @click.command()

@@ -96,9 +96,9 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
     import tempfile
 
     from catalogs.block.reader import read_block
-    from tasks.city.account import Account
+    from tasks.city.block_counts import planned_of
     from tasks.city.blocks import read_city
-    from tasks.city.counting import planned_of
+    from tasks.city.city_log import Account
 
     with tempfile.TemporaryDirectory() as folder:
         found = read_city(city_file, Path(folder))
@@ -180,7 +180,7 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> di
     """
     from catalogs.published.folders import local_folder
     from flows.server.startup import ServerDown, prefect_server
-    from tasks.city.account import known
+    from tasks.city.city_log import known
 
     if not known(city_file, out)[0].due(out, tiles=options.tiles):
         from flows.city import run_city_without_server

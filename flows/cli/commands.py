@@ -146,11 +146,11 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
     """
     from catalogs.published.folders import local_folder
     from flows.lock import lock_folder
-    from tasks.examples.demo import is_painted, write_demo
+    from tasks.examples.demo import has_painted_photos, write_demo
 
     with lock_folder(out):
         block_file = write_demo(local_folder(out) / "input", exemplars)
-    _run_block(block_file, out, workers, dask, as_json, painted=is_painted(block_file))
+    _run_block(block_file, out, workers, dask, as_json, painted=has_painted_photos(block_file))
 
 
 def _run_block(

@@ -36,7 +36,7 @@ def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
       streetloom import out/demo heights.gpkg
       streetloom import out/helsinki corrected.city.json
     """
-    from tasks.corrections import import_corrections
+    from tasks.corrections.correction_import import import_corrections
 
     done = import_corrections(folder, path, who=who or current_user(), why=why)
     for line in done.notes:

@@ -112,9 +112,9 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     """
     from facade_core.core.errors import InputError
     from flows.console import show_progress
-    from tasks.matching.finding import PLACES, UNPLACED, match_photos
-    from tasks.matching.table import TABLE, read_table, write_table
-    from tasks.matching.taking import take, taking
+    from tasks.matching.match_table import TABLE, read_table, write_table
+    from tasks.matching.photo_import import take, taking
+    from tasks.matching.photo_matches import PLACES, UNPLACED, match_photos
 
     if taken is not None:
         if poses is not None or out is not None:

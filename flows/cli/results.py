@@ -271,8 +271,8 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import Editor
-        from tasks.corrections import block_of
-        from tasks.matching.table import TABLE
+        from tasks.corrections.correction_import import block_of
+        from tasks.matching.match_table import TABLE
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 

@@ -55,7 +55,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
     from flows.console import show_progress
-    from tasks.training.corrected import corrected_facades
+    from tasks.training.corrected_facades import read_corrected_facades
     from tasks.training.parser import train_corrected, train_fold, train_network
 
     if corrections and (data or fold):
@@ -64,7 +64,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
     with show_progress(quiet=False):
         if data is None:
-            model = train_corrected(corrected_facades(corrections), out, seed=seed)
+            model = train_corrected(read_corrected_facades(corrections), out, seed=seed)
         elif fold:
             model = train_fold(data, out, fold, seed=seed)
         else:
@@ -97,11 +97,11 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
     from flows.console import show_progress
-    from tasks.training.corrected import corrected_facades, layout_of
+    from tasks.training.corrected_facades import read_corrected_facades, layout_record
     from tasks.training.layout import train_layout
 
     with show_progress(quiet=False):
-        added = [layout_of(facade) for facade in corrected_facades(corrections)] if corrections else []
+        added = [layout_record(facade) for facade in read_corrected_facades(corrections)] if corrections else []
         model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
     print_line(model)
 
@@ -185,7 +185,7 @@ def train_translation_network(
 
     from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
     from flows.console import show_progress
-    from tasks.training.translator import Places, train_translator
+    from tasks.training.translator import TrainingSplit, train_translator
 
     course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE
     if steps is not None:
@@ -196,8 +196,8 @@ def train_translation_network(
             blocks,
             out,
             seed=seed,
-            course=course,
-            places=Places(judge_by, leave_out),
+            recipe=course,
+            split=TrainingSplit(judge_by, leave_out),
             runs=runs,
             paired=composites,
         )

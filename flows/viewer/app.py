@@ -24,9 +24,10 @@ from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
 from flows.viewer.matching import match_routes
 from flows.viewer.model import find_model_file, model_index
-from tasks.viewing import Reader, picture, picture_before, stages
-from tasks.viewing.growth import Growth
+from tasks.viewing import picture, picture_before, stages
 from tasks.viewing.pictures import encode
+from tasks.viewing.run_view import Reader
+from tasks.viewing.street_replay import Growth
 
 PAGE_FOLDER = Path(__file__).parent / "page"
 # The address of a picture names its snapshot, and a snapshot never changes.

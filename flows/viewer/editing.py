@@ -19,11 +19,11 @@ from facade_core.core.errors import FacadeError, StoreError
 from facade_core.core.labels import ELEMENT_CLASSES
 from flows.viewer.background_run import BackgroundRun
 from flows.viewer.guard import edit_refusal
-from tasks.corrections import Taker, block_of
-from tasks.corrections.words import words
+from tasks.corrections.correction_import import Taker, block_of
+from tasks.corrections.drawable_values import words
 from tasks.engine.store.status import read_source
-from tasks.viewing import Reader
-from tasks.viewing.standing import standing
+from tasks.viewing.facade_state import standing
+from tasks.viewing.run_view import Reader
 
 # Header with the token. A page of another site must send a preflight request for it, which fails.
 TOKEN_HEADER = "X-Streetloom-Token"

@@ -12,11 +12,11 @@ from starlette.routing import Route
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
-from tasks.corrections import block_of
-from tasks.matching.table import TABLE, Decision, Match, alone, decided, read_table, write_table
-from tasks.matching.taking import take, taking
-from tasks.viewing import Reader
+from tasks.corrections.correction_import import block_of
+from tasks.matching.match_table import TABLE, Decision, Match, alone, decided, read_table, write_table
+from tasks.matching.photo_import import take, taking
 from tasks.viewing.pictures import encode
+from tasks.viewing.run_view import Reader
 
 # Longer side of a displayed photo, pixels.
 MAX_PHOTO_SIDE = 1600

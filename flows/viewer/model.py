@@ -9,8 +9,8 @@ from urllib.parse import urlencode
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
-from tasks.viewing import View
-from tasks.viewing.opening import opening
+from tasks.viewing.run_view import View
+from tasks.viewing.start_view import opening
 
 
 def model_index(out: Folder, view: View) -> dict[str, Any]:

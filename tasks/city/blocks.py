@@ -26,8 +26,8 @@ from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.plan.exemplar_inputs import walls_from_outlines
 from facade_core.plan.exemplar_style import choice_order
-from tasks.city.counting import NOTHING, Counts, counts_of
-from tasks.city.sources import source_of_block
+from tasks.city.block_counts import NOTHING, Counts, counts_of
+from tasks.city.source_digests import source_of_block
 
 # Keys of a block file that name paths, dotted.
 _PATHS = (

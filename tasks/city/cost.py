@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tasks.city.counting import NOTHING, Counts
+from tasks.city.block_counts import NOTHING, Counts
 
 COEFFICIENTS = Path(__file__).with_name("cost.json")
 WHAT = tuple(field.name for field in fields(Counts))

@@ -54,7 +54,7 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     return block_file
 
 
-def is_painted(block_file: Path) -> bool:
+def has_painted_photos(block_file: Path) -> bool:
     """Whether the pictures of the demo's input are those that it paints: with others no photo is painted."""
     return (block_file.parent / "photos").is_dir()
 
@@ -87,7 +87,9 @@ def paint_exemplars(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
 
     def paint(number: int) -> None:
-        painted = paint_exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES)
+        painted = paint_exemplar(
+            number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES
+        )
         name = f"exemplar-{number:02d}"
         Image.fromarray(painted.image).save(folder / f"{name}.png", compress_level=1)
         Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", compress_level=1)

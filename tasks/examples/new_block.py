@@ -42,13 +42,13 @@ _OPTIONS = {
 }
 
 
-AS_TAKEN = (
+RECTIFIED_NOTE = (
     "photos as taken from the street, not straight on, want `rectified: false` beside their path in the block file"
 )
 
 
 @dataclass(frozen=True)
-class Geometry:
+class MapFiles:
     """The files that a city's geometry is in.
 
     Args:
@@ -61,7 +61,7 @@ class Geometry:
     streets: Path | None
     crs: str | None = None
 
-    def options(self) -> dict[str, str]:
+    def option_by_key(self) -> dict[str, str]:
         """What the block file's keys are called on the command line: one map has one option."""
         one = self.buildings == self.streets
         names = (
@@ -71,20 +71,20 @@ class Geometry:
 
 
 @dataclass(frozen=True)
-class Around:
+class SquareArea:
     """A square with its middle at a place in degrees, its side in metres."""
 
     longitude: float
     latitude: float
     size: float
 
-    def swapped(self, reason: str) -> str:
+    def swapped_axes_message(self, reason: str) -> str:
         """What to say where the two were meant the other way round."""
         return f"--around: {reason}; longitude comes first: write --around {self.latitude:g} {self.longitude:g}"
 
 
 @dataclass(frozen=True)
-class Found:
+class NewBlock:
     """A new block, and its pictures by what they are of use for.
 
     Args:
@@ -104,9 +104,9 @@ class Found:
     panoramas: tuple[str, ...]
     photos: tuple[str, ...]
     unused: tuple[tuple[str, str], ...]
-    unplaced: tuple[str, ...]
+    without_pose: tuple[str, ...]
     facades: tuple[str, ...]
-    textured: int
+    wall_count: int
     folder: Path | None
 
     def lines(self) -> list[str]:
@@ -124,12 +124,12 @@ class Found:
             f"buildings  {len(self.block.buildings)}, heights: {stated}",
             f"streets    {given}",
             f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with walls beside and "
-            f"behind them a run makes {self.textured}",
+            f"behind them a run makes {self.wall_count}",
             f"pictures   {len(self.panoramas)} panoramas with a pose, {len(self.photos)} photos named after a facade, "
-            f"{len(self.unused) + len(self.unplaced)} of no use yet",
+            f"{len(self.unused) + len(self.without_pose)} of no use yet",
             *self._unplaced(),
             *self._unused(),
-            *([f"           {AS_TAKEN}"] if self.photos else []),
+            *([f"           {RECTIFIED_NOTE}"] if self.photos else []),
             *(
                 f"set aside  {fault.kind} {fault.id}: {fault.reason}"
                 for fault in self.block.faults
@@ -140,10 +140,10 @@ class Found:
 
     def _unplaced(self) -> list[str]:
         """A line for the pictures without a pose or a name of use, with what finds their facades; none where there are none."""
-        if not self.unplaced:
+        if not self.without_pose:
             return []
         return [
-            f"           {_listed(self.unplaced)}: no pose, and not named after a facade; for photos run "
+            f"           {_shorten_list(self.without_pose)}: no pose, and not named after a facade; for photos run "
             f"`streetloom match {self.path} {self.folder}`, for panoramas give --poses"
         ]
 
@@ -152,24 +152,24 @@ class Found:
         by_reason: dict[str, list[str]] = {}
         for name, reason in self.unused:
             by_reason.setdefault(reason.removeprefix(f"{name} "), []).append(name)
-        return [f"           {_listed(names)}: {reason}" for reason, names in by_reason.items()]
+        return [f"           {_shorten_list(names)}: {reason}" for reason, names in by_reason.items()]
 
 
-def _listed(names: Sequence[str]) -> str:
+def _shorten_list(names: Sequence[str]) -> str:
     """Names of pictures, no more than three of them, and how many there are where these are not all."""
     return ", ".join(names) if len(names) <= 3 else f"{len(names)} pictures ({', '.join(names[:3])}, ...)"
 
 
-def new_block(
+def write_new_block(
     path: Path,
-    geometry: Geometry,
-    area: Sequence[float] | Around | float,
+    map_files: MapFiles,
+    area: Sequence[float] | SquareArea | float,
     photos: Path | None,
     exemplars: Path | None,
     poses: Path | None = None,
     seed: int = 0,
     paint: Callable[[Path], None] = paint_exemplars,
-) -> Found:
+) -> NewBlock:
     """Write the block file `path` for a part of a city's geometry.
 
     Args:
@@ -189,13 +189,13 @@ def new_block(
     own = False
     try:
         if not library.exists():
-            own = _painted(library, paint)
-        options = _OPTIONS | geometry.options()
+            own = _paint_library(library, paint)
+        options = _OPTIONS | map_files.option_by_key()
         if exemplars is None:  # nobody gave that option
             options = {key: option for key, option in options.items() if option != "--exemplars"}
-        if isinstance(area, Around):
+        if isinstance(area, SquareArea):
             options["area"] = "--around"
-        return _written(path, geometry, area, photos, library, poses, seed, options)
+        return _write_block_file(path, map_files, area, photos, library, poses, seed, options)
     except BaseException:
         if own:
             shutil.rmtree(library, ignore_errors=True)
@@ -205,7 +205,7 @@ def new_block(
         raise
 
 
-def _painted(library: Path, paint: Callable[[Path], None]) -> bool:
+def _paint_library(library: Path, paint: Callable[[Path], None]) -> bool:
     """Paint a style library that is whole as soon as it is there; whether it is this one: another block may be made beside it
     at the same time, and its library be there first."""
     draft = library.with_name(f".{library.name}.{os.getpid()}.draft")
@@ -222,62 +222,62 @@ def _painted(library: Path, paint: Callable[[Path], None]) -> bool:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def _written(
+def _write_block_file(
     path: Path,
-    geometry: Geometry,
-    area: Sequence[float] | Around | float,
+    geometry: MapFiles,
+    area: Sequence[float] | SquareArea | float,
     photos: Path | None,
     library: Path,
     poses: Path | None,
     seed: int,
     options: Mapping[str, str],
-) -> Found:
+) -> NewBlock:
     bounds = _bounds(geometry, area)
-    imagery = {"exemplars": {"path": _beside(library, path)}}
+    imagery = {"exemplars": {"path": _path_in_block_file(library, path)}}
     frame = {} if geometry.crs is None else {"crs": geometry.crs}
     keys = {
         "name": path.stem,
         "area": [round(float(value), 6) for value in bounds],
-        "buildings": {"path": _beside(geometry.buildings, path)} | frame,
-        **({} if geometry.streets is None else {"streets": {"path": _beside(geometry.streets, path)} | frame}),
+        "buildings": {"path": _path_in_block_file(geometry.buildings, path)} | frame,
+        **({} if geometry.streets is None else {"streets": {"path": _path_in_block_file(geometry.streets, path)} | frame}),
         "imagery": imagery,
         "seed": seed,
     }
     draft = path.with_name(f".{path.name}.draft")
     try:
         try:
-            block = _drafted(draft, keys, options)
+            block = _read_draft(draft, keys, options)
         except InputError as error:
-            if isinstance(area, Around) and SWAPPED_AXES_NOTE in str(error):
-                raise InputError(area.swapped("no buildings are there")) from error
+            if isinstance(area, SquareArea) and SWAPPED_AXES_NOTE in str(error):
+                raise InputError(area.swapped_axes_message("no buildings are there")) from error
             raise
         plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
-        panoramas, named, unused, unplaced = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
+        panoramas, named, unused, unplaced = _classify_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
         if photos and panoramas:
-            imagery["panoramas"] = {"path": _beside(photos, path)}
+            imagery["panoramas"] = {"path": _path_in_block_file(photos, path)}
             if poses:
-                imagery["panoramas"]["poses"] = _beside(poses, path)
+                imagery["panoramas"]["poses"] = _path_in_block_file(poses, path)
         elif photos and named:
-            imagery["photos"] = {"path": _beside(photos, path)}
-        block = _drafted(draft, keys, options)
+            imagery["photos"] = {"path": _path_in_block_file(photos, path)}
+        block = _read_draft(draft, keys, options)
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
-    return Found(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
+    return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
 
 
-def _bounds(geometry: Geometry, area: Sequence[float] | Around | float) -> Sequence[float]:
-    if isinstance(area, Around):
+def _bounds(geometry: MapFiles, area: Sequence[float] | SquareArea | float) -> Sequence[float]:
+    if isinstance(area, SquareArea):
         if abs(area.latitude) >= 90.0:
-            raise InputError(area.swapped(f"{area.latitude:g} is no latitude"))
+            raise InputError(area.swapped_axes_message(f"{area.latitude:g} is no latitude"))
         return square_bounds(area.longitude, area.latitude, area.size)
-    return _densest(geometry, area) if isinstance(area, float) else area
+    return _densest_bounds(geometry, area) if isinstance(area, float) else area
 
 
-def _densest(geometry: Geometry, size: float) -> Bounds:
-    option = geometry.options()["buildings.path"]
+def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:
+    option = geometry.option_by_key()["buildings.path"]
     try:
         source = read_buildings(geometry.buildings)
         crs = geometry.crs or source.crs
@@ -296,7 +296,7 @@ def _densest(geometry: Geometry, size: float) -> Bounds:
     return found
 
 
-def _drafted(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
+def _read_draft(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
     try:
         return read_block(draft)
@@ -305,7 +305,7 @@ def _drafted(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
         raise InputError(f"{options.get(key, key)}: {problem}") from error
 
 
-def _sorted_pictures(
+def _classify_pictures(
     folder: Path, poses: Path | None, block: Block, facades: set[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...]]:
     """Panoramas with a pose, photos named after a facade, those of no use with the reason, and those that lack either."""
@@ -328,7 +328,7 @@ def _sorted_pictures(
     return tuple(sorted(posed)), named, tuple(unused + [(fault.id, fault.reason) for fault in broken]), unplaced
 
 
-def _beside(target: Path, block: Path) -> str:
+def _path_in_block_file(target: Path, block: Path) -> str:
     """A path as the block file writes it: relative where that is short."""
     relative = os.path.relpath(target.resolve(), block.parent.resolve())
     return str(target.resolve()) if relative.startswith(os.path.join("..", "..", "..")) else relative

@@ -11,8 +11,8 @@ import numpy as np
 
 from tasks.engine.progress import report_progress
 from tasks.export.earth import on_earth
+from tasks.export.factored_walls import laid
 from tasks.export.features import features_of
-from tasks.export.laying import laid
 from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
@@ -102,7 +102,9 @@ def write_factored_tiles(
     far, near = made.details
     every = merge_pieces([*far.values(), *near.values()])
     pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), features_of(found)
-    shells = build_shells(source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1))
+    shells = build_shells(
+        source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1)
+    )
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()
     picture_bytes = 0

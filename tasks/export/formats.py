@@ -173,7 +173,9 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
     finally:
         shutil.rmtree(here, ignore_errors=True)
     _forget_exports(target)
-    files = tuple(join_path(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path))
+    files = tuple(
+        join_path(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path)
+    )
     return Exported(target, files, written.notes)
 
 

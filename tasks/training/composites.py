@@ -19,29 +19,29 @@ from facade_core.synth.street_truth import (
     synthetic_street,
 )
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.training.materials import picture
-from tasks.training.parser import cmp_photos
+from tasks.training.materials import read_picture_file
+from tasks.training.parser import read_cmp_photos
 
-STREETS, BUILDINGS = 12, 8
+STREET_COUNT, BUILDINGS_PER_STREET = 12, 8
 TEXELS_PER_METRE = 20.0
-SPACING_M, HEIGHT_M = 5.0, 2.5
+SPACING_M, CAMERA_HEIGHT_M = 5.0, 2.5
 # Pictures in materials/ and how wide they are, metres.
 ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg", 1.2))
 
 
-def composites(data: Path, *, seed: int) -> list[TrainingPair]:
+def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
     """Pairs of views along streets whose houses show facades/ecp and facades/cmp without their held-out folds, and whose ground
     shows pictures of materials/. Raises InputError where one of these is missing."""
     photos = [facade.image for facade in split_facades(list(read_ecp(data / "facades" / "ecp")))[0]]
-    photos += [facade.image for facade in cmp_photos(data)[0]]
-    roadway = (picture(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
-    pavements = [(picture(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
+    photos += [facade.image for facade in read_cmp_photos(data)[0]]
+    roadway = (read_picture_file(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
+    pavements = [(read_picture_file(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
     found: list[TrainingPair] = []
-    begin_stage("composites", STREETS)
-    for number in range(STREETS):
+    begin_stage("composites", STREET_COUNT)
+    for number in range(STREET_COUNT):
         rng = np.random.default_rng([seed, number])
-        chosen = rng.choice(len(photos), BUILDINGS, replace=len(photos) < BUILDINGS)
-        plain = synthetic_street(BUILDINGS, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
+        chosen = rng.choice(len(photos), BUILDINGS_PER_STREET, replace=len(photos) < BUILDINGS_PER_STREET)
+        plain = synthetic_street(BUILDINGS_PER_STREET, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
         street = replace_front_images(plain, [photos[index] for index in chosen])
         found += _pairs(street, roadway, pavements[number % len(pavements)])
         report_progress("composites", 1)
@@ -55,7 +55,7 @@ def _pairs(
     viewpoints = []
     for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
         x, y = street.world_point(float(along), 0.0)
-        viewpoints.append(Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), street.axis))
+        viewpoints.append(Viewpoint(number, 0, np.array([x, y, CAMERA_HEIGHT_M]), street.axis))
     ground = ground_photos(street, roadway, pavement)
     heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
     # side walls and roofs are grey in the truth: nothing is learnt from them

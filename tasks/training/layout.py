@@ -34,14 +34,14 @@ def train_layout(
         names=[record.name for record in train],
         metric=[(record.elements, record.domain) for record in metric],
         seed=seed,
-        progress=_tell,
+        progress=_report_step,
     )
     path = out / "layouts.json"
     save_layout_model(model, path, seed=seed)
     return path
 
 
-def _tell(step: str, done: int, total: int) -> None:
+def _report_step(step: str, done: int, total: int) -> None:
     if done <= 1:
         begin_stage(step, total)
     report_progress(step, min(done, 1))

@@ -13,7 +13,7 @@ from facade_core.street.materials.grain_file import save_examples
 from tasks.engine.progress import begin_stage, report_progress
 
 # Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
-SOURCES: dict[str, tuple[str, float, float | None]] = {
+GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
     "asphalt": ("asphalt.jpg", 1.2, None),
     "gravel": ("gravel.jpg", 0.6, None),
     "grass": ("grass.jpg", 1.5, None),
@@ -32,8 +32,8 @@ def train_materials(data: Path, out: Path) -> Path:
     told = {}
     begin_stage("examples", len(EXAMPLE_NAMES))
     for name in EXAMPLE_NAMES:
-        file, width, structure = SOURCES[name]
-        image, digest = picture(data / "materials" / file)
+        file, width, structure = GRAIN_PHOTOS[name]
+        image, digest = read_picture_file(data / "materials" / file)
         examples[name] = learn_grain(image, width, structure=structure)
         told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
         report_progress("examples", 1)
@@ -42,7 +42,7 @@ def train_materials(data: Path, out: Path) -> Path:
     return path
 
 
-def picture(path: Path) -> tuple[np.ndarray, str]:
+def read_picture_file(path: Path) -> tuple[np.ndarray, str]:
     """A picture (h, w, 3) uint8 and its file's sha256."""
     import cv2
 

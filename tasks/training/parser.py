@@ -25,44 +25,44 @@ from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.catalogue_facts import OF_FACADES
-from tasks.training.corrected import LEAST, CorrectedFacade, labelled
-from tasks.training.labelled import painted, with_occluders
+from tasks.training.corrected_facades import MIN_FACADES, CorrectedFacade, label_corrected_facade
+from tasks.training.parser_sets import paint_labelled_facades, relabel_occluders
 
 Sets = dict[str, list[LabelledFacade]]
 
-SHIPPED_COURSE = TrainingSchedule(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
+SHIPPED_SCHEDULE = TrainingSchedule(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
 # Painted facades that are learnt from, and their seed: what is measured on painted facades takes another.
-PAINTED, PAINTED_SEED = 40, 20_000
+PAINTED_COUNT, PAINTED_SEED = 40, 20_000
 # Sets whose licence allows no shipped weights: networks for their own benchmark only, from where the shipped one ended.
-FOLD_COURSES = {
+FOLD_SCHEDULES = {
     "artdeco": TrainingSchedule(steps=500, per_step={"artdeco": 6}, rate=1e-3),
     "ruemonge2014": TrainingSchedule(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
 }
 # Facades that people corrected: from the shipped network on. Its normalisation was folded into its weights.
-CORRECTED_COURSE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, freeze_norms=True)
+CORRECTED_SCHEDULE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, freeze_norms=True)
 
 
-def train_network(data: Path, out: Path, *, seed: int, course: TrainingSchedule = SHIPPED_COURSE) -> Path:
+def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedule = SHIPPED_SCHEDULE) -> Path:
     """Train the shipped network; writes network.onnx and network.json into `out`.
 
     It learns from facades/ecp and facades/cmp without their held-out folds and, of the latter, what calibrates it; from
     streetphotos/swiss/train and from painted facades. network.state, kept beside, is where an interrupted run goes on.
     """
     looked = read_occluder_boxes()
-    cmp, apart = cmp_photos(data)
+    cmp, apart = read_cmp_photos(data)
     sets: Sets = {
-        "ecp": with_occluders("ecp", split_facades(list(read_ecp(data / "facades" / "ecp")))[0], looked),
-        "cmp": with_occluders("cmp", cmp, looked),
+        "ecp": relabel_occluders("ecp", split_facades(list(read_ecp(data / "facades" / "ecp")))[0], looked),
+        "cmp": relabel_occluders("cmp", cmp, looked),
         "swiss": list(read_swiss(data / "streetphotos" / "swiss" / "train")),
-        "painted": painted(PAINTED, seed=PAINTED_SEED),
+        "painted": paint_labelled_facades(PAINTED_COUNT, seed=PAINTED_SEED),
     }
     # Painted facades are seen as often as one of so many photos: they teach that a clean wall is not something in front.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
     weights = network_training.train_parser_network(
-        taught, course, seed=seed, state=out / "network.state", progress=stage_progress()
+        taught, schedule, seed=seed, state=out / "network.state", progress=stage_progress()
     )
     path = out / "network.onnx"
-    network_export.save_network(weights, path, training_set=_names(sets), seed=seed)
+    network_export.save_network(weights, path, training_set=_photo_names(sets), seed=seed)
     measure_certainty(path, apart)
     return path
 
@@ -78,7 +78,7 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
     extend_model_record(model, certainty=confidence.fit_calibration(observed))
 
 
-def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
+def read_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
     """The photos of facades/cmp without its held-out fold: those to train on, and an eighth by which it is measured how sure
     the network may be."""
     return split_facades(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
@@ -96,16 +96,16 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     start = network_training.read_finished_weights(out / "network.state")
     state = out / f"{name}.state"
     weights = network_training.train_parser_network(
-        {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=stage_progress()
+        {name: facades}, FOLD_SCHEDULES[name], seed=seed, state=state, start=start, progress=stage_progress()
     )
     path = out / f"{name}.onnx"
-    seen = [*read_model_record(out / "network.onnx")["training_set"], *_names({name: facades})]
+    seen = [*read_model_record(out / "network.onnx")["training_set"], *_photo_names({name: facades})]
     network_export.save_network(weights, path, training_set=seen, seed=seed)
     return path
 
 
 def train_corrected(
-    facades: Sequence[CorrectedFacade], out: Path, *, seed: int, course: TrainingSchedule = CORRECTED_COURSE
+    facades: Sequence[CorrectedFacade], out: Path, *, seed: int, schedule: TrainingSchedule = CORRECTED_SCHEDULE
 ) -> Path:
     """Go on from the shipped network with facades that people corrected; writes network.onnx and network.json into `out`.
 
@@ -116,16 +116,16 @@ def train_corrected(
     photos = []
     for number, facade in enumerate(facades):
         report("corrections", number, len(facades))
-        photos.append(labelled(facade))
+        photos.append(label_corrected_facade(facade))
     report("corrections", len(facades), len(facades))
     usable = [photo for photo in photos if photo is not None]
-    if len(usable) < LEAST:
-        raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {LEAST}")
+    if len(usable) < MIN_FACADES:
+        raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {MIN_FACADES}")
     learnt, held_out = split_facades(usable)
     sets: Sets = {"corrected": learnt}
     weights = network_training.train_parser_network(
         sets,
-        course,
+        schedule,
         seed=seed,
         state=out / "network.state",
         start=network_export.read_weights(network.SHIPPED_NETWORK),
@@ -133,10 +133,10 @@ def train_corrected(
     )
     shipped = read_model_record(network.SHIPPED_NETWORK)
     path = out / "network.onnx"
-    network_export.save_network(weights, path, training_set=[*shipped["training_set"], *_names(sets)], seed=seed)
+    network_export.save_network(weights, path, training_set=[*shipped["training_set"], *_photo_names(sets)], seed=seed)
     trained_on = {**OF_FACADES[0].trained_on, "facades that people corrected": "that of their pictures"}
     extend_model_record(path, certainty=shipped["certainty"], trained_on=trained_on)
-    before, after = (told_right(held_out, model) for model in (network.SHIPPED_NETWORK, path))
+    before, after = (correct_pixel_share(held_out, model) for model in (network.SHIPPED_NETWORK, path))
     figures = (
         f"of {len(held_out)} corrected facades that it did not learn from, {after:.1%} of what was said is right, and "
         f"{before:.1%} by the shipped one"
@@ -145,11 +145,11 @@ def train_corrected(
         path.unlink()
         path.with_suffix(".json").unlink()
         raise InputError(f"{figures}: nothing is kept; correct more facades, and in one style")
-    path.with_suffix(".md").write_text(_card(learnt, course, seed, figures), encoding="utf-8")
+    path.with_suffix(".md").write_text(_model_card(learnt, schedule, seed, figures), encoding="utf-8")
     return path
 
 
-def told_right(photos: Sequence[LabelledFacade], model: Path) -> float:
+def correct_pixel_share(photos: Sequence[LabelledFacade], model: Path) -> float:
     """The share of pixels, among those that may be some classes only, that a network parses as one of these."""
     right = told = 0
     for photo in photos:
@@ -159,7 +159,7 @@ def told_right(photos: Sequence[LabelledFacade], model: Path) -> float:
     return right / max(told, 1)
 
 
-def _card(photos: Sequence[LabelledFacade], course: TrainingSchedule, seed: int, figures: str) -> str:
+def _model_card(photos: Sequence[LabelledFacade], course: TrainingSchedule, seed: int, figures: str) -> str:
     runs = Counter(photo.name.partition("/")[0] for photo in photos)
     told = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
     return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=told, figures=figures)
@@ -177,7 +177,7 @@ shipped parser's sets allow together. How sure it may be was measured of the shi
 """
 
 
-def _names(sets: Sets) -> list[str]:
+def _photo_names(sets: Sets) -> list[str]:
     return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
 
 

@@ -25,7 +25,7 @@ from facade_core.synth.street_truth import synthetic_street
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
 from tasks.stages.ingest.planning import make_plan
-from tasks.training.composites import composites
+from tasks.training.composites import render_composites
 from tasks.training.parser import stage_progress
 
 # Texels are only counted in the renderings, not shown: few are enough.
@@ -38,23 +38,23 @@ EVERY = 5
 
 
 @dataclass(frozen=True)
-class Places:
+class TrainingSplit:
     """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names. Without any
     to judge by, the last fifth does."""
 
-    judged: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Street:
+class RunPanoramas:
     """Of a run: its block file, and the panoramas of its cameras, `(name, file)`."""
 
     block: Path
     pictures: tuple[tuple[str, Path], ...]
 
 
-def street_of(run: Path) -> Street:
+def read_run_panoramas(run: Path) -> RunPanoramas:
     """What the run in a folder was made of. Raises InputError where it does not say, or has no panoramas."""
     source = read_source(run)
     if source is None:
@@ -64,7 +64,7 @@ def street_of(run: Path) -> Street:
         raise InputError(
             f"{source}: its imagery has no panoramas, which are what is learnt from; add some, or use --real"
         )
-    return Street(source, found)
+    return RunPanoramas(source, found)
 
 
 def train_translator(
@@ -73,8 +73,8 @@ def train_translator(
     out: Path,
     *,
     seed: int,
-    course: TrainingRecipe,
-    places: Places,
+    recipe: TrainingRecipe,
+    split: TrainingSplit,
     runs: Sequence[Path] = (),
     paired: Path | None = None,
 ) -> Path:
@@ -88,17 +88,17 @@ def train_translator(
     from facade_core.street.translator import network_export
 
     training.require_torch()  # before minutes of rendering
-    streets = [street_of(run) for run in runs]
+    streets = [read_run_panoramas(run) for run in runs]
     blocks = [*blocks, *(street.block for street in streets)]
-    learnt, judged, names = panoramas(
-        [*in_folders(real), *(picture for street in streets for picture in street.pictures)], places
+    learnt, judged, names = read_panorama_sets(
+        [*list_pictures(real), *(picture for street in streets for picture in street.pictures)], split
     )
     out.mkdir(parents=True, exist_ok=True)
-    rendered, rendered_judged = renderings(blocks, seed=seed)
-    pairs = composites(paired, seed=seed) if paired else []
+    rendered, rendered_judged = render_training_views(blocks, seed=seed)
+    pairs = render_composites(paired, seed=seed) if paired else []
     domains = TrainingDomains(rendered, learnt, rendered_judged, judged, pairs)
     trained = training.train_generator(
-        domains, course, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_sheets(out)
+        domains, recipe, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_checkpoint_writer(out)
     )
     path = out / "translator.onnx"
     record = {
@@ -107,15 +107,15 @@ def train_translator(
         + [f"rendered/{block.stem}" for block in blocks]
         + ["rendered/procedural"]
         + (["composite/ecp", "composite/cmp", "composite/materials"] if paired else []),
-        "held_out": [*places.judged, *places.left_out],
+        "held_out": [*split.validation, *split.excluded],
         "best_step": trained.step,
         "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},
     }
-    network_export.save_generator(trained.weights, course, path, record)
+    network_export.save_generator(trained.weights, recipe, path, record)
     return path
 
 
-def in_folders(folders: Sequence[Path]) -> list[tuple[str, Path]]:
+def list_pictures(folders: Sequence[Path]) -> list[tuple[str, Path]]:
     """The pictures in some folders and below, `(name, file)`."""
     return [
         (f"{folder.name}/{path.name}", path)
@@ -125,8 +125,8 @@ def in_folders(folders: Sequence[Path]) -> list[tuple[str, Path]]:
     ]
 
 
-def panoramas(
-    pictures: Sequence[tuple[str, Path]], places: Places
+def read_panorama_sets(
+    pictures: Sequence[tuple[str, Path]], split: TrainingSplit
 ) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
     """Panoramas to learn from and to judge by, (h, w, 3) uint8 of the largest of WIDTHS, and the names of the first."""
     from PIL import Image
@@ -134,13 +134,13 @@ def panoramas(
     found = []
     for name, path in {path.resolve(): (name, path) for name, path in pictures}.values():
         with open_picture(path) as picture:
-            if picture.width != 2 * picture.height or (places.left_out and path.name.startswith(places.left_out)):
+            if picture.width != 2 * picture.height or (split.excluded and path.name.startswith(split.excluded)):
                 continue
             small = picture.convert("RGB").resize(
                 (max(PANORAMA_WIDTHS), max(PANORAMA_WIDTHS) // 2), Image.Resampling.BOX
             )
         found.append((name, path, np.asarray(small)))
-    judges = [path.name.startswith(places.judged) for _, path, _ in found] if places.judged else _stretch(len(found))
+    judges = [path.name.startswith(split.validation) for _, path, _ in found] if split.validation else _assign_validation(len(found))
     learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge is False]
     judged = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge]
     if not learnt or not judged:
@@ -152,7 +152,7 @@ def panoramas(
     return learnt, judged, [name for (name, _, _), judge in zip(found, judges, strict=True) if judge is False]
 
 
-def _stretch(count: int) -> list[bool | None]:
+def _assign_validation(count: int) -> list[bool | None]:
     """Which of some pictures in the order of their names judge: the last fifth, a stretch of a street as cameras number them;
     None of those before that, as many as a half of it, which show the same walls."""
     judging = -(-count // EVERY)
@@ -160,15 +160,15 @@ def _stretch(count: int) -> list[bool | None]:
     return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
-def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
+def render_training_views(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
     """Renderings to learn from and to judge by, of runs of viewpoints in the streets of blocks and of procedural streets."""
     begin_stage("renderings", RUNS * len(blocks) + PROCEDURAL)
     runs: list[list[TrainingRendering]] = []
     for number in range(PROCEDURAL):
-        runs.append(procedural_run(seed=100 * seed + number, furnished=number % 2 == 0))
+        runs.append(render_procedural_street(seed=100 * seed + number, furnished=number % 2 == 0))
         report_progress("renderings", 1)
     for path in blocks:
-        for run in block_runs(read_block(path), RUNS, seed=seed):
+        for run in render_block_runs(read_block(path), RUNS, seed=seed):
             runs.append(run)
             report_progress("renderings", 1)
     learnt = [view for number, run in enumerate(runs) if number % EVERY for view in run]
@@ -176,7 +176,7 @@ def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRende
     return learnt, judged
 
 
-def procedural_run(*, seed: int, furnished: bool) -> list[TrainingRendering]:
+def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRendering]:
     """Renderings along a street of painted facades, shown as relief."""
     import cv2
 
@@ -192,11 +192,11 @@ def procedural_run(*, seed: int, furnished: bool) -> list[TrainingRendering]:
         x, y = street.world_point(float(along), 0.0)
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
     line = shapely.LineString([street.world_point(along, 0.0) for along in (0.0, street.length)])
-    furniture = street_furniture(line, partial(_level, 0.0), seed=seed) if furnished else None
+    furniture = street_furniture(line, partial(_level_ground, 0.0), seed=seed) if furnished else None
     return render_sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
 
 
-def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
+def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
     """Runs of renderings between the buildings of a block, every other one furnished; where walls are seen best first."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = make_plan(replace(block, texture=texture, panoramas=()))
@@ -218,22 +218,22 @@ def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Training
         line = plan.streets[street].line
         furniture = None
         if number % 2:
-            furniture = street_furniture(_near(line, viewpoints), partial(_level, height), seed=number)
+            furniture = street_furniture(_clip_to_viewpoints(line, viewpoints), partial(_level_ground, height), seed=number)
         yield render_sequence(scene, viewpoints, furniture=furniture)
 
 
-def _level(height: float, points: np.ndarray) -> np.ndarray:
+def _level_ground(height: float, points: np.ndarray) -> np.ndarray:
     return np.full(len(points), height)
 
 
-def _near(line: shapely.LineString, viewpoints: Sequence[Viewpoint]) -> shapely.LineString:
+def _clip_to_viewpoints(line: shapely.LineString, viewpoints: Sequence[Viewpoint]) -> shapely.LineString:
     """The part of a line within 30 m of some viewpoints."""
     reach = shapely.union_all([shapely.Point(v.position[:2]).buffer(30) for v in viewpoints])
     part = line.intersection(reach)
     return max(getattr(part, "geoms", [part]), key=lambda piece: piece.length)
 
 
-def _sheets(out: Path) -> Callable[[int, float, np.ndarray], None]:
+def _checkpoint_writer(out: Path) -> Callable[[int, float, np.ndarray], None]:
     """Leaves a picture of every checkpoint, and what has been measured so far."""
 
     def sample(step: int, distance: float, sheet: np.ndarray) -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import io
 
-import numpy as np
-
 from facade_core.atlas.stored_files import read_stored_file
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.export.pictures.stage_pictures import StageTitle, iterate_stage_pictures
-from tasks.viewing.reading import View
+from tasks.viewing.run_view import View
 
 
 def stages(view: View, index: int) -> list[StageTitle]:
@@ -17,7 +16,7 @@ def stages(view: View, index: int) -> list[StageTitle]:
     return [stage.viewer for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer is not None]
 
 
-def picture(view: View, index: int, name: str) -> np.ndarray:
+def picture(view: View, index: int, name: str) -> UInt8Array:
     """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
     for stage in iterate_stage_pictures(view.facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
@@ -33,7 +32,7 @@ def picture_before(view: View, index: int) -> bytes:
     return read_stored_file(view.group, record["before_file"], record["before_digest"])
 
 
-def encode(image: np.ndarray, kind: str = "WEBP", quality: int = 85) -> bytes:
+def encode(image: UInt8Array, kind: str = "WEBP", quality: int = 85) -> bytes:
     """An image (h, w, 3) uint8 as a file's bytes."""
     from PIL import Image
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from catalogs.block.corrections import Correction, add_corrections, read_corrections
-from tasks.corrections import import_corrections
+from tasks.corrections.correction_import import import_corrections
 from tasks.engine.store.status import record_source
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import made, textured_houses

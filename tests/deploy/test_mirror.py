@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from deploy.mirror import main, mirror
-from tasks.city.account import known
+from tasks.city.city_log import known
 from tests.tasks.city.test_account import HOUSES, town
 
 

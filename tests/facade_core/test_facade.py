@@ -153,7 +153,7 @@ def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkey
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     style = extract_style(clean.image, clean.labels)
     front = FacadeWall.freestanding(16.0, 20.0, floors=5)
-    back = replace(front, street=False, plain=True)
+    back = replace(front, on_street=False, is_back=True)
     drawn: list[tuple[int, ...]] = []
 
     def seen(*given: Any, **named: Any) -> tuple[np.ndarray, np.ndarray]:

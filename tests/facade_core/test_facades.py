@@ -110,7 +110,7 @@ def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: ExemplarStyle) 
     for building, entered in (("podium", True), ("tower", False)):
         front = max(on(plan, building, (0, -1)), key=lambda i: begins[i])
         wall = facade_wall(plan.scene, facades, front)
-        assert wall.street
+        assert wall.on_street
         assert (
             np.isin(compose_wall(style, wall, metres_per_pixel=MPP)[1], (FacadeClass.DOOR, FacadeClass.SHOP)).any()
             == entered
@@ -149,9 +149,9 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Exem
         for rows, columns in windows(labels):
             box = shapely.box(*(MPP * np.array([columns.start, rows.start, columns.stop, rows.stop])))
             assert wall.free.buffer(2 * MPP).covers(box), facades.id[facade]
-        if wall.plain:
+        if wall.is_back:
             assert not (labels == FacadeClass.SHOP).any()
-            assert wall.door or not (labels == FacadeClass.DOOR).any()
+            assert wall.has_back_door or not (labels == FacadeClass.DOOR).any()
     (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(facades.width[i] - 10) < 0.1]
     assert windows(shown(plan, style, east)[1]), "above the neighbour it has some"
 
@@ -162,7 +162,7 @@ def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
 ) -> None:
     wall = FacadeWall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
     for street, plain in ((True, False), (False, True)):
-        labels = compose_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
+        labels = compose_wall(style, replace(wall, on_street=street, is_back=plain), metres_per_pixel=MPP)[1]
         at = np.rint(np.array(seams) / MPP).astype(int)
         assert not (labels[:, at] == FacadeClass.WINDOW).any()
         assert len(windows(labels)) >= 20

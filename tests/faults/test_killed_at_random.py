@@ -26,7 +26,7 @@ from catalogs.query.execution import query
 from facade_core.core.errors import FacadeError, StoreError
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
-from tasks.viewing import Reader
+from tasks.viewing.run_view import Reader
 from tests.pipeline import stages
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment, run
 from tests.pipeline.test_cluster import machines

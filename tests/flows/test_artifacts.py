@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from flows import artifacts
-from tasks.city.account import Account, Ended
+from tasks.city.city_log import Account, Ended
 
 
 @pytest.fixture

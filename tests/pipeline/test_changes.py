@@ -19,7 +19,8 @@ from facade_core.synth.facade import paint_facade as paint
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.publish.task import publish_block
-from tasks.viewing import Reader, picture_before
+from tasks.viewing import picture_before
+from tasks.viewing.run_view import Reader
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0

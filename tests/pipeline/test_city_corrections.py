@@ -13,9 +13,9 @@ from catalogs.block.corrections import Correction, corrections_file, read_correc
 from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
-from tasks.city.account import known
 from tasks.city.blocks import read_city
-from tasks.corrections import Taker, import_corrections
+from tasks.city.city_log import known
+from tasks.corrections.correction_import import Taker, import_corrections
 from tasks.engine.store.status import record_source
 from tasks.export.formats import export
 from tasks.publish.task import publish_block

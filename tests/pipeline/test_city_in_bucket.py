@@ -29,8 +29,8 @@ from flows.block import run_block_without_server
 from flows.city import run_city_without_server
 from flows.city_options import CityOptions
 from flows.cli.commands import command_line
-from tasks.city import running
-from tasks.city.running import TIME_IS_UP
+from tasks.city import block_process
+from tasks.city.block_process import TIME_IS_UP
 from tasks.export.formats import export
 from tests.bucket import KEY, SECRET, served
 from tests.pipeline.runs import ROOT, environment, working_in
@@ -42,19 +42,19 @@ from tests.pipeline.test_cluster import finish, machines, wait_until
 pytestmark = pytest.mark.timeout(2400)
 
 # What runs a block as it is typed.
-TYPED = running._called
+TYPED = block_process._called
 
 
-def called(arguments: Sequence[str], ends: float | None) -> running.Called:
+def called(arguments: Sequence[str], ends: float | None) -> block_process.Called:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
             summary = run_block_without_server(Path(arguments[1]), folder_at(arguments[3]), workers=1)
         except InputError as error:
-            return running.Called(2, str(error), "", 0.0)
-        return running.Called(0, "", json.dumps(summary, default=str), 0.0)
+            return block_process.Called(2, str(error), "", 0.0)
+        return block_process.Called(0, "", json.dumps(summary, default=str), 0.0)
     export(folder_at(arguments[1]), arguments[3])
-    return running.Called(0, "", "", 0.0)
+    return block_process.Called(0, "", "", 0.0)
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3F
     file.write_text(yaml.safe_dump(keys))
     with served("city") as address, pytest.MonkeyPatch.context() as patch:
         patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
-        patch.setattr(running, "_called", called)
+        patch.setattr(block_process, "_called", called)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         out = S3Folder(f"{address.removeprefix('s3://')}/town")
         here, there = textured(file, base / "out"), textured(file, out)
@@ -157,13 +157,13 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
 ) -> None:
     file, out, _, first = cities
     base, killed = file.parent, S3Folder(f"{out.parent.path}/killed")
-    monkeypatch.setattr(running, "_called", TYPED)
+    monkeypatch.setattr(block_process, "_called", TYPED)
 
     # a night that begins when it is to be over, by the flow
     late = SimpleNamespace(scheduled_start_time=datetime(2026, 3, 1, 1, 0, tzinfo=UTC))
     with monkeypatch.context() as patch:
         patch.setattr(flows_of_cities, "flow_run", late)
-        patch.setattr(flows_of_cities, "tell_blocks", lambda account: None)
+        patch.setattr(flows_of_cities, "publish_block_table", lambda account: None)
         state = flows_of_cities.city.fn(file, str(killed), until="06:00")
     assert state.name == "BlocksLeft"
     assert "0 of 2 blocks are done; 2 are left" in state.message

@@ -16,13 +16,13 @@ from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
-from tasks.corrections import Taker, import_corrections
+from tasks.corrections.correction_import import Taker, import_corrections
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_source, record_source
 from tasks.export.formats import export
-from tasks.training.corrected import corrected_facades
-from tasks.viewing import Reader
-from tasks.viewing.standing import standing
+from tasks.training.corrected_facades import read_corrected_facades
+from tasks.viewing.facade_state import standing
+from tasks.viewing.run_view import Reader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
@@ -210,12 +210,12 @@ def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatc
     import_corrections(folder / "out", own(folder, {"facade_id": "a-0", "elements": said}), who="anna")
     import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "keep": [[0.0, 0.0, 0.5, 0.5]]}), who="anna")
     with pytest.raises(InputError, match="1 facades have corrected elements"):
-        corrected_facades([folder / "out"])
-    monkeypatch.setattr("tasks.training.corrected.LEAST", 1)
-    (one,) = corrected_facades([folder / "out"])
+        read_corrected_facades([folder / "out"])
+    monkeypatch.setattr("tasks.training.corrected_facades.MIN_FACADES", 1)
+    (one,) = read_corrected_facades([folder / "out"])
     assert (one.name, [list(e) for e in one.elements]) == ("small/a-0", said)
-    assert one.image.shape == (*one.shown.shape, 3)
-    assert one.shown.mean() > 0.9, "of a photo"
+    assert one.image.shape == (*one.photo_mask.shape, 3)
+    assert one.photo_mask.mean() > 0.9, "of a photo"
 
 
 def test_a_models_file_of_the_block_is_what_facades_of_pictures_are_done_by(folder: Path) -> None:

@@ -16,7 +16,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import repair_store
 from tasks.history import after_viewpoint
 from tasks.stages.ingest.task import ingest_block
-from tasks.viewing.reading import Reader
+from tasks.viewing.run_view import Reader
 from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_4, STREETS, unpack
 from tests.pipeline.stages import write_block
 

@@ -22,7 +22,7 @@ from PIL import Image
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.labels import CLASSES
-from tasks.viewing import Reader
+from tasks.viewing.run_view import Reader
 from tests.pipeline.runs import ROOT
 from tests.pipeline.viewed import get, viewing
 

@@ -20,8 +20,8 @@ from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
-from tasks.matching.table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table
-from tasks.matching.taking import take, taking
+from tasks.matching.match_table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table
+from tasks.matching.photo_import import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)

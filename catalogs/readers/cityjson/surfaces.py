@@ -11,6 +11,7 @@ import numpy as np
 
 from catalogs.readers.cityjson.values import as_list, as_mapping, mask_far_points, parse_points
 from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 
 # Levels of nesting between a geometry and its surfaces.
@@ -28,7 +29,7 @@ class CityJsonAppearance:
     theme : default theme, or None.
     """
 
-    uv: np.ndarray
+    uv: Float64Array
     pictures: Sequence[int]
     theme: str | None
 

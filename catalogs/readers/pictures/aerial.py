@@ -22,6 +22,7 @@ from catalogs.readers.pictures.rasters import (
     open_raster,
     read_raster_crs,
 )
+from facade_core.core.arrays import BoolArray
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Aerial:
     frame: str
     content: str
 
-    def covers(self, points: np.ndarray) -> np.ndarray:
+    def covers(self, points: np.ndarray) -> BoolArray:
         """Return a mask (n,) of the positions on the picture, transparent or not.
 
         Parameters

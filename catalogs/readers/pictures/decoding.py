@@ -17,6 +17,7 @@ import numpy as np
 
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.high_depth import is_high_depth, read_high_depth
+from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ class Picture:
     scale : pixels per pixel of the file.
     """
 
-    rgb: np.ndarray
-    hidden: np.ndarray
+    rgb: UInt8Array
+    hidden: BoolArray
     scale: float = 1.0
 
 
@@ -141,7 +142,7 @@ def _size_error(path: Path, max_pixels: int) -> ImageError:
     return ImageError(f"{path.name} has more than {max_pixels // 1_000_000} megapixels; reduce it")
 
 
-def _convert_to_rgb(image: Image, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def _convert_to_rgb(image: Image, factor: int) -> tuple[UInt8Array, BoolArray]:
     """Return RGB and the hidden mask of a decoded image, averaged over blocks of `factor` x `factor` pixels.
 
     The image is converted in strips, since conversions hold copies.
@@ -186,7 +187,7 @@ def _exif_orientation(image: Image) -> int:
     return found if 1 <= found <= 8 else 1
 
 
-def _rotate_upright(values: np.ndarray, orientation: int) -> np.ndarray:
+def _rotate_upright(values: AnyArray, orientation: int) -> AnyArray:
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):

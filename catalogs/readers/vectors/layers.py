@@ -19,6 +19,7 @@ from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_columns, record_tags
 from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
+from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ def _crs_name(crs: Any) -> str | None:
     return ":".join(authority) if authority else crs.to_wkt()
 
 
-def _are_degrees(geometries: np.ndarray) -> bool:
+def _are_degrees(geometries: ObjectArray) -> bool:
     bounds = shapely.bounds(geometries)
     bounds = np.abs(bounds[np.isfinite(bounds).all(axis=1)])
     return bool((bounds[:, [0, 2]] <= 360.0).all() and (bounds[:, [1, 3]] <= 90.0).all())

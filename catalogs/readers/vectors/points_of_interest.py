@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from catalogs.reader_errors import is_system_error
+from facade_core.core.arrays import Float64Array, ObjectArray
 
 # Amenities with shop windows; shop=* is included too.
 SHOP_AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
@@ -20,8 +21,8 @@ _EXCLUDED_ENTRANCES = ("no", "garage", "emergency", "exit")
 class PointsOfInterest(NamedTuple):
     """Sorted map nodes (n, 2) in lon/lat (EPSG:4326): shops, cafes and the like; entrances."""
 
-    shops: np.ndarray
-    entrances: np.ndarray
+    shops: Float64Array
+    entrances: Float64Array
 
 
 def read_points_of_interest(path: Path) -> PointsOfInterest | None:
@@ -47,5 +48,5 @@ def read_points_of_interest(path: Path) -> PointsOfInterest | None:
     )
 
 
-def _unique_coordinates(points: np.ndarray) -> np.ndarray:
+def _unique_coordinates(points: ObjectArray) -> Float64Array:
     return np.unique(shapely.get_coordinates(points).reshape(-1, 2), axis=0)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from facade_core.core.arrays import Int64Array
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
@@ -16,7 +16,7 @@ SNAP_GRID_M = 0.001
 MIN_PART_M2 = 0.1
 
 
-def building_footprint(source: TexturedMesh, triangles: np.ndarray) -> list[Polygon]:
+def building_footprint(source: TexturedMesh, triangles: Int64Array) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
     Eaves have a ceiling below them. If ceilings cover everything, or there is no roof, all surfaces count.
@@ -34,7 +34,7 @@ def building_footprint(source: TexturedMesh, triangles: np.ndarray) -> list[Poly
     return standing or _polygon_parts(covered)
 
 
-def _covered_area(source: TexturedMesh, triangles: np.ndarray) -> shapely.Geometry:
+def _covered_area(source: TexturedMesh, triangles: Int64Array) -> shapely.Geometry:
     flat = shapely.polygons(source.mesh.vertices[source.mesh.triangles[triangles]][..., :2])
     return shapely.union_all(flat[shapely.area(flat) > SNAP_GRID_M**2], grid_size=SNAP_GRID_M)
 

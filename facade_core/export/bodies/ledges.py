@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
@@ -27,7 +28,7 @@ ELEMENT_CLEARANCE_M = 0.06
 LEDGE_LABEL = "ledge"
 
 
-def detect_ledges(image: np.ndarray, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
+def detect_ledges(image: UInt8Array, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
     """Detect the ledges of a facade as elements of its whole width.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
 
@@ -47,9 +48,7 @@ class WallBand:
         return self.foot - self.top
 
 
-def free_wall_mask(
-    labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float
-) -> np.ndarray:
+def free_wall_mask(labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float) -> BoolArray:
     """Compute the mask of free wall outside of boxes.
 
     Parameters
@@ -70,7 +69,7 @@ def free_wall_mask(
     return free
 
 
-def segment_bands(image: np.ndarray, free: np.ndarray, density: float) -> list[WallBand]:
+def segment_bands(image: UInt8Array, free: np.ndarray, density: float) -> list[WallBand]:
     """Segment a wall into bands from its top.
 
     Parameters

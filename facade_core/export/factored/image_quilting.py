@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array
 from facade_core.core.linear_light import smooth_known, srgb_to_linear
 
 # Sides of grain textures, pixels.
@@ -46,11 +47,11 @@ class WallGrain:
     width_m : width and height on the wall, metres.
     """
 
-    relative_light: np.ndarray
+    relative_light: Float32Array
     width_m: float
 
 
-def synthesise_grain(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> WallGrain:
+def synthesise_grain(image: np.ndarray, free: BoolArray, pixels_per_metre: float, seed: int) -> WallGrain:
     """Synthesise the grain of a picture; all ones if no block of it is free.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, smooth_known, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, segment_bands
@@ -47,7 +48,7 @@ class ElementType:
     """
 
     kind: str
-    picture: np.ndarray
+    picture: UInt8Array
     box: Rectangle
     panes: tuple[Rectangle, ...]
     wall_light: np.ndarray
@@ -65,7 +66,7 @@ class MouldingTexture:
     colour : (3,) mean linear light.
     """
 
-    picture: np.ndarray
+    picture: UInt8Array
     width_m: float
     colour: np.ndarray
 
@@ -121,7 +122,7 @@ class FacadeLibrary:
         return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
-def unit_descriptor(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> np.ndarray:
     """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
 
     Parameters

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 
@@ -87,7 +88,7 @@ def _uncovered_panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
 
 
 def surround_reach(
-    image: np.ndarray, others: np.ndarray, wall: np.ndarray, box: Rectangle, density: float
+    image: UInt8Array, others: BoolArray, wall: Float32Array, box: Rectangle, density: float
 ) -> tuple[float, float, float, float]:
     """Measure how far the surround of a unit reaches beyond its box.
 

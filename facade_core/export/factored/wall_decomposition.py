@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.linear_light import smooth_known, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
@@ -37,8 +38,8 @@ class FactoredFacade:
     """
 
     chart: int
-    base_layer: np.ndarray
-    colour: np.ndarray
+    base_layer: UInt8Array
+    colour: UInt8Array
     labels: np.ndarray
     elements: Sequence[Element]
     density: float

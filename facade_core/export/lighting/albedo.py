@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Side of cells whose median brightness is fitted, metres.
@@ -67,7 +68,7 @@ def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> 
     return np.broadcast_to(np.clip(field, MIN_SHADING, MAX_SHADING).astype(np.float32), labels.shape)
 
 
-def divide_light(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
+def divide_light(colour: UInt8Array, light: np.ndarray) -> np.ndarray:
     """Divide the light out of a colour.
 
     Parameters

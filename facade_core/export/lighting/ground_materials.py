@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import SURFACES, Ground
 from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterial
 from facade_core.geometry.charts import Charts
@@ -21,7 +22,7 @@ class GroundMaterials:
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
 
-    def rasterise(self, charts: Charts, chart: int, shape: tuple[int, int]) -> np.ndarray:
+    def rasterise(self, charts: Charts, chart: int, shape: tuple[int, int]) -> UInt8Array:
         """Rasterise the materials of a ground chart.
 
         Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
@@ -145,7 +146,7 @@ def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
             yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass_mask(opening: FacadeOpening, grey: np.ndarray, density: float) -> np.ndarray:
+def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> np.ndarray:
     """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
 
     Parameters
@@ -209,7 +210,7 @@ def _hash_splitmix64(*numbers: int) -> float:
     return (h >> 11) / 2**53
 
 
-def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> np.ndarray:
+def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> Float32Array:
     """Return the slopes (2,) float32 to the right and up of an opening's panes."""
     at = _opening_place(opening, density)
     return np.array([MAX_PANE_SLOPE * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.provenance import Provenance
@@ -76,7 +77,7 @@ class RelightingInputs:
     scene: Scene
     ground: Ground
     chart_materials: np.ndarray
-    has_source_texture: np.ndarray
+    has_source_texture: BoolArray
     chart_numbers: Sequence[int]
     sun: Sun | None
     texels: Callable[[int], ChartTexels]
@@ -94,7 +95,7 @@ class _ChartRelighter:
     def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
 
-    def albedo(self, chart: int) -> np.ndarray:
+    def albedo(self, chart: int) -> UInt8Array:
         """Compute the base colour (h, w, 3) uint8 of a chart.
 
         The base layer of synthesised texels has no light. For materials, the sun and sky of the block are computed again and

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
+
 # Light of the back wall below the lamps.
 WALL_LIGHT_TOP = 0.75
 # Light of the back wall at the floor.
@@ -57,7 +59,7 @@ FLOOR_LIGHT = 0.6
 
 def shop_interior_light(
     shape: tuple[int, int], density: float, kind: float, uniform: Callable[..., float]
-) -> np.ndarray:
+) -> Float32Array:
     """Compute the light of a shop pane relative to its lamps.
 
     The result is the same at any density, except for details below one texel.

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
 from facade_core.export.models.buffers import (
     ARRAY_BUFFER,
     BYTE,
@@ -63,10 +64,10 @@ class Primitive:
     tangent : (v, 3) unit vectors along u; only of materials with normal maps.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    uv: np.ndarray
-    triangles: np.ndarray
+    position: Float32Array
+    normal: Float64Array
+    uv: Float64Array
+    triangles: Int64Array
     material: int
     tangent: np.ndarray | None = None
 

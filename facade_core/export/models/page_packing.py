@@ -10,6 +10,7 @@ from itertools import chain, product
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.numba_cache import njit
 from facade_core.export.models.pages import PageLayout
 
@@ -47,7 +48,7 @@ def shrink_for_border(size: np.ndarray) -> np.ndarray:
     return np.where(fits | (side < 32 * CELL_TEXELS), size, np.minimum(size, side - 2 * CELL_TEXELS))
 
 
-def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> BoolArray:
     """Mark the cells that triangles cover, with a border of one cell.
 
     Parameters

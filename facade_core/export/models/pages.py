@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.levelling import fill_unknown_colours
 from facade_core.geometry.scene import Scene
 
@@ -35,11 +36,11 @@ class PageLayout:
     pages : (p, 2) width and height of each page in texels.
     """
 
-    page: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    size: np.ndarray
-    pages: np.ndarray
+    page: Int64Array
+    x: Int64Array
+    y: Int64Array
+    size: Int64Array
+    pages: Int64Array
 
 
 class PbrMaps(NamedTuple):
@@ -70,7 +71,7 @@ def halve_layout(layout: PageLayout) -> PageLayout:
     return PageLayout(layout.page, layout.x // 2, layout.y // 2, (layout.size + 1) // 2, layout.pages // 2)
 
 
-def lay_out_shelves(size: np.ndarray, group: np.ndarray, *, largest: int = MAX_SHELF_PAGE_TEXELS) -> PageLayout:
+def lay_out_shelves(size: Int64Array, group: Int64Array, *, largest: int = MAX_SHELF_PAGE_TEXELS) -> PageLayout:
     """Lay out pieces on shelves of pages of at most `largest` texels square.
 
     Pages are as small as their pieces allow. A piece and its gutters must fit a page.
@@ -104,7 +105,7 @@ def lay_out_shelves(size: np.ndarray, group: np.ndarray, *, largest: int = MAX_S
     return PageLayout(page, x, y, size, np.array(pages, np.int64).reshape(-1, 2))
 
 
-def _bundle_groups(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarray]:
+def _bundle_groups(area: Int64Array, group: Int64Array, room: float) -> list[Int64Array]:
     """Bundle pieces of consecutive groups, as many as fit one page."""
     groups, of = np.unique(group, return_inverse=True)
     total = np.bincount(of, area, minlength=len(groups))
@@ -119,12 +120,12 @@ def _bundle_groups(area: np.ndarray, group: np.ndarray, room: float) -> list[np.
     return np.split(order, np.flatnonzero(np.diff(bundle[of][order])) + 1) if len(order) else []
 
 
-def _page_width(box: np.ndarray, largest: int) -> int:
+def _page_width(box: Int64Array, largest: int) -> int:
     wanted = max(int(box[:, 0].max()), int(np.sqrt(box.prod(axis=1).sum() / EXPECTED_FILL)))
     return min(largest, -(-wanted // (2 * GUTTER_TEXELS)) * 2 * GUTTER_TEXELS)
 
 
-def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
+def fill_between_charts(scene: Scene, page: int, colour: UInt8Array) -> UInt8Array:
     """Fill an atlas page between its charts with their colours, so that mipmaps do not bleed.
 
     Parameters
@@ -146,7 +147,7 @@ def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarr
 
 def draw_page(
     layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS
-) -> np.ndarray:
+) -> UInt8Array:
     """Draw a page from the rasters of its pieces, with repeated borders and the mean colour between.
 
     Parameters
@@ -179,7 +180,7 @@ def draw_page(
     return drawn
 
 
-def downscale(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def downscale(image: UInt8Array, size: tuple[int, int]) -> UInt8Array:
     """Downscale an image by area averaging.
 
     Parameters
@@ -194,7 +195,7 @@ def downscale(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
 
 
-def encode_jpeg(image: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
+def encode_jpeg(image: UInt8Array, quality: int = JPEG_QUALITY) -> bytes:
     """Encode an RGB image (h, w, 3) uint8 as JPEG."""
     from PIL import Image
 

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.glb import GltfNode, Primitive
 from facade_core.export.models.pages import (
@@ -50,16 +51,16 @@ class LocalFrame:
     origin : (3,) world metres.
     """
 
-    origin: np.ndarray
+    origin: Float64Array
 
-    def points(self, world: np.ndarray) -> np.ndarray:
+    def points(self, world: Float64Array) -> Float64Array:
         return to_y_up(world - self.origin)
 
-    def directions(self, world: np.ndarray) -> np.ndarray:
+    def directions(self, world: Float64Array) -> Float64Array:
         return to_y_up(world)
 
 
-def to_y_up(points: np.ndarray) -> np.ndarray:
+def to_y_up(points: Float64Array) -> Float64Array:
     """Convert coordinates (n, 3) from z up to y up: (x, y, z) -> (x, z, -y)."""
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
 
@@ -87,8 +88,8 @@ class TexturedMesh:
 
     charts: Charts
     mesh: Mesh
-    extent: np.ndarray
-    texels: np.ndarray
+    extent: Float64Array
+    texels: Int64Array
     raster: Callable[[int], np.ndarray]
     maps: Callable[[int], PbrMaps] | None = None
 
@@ -114,7 +115,7 @@ class TexturedMesh:
         return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
 
 
-def triangle_areas(mesh: Mesh) -> np.ndarray:
+def triangle_areas(mesh: Mesh) -> Float64Array:
     """Return the area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
@@ -146,7 +147,7 @@ def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) ->
     )
 
 
-def filter_triangles(mesh: Mesh, keep: np.ndarray) -> Mesh:
+def filter_triangles(mesh: Mesh, keep: BoolArray) -> Mesh:
     """Return a mesh with the triangles where `keep` (t,) bool holds; vertices stay."""
     return Mesh(
         mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
@@ -165,10 +166,10 @@ class PackedCharts:
     """
 
     source: TexturedMesh
-    charts: np.ndarray
+    charts: Int64Array
     layout: PageLayout
 
-    def texture_coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+    def texture_coordinates(self, chart: Int32Array, points: Float64Array) -> Float64Array:
         """Return the texture coordinates of points on their pages.
 
         Parameters
@@ -186,7 +187,7 @@ class PackedCharts:
         return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
 
 
-def pack_charts(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> PackedCharts:
+def pack_charts(source: TexturedMesh, charts: Int64Array, scale: float = 1.0) -> PackedCharts:
     """Pack charts on pages, with neighbouring buildings on the same page.
 
     Parameters
@@ -200,7 +201,7 @@ def pack_charts(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) ->
     return PackedCharts(source, charts, lay_out_shelves(size, _rank_by_place(source, charts)))
 
 
-def _rank_by_place(source: TexturedMesh, charts: np.ndarray) -> np.ndarray:
+def _rank_by_place(source: TexturedMesh, charts: Int64Array) -> Int64Array:
     """Return a rank per chart: one per building or piece of ground, along a space-filling curve."""
     if not len(charts):
         return np.zeros(0, np.int64)
@@ -214,7 +215,7 @@ def _rank_by_place(source: TexturedMesh, charts: np.ndarray) -> np.ndarray:
     return rank[of]
 
 
-def _z_order(cell: np.ndarray) -> np.ndarray:
+def _z_order(cell: Int64Array) -> Int64Array:
     """Return the Z-order code of cells (n, 2) of 16 bits."""
     code = np.zeros(len(cell), np.int64)
     for bit in range(16):
@@ -244,8 +245,8 @@ def draw_page_images(drawn: PackedCharts, page: int) -> PageImages:
     )
 
 
-def _draw_base_colour(drawn: PackedCharts, page: int) -> np.ndarray:
-    def raster(i: int) -> np.ndarray:
+def _draw_base_colour(drawn: PackedCharts, page: int) -> UInt8Array:
+    def raster(i: int) -> UInt8Array:
         width, height = drawn.layout.size[i].tolist()
         return downscale(drawn.source.raster(int(drawn.charts[i])), (width, height))
 
@@ -284,7 +285,7 @@ def draw_page_maps(
 
 def build_nodes(
     drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame
-) -> tuple[list[GltfNode], np.ndarray]:
+) -> tuple[list[GltfNode], Float64Array]:
     """Build one node per building in their order, then the ground.
 
     Parameters

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -46,14 +47,14 @@ class PerspectiveCamera:
     size : height and width, pixels.
     """
 
-    position: np.ndarray
-    target: np.ndarray
+    position: Float64Array
+    target: Float64Array
     field_of_view: float
     size: tuple[int, int]
 
     @classmethod
     def from_heading(
-        cls, position: np.ndarray, *, heading: float, pitch: float, field_of_view: float, size: tuple[int, int]
+        cls, position: Float64Array, *, heading: float, pitch: float, field_of_view: float, size: tuple[int, int]
     ) -> PerspectiveCamera:
         """Build a camera that looks along a heading.
 
@@ -69,7 +70,7 @@ class PerspectiveCamera:
         ahead = np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
         return cls(np.asarray(position, float), position + ahead, field_of_view, size)
 
-    def rays(self, rows: slice = slice(None)) -> np.ndarray:
+    def rays(self, rows: slice = slice(None)) -> Float64Array:
         """Return world unit directions (h, w, 3) through the pixel centres of some rows."""
         height, width = self.size
         forward, right, down, focal = self.axes()
@@ -78,7 +79,7 @@ class PerspectiveCamera:
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
-    def may_show(self, corners: np.ndarray) -> np.ndarray:
+    def may_show(self, corners: Float64Array) -> BoolArray:
         """Return which polygons may be visible, a superset of the visible ones.
 
         Parameters
@@ -97,7 +98,7 @@ class PerspectiveCamera:
             outside |= (sideways > ahead * half).all(axis=1) | (-sideways > ahead * half).all(axis=1)
         return ~outside
 
-    def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def axes(self) -> tuple[Float64Array, Float64Array, Float64Array, float]:
         """Return unit vectors ahead, right and down, (3,) each, and the focal length in pixels."""
         forward = self.target - self.position
         forward = forward / np.linalg.norm(forward)
@@ -107,7 +108,7 @@ class PerspectiveCamera:
         return forward, right, np.cross(forward, right), float(focal)
 
 
-def aerial_camera(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> PerspectiveCamera:
+def aerial_camera(scene: Scene, size: tuple[int, int], worth: Float64Array | None = None) -> PerspectiveCamera:
     """Build an oblique aerial camera with all buildings in view.
 
     Parameters
@@ -139,19 +140,19 @@ def aerial_camera(scene: Scene, size: tuple[int, int], worth: np.ndarray | None 
     return PerspectiveCamera(target + away * distance, target, field_of_view, size)
 
 
-def _rotation(eighth: int) -> np.ndarray:
+def _rotation(eighth: int) -> Float64Array:
     """Return the rotation (2, 2) by eighths of a full turn."""
     angle = eighth * np.pi / 4
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _visible_worth(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
+def _visible_worth(scene: Scene, side: Float64Array, worth: Float64Array) -> float:
     charts = scene.charts
     return float((worth * charts.size.prod(axis=1) * np.clip(charts.normals() @ side, 0, None)).sum())
 
 
 def street_camera(
-    scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray
+    scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: Float64Array
 ) -> PerspectiveCamera:
     """Build the camera of a pedestrian who looks at one side of a street.
 
@@ -188,7 +189,7 @@ def street_camera(
     )
 
 
-def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np.ndarray) -> PerspectiveCamera:
+def close_up_camera(scene: Scene, facades: Int32Array, size: tuple[int, int], worth: Float64Array) -> PerspectiveCamera:
     """Build an oblique camera at the foot of the facade with the highest worth and no occluder.
 
     Parameters
@@ -220,7 +221,7 @@ def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], wo
     return found
 
 
-def lower_to_eye_height(scene: Scene, place: np.ndarray) -> np.ndarray:
+def lower_to_eye_height(scene: Scene, place: Float64Array) -> Float64Array:
     """Lower a position (3,) to EYE_HEIGHT_M above the ground below; unchanged without ground."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
     return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_HEIGHT_M]

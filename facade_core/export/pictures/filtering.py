@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 
 # Maximum number of samples along the longer axis of a pixel's footprint.
@@ -24,10 +25,10 @@ class MipPyramid(NamedTuple):
     rows, columns : (levels,) size.
     """
 
-    texels: np.ndarray
-    first: np.ndarray
-    rows: np.ndarray
-    columns: np.ndarray
+    texels: UInt8Array
+    first: Int64Array
+    rows: Int64Array
+    columns: Int64Array
 
 
 class PinholeCamera(NamedTuple):
@@ -41,16 +42,16 @@ class PinholeCamera(NamedTuple):
     width, height : pixels.
     """
 
-    position: np.ndarray
-    ahead: np.ndarray
-    right: np.ndarray
-    down: np.ndarray
+    position: Float64Array
+    ahead: Float64Array
+    right: Float64Array
+    down: Float64Array
     focal: float
     width: int
     height: int
 
 
-def build_mip_pyramid(raster: np.ndarray, coarsest: float) -> MipPyramid:
+def build_mip_pyramid(raster: UInt8Array, coarsest: float) -> MipPyramid:
     """Halve a raster (h, w, 3) uint8 until a texel covers at least `coarsest` texels of the original."""
     import cv2
 
@@ -66,13 +67,13 @@ def build_mip_pyramid(raster: np.ndarray, coarsest: float) -> MipPyramid:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def paint_pixels(
-    rgb: np.ndarray,
-    pixel: np.ndarray,
-    depth: np.ndarray,
+    rgb: UInt8Array,
+    pixel: Int64Array,
+    depth: Float32Array,
     pinhole: PinholeCamera,
-    origin: np.ndarray,
-    axes: np.ndarray,
-    density: np.ndarray,
+    origin: Float64Array,
+    axes: Float64Array,
+    density: Float64Array,
     levels: MipPyramid,
 ) -> None:
     """Paint, in place, the pixels that show a chart.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Box
 
 # Side of the mosaic squares that show occluders, pixels.
@@ -12,7 +13,7 @@ MOSAIC_PX = 12
 MAX_PREVIEW_PX = 640
 
 
-def overlay_occlusion(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+def overlay_occlusion(image: UInt8Array, hidden: BoolArray) -> UInt8Array:
     """Tint occluders red and pixelate them, so that no face or number plate is legible.
 
     Parameters
@@ -29,7 +30,7 @@ def overlay_occlusion(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     return tinted
 
 
-def _mosaic(image: np.ndarray) -> np.ndarray:
+def _mosaic(image: UInt8Array) -> UInt8Array:
     import cv2
 
     height, width = image.shape[:2]
@@ -38,7 +39,7 @@ def _mosaic(image: np.ndarray) -> np.ndarray:
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def draw_crop(image: np.ndarray, hidden: np.ndarray, box: Box) -> np.ndarray:
+def draw_crop(image: UInt8Array, hidden: BoolArray, box: Box) -> UInt8Array:
     """Draw a given picture as a preview: dark and coarse outside of its crop, tinted where it was inpainted.
 
     Parameters

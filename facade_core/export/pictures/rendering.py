@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import RowIndex
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
@@ -44,17 +45,17 @@ class RenderedView:
 
     scene: Scene
     camera: PerspectiveCamera
-    rgb: np.ndarray
-    pixel: np.ndarray
-    chart: np.ndarray
-    depth: np.ndarray
+    rgb: UInt8Array
+    pixel: Int64Array
+    chart: Int32Array
+    depth: Float32Array
 
     @cached_property
     def visible_charts(self) -> np.ndarray:
         """Return the visible charts (c,), ascending."""
         return np.unique(self.chart)
 
-    def paint(self, rasters: Mapping[int, np.ndarray]) -> None:
+    def paint(self, rasters: Mapping[int, UInt8Array]) -> None:
         """Paint, in place, the pixels of some charts from their rasters.
 
         Sampling is bilinear, and averages the footprint of pixels larger than a texel.
@@ -83,7 +84,7 @@ class RenderedView:
                 flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels
             )
 
-    def apply_haze(self) -> np.ndarray:
+    def apply_haze(self) -> UInt8Array:
         """Return the painted picture (h, w, 3) uint8 with haze that grows from the nearest pixel."""
         nearest = self.depth.min(initial=np.inf)
         drawn = self.rgb.copy().reshape(-1, 3)
@@ -123,7 +124,7 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> R
 
 def render_perspective(
     scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2
-) -> np.ndarray:
+) -> UInt8Array:
     """Render the textured block with filtering, sky and haze.
 
     Published pages give rasters as follows:
@@ -151,7 +152,7 @@ def render_perspective(
     return average_samples(picture.apply_haze(), samples)
 
 
-def average_samples(rgb: np.ndarray, samples: int) -> np.ndarray:
+def average_samples(rgb: UInt8Array, samples: int) -> UInt8Array:
     """Average a picture (h * samples, w * samples, 3) to (h, w, 3) uint8."""
     import cv2
 
@@ -159,7 +160,7 @@ def average_samples(rgb: np.ndarray, samples: int) -> np.ndarray:
     return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
 
 
-def encode_image(rgb: np.ndarray, format: str, **options: int) -> bytes:
+def encode_image(rgb: UInt8Array, format: str, **options: int) -> bytes:
     """Encode a picture (h, w, 3) uint8 with a format and options of Pillow."""
     from PIL import Image
 
@@ -168,7 +169,7 @@ def encode_image(rgb: np.ndarray, format: str, **options: int) -> bytes:
     return buffer.getvalue()
 
 
-def draw_parse(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
+def draw_parse(label_map: UInt8Array, lattice: Lattice) -> UInt8Array:
     """Draw a parse in its colours with the split lines of its lattice, (h, w, 3) uint8."""
     drawn = colourise(label_map)
     height, width = label_map.shape

@@ -12,6 +12,7 @@ import numpy as np
 
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.stored_files import read_stored_file
+from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
@@ -73,12 +74,12 @@ class StoredFacade:
     record: Mapping[str, Any] | None
     exemplars: Sequence[str]
 
-    def read_raster(self, name: str) -> np.ndarray:
+    def read_raster(self, name: str) -> AnyArray:
         """Read the texels (h, w, ...) of the facade in an array of the store, such as facade_maps/labels."""
         return read_chart_raster(self.group, self.placement, self.chart, name)
 
     @cached_property
-    def occlusion_mask(self) -> np.ndarray:
+    def occlusion_mask(self) -> BoolArray:
         """Return the mask (h, w) bool of occluders."""
         return self.read_raster("facade_maps/occluded")
 
@@ -94,16 +95,16 @@ class StoredFacade:
         """Reconstruct the facade at a level of its hierarchy."""
         return self.hierarchy.reconstruct(level)
 
-    def draw_types(self, level: int) -> np.ndarray:
+    def draw_types(self, level: int) -> UInt8Array:
         """Draw the facade at a level, with its element types below."""
         return draw_level(self.hierarchy, level)
 
-    def draw_sample(self, seed: int) -> np.ndarray:
+    def draw_sample(self, seed: int) -> UInt8Array:
         """Draw a variation from the middle of the hierarchy."""
         return self.hierarchy.sample(len(self.hierarchy.levels) // 2, seed)
 
 
-def read_chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
+def read_chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> AnyArray:
     """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
     flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
     return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])

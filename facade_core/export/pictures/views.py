@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.journal import Record
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
 from facade_core.export.pictures.rendering import RenderedView, average_samples
 from facade_core.geometry.walls import WallRole
@@ -42,7 +43,7 @@ def view_names(plan: Plan) -> list[str]:
     return ["above", *(f"street-{number}" for number in range(len(_view_streets(plan)))), *near]
 
 
-def select_pictured_facades(plan: Plan) -> np.ndarray:
+def select_pictured_facades(plan: Plan) -> Int64Array:
     """Select the facades (k,) with pictures: those on streets."""
     return np.flatnonzero(plan.facades.role == WallRole.STREET)
 
@@ -68,7 +69,7 @@ def choose_cameras(
     return found
 
 
-def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None) -> np.ndarray:
+def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None) -> Float64Array:
     """Return the worth (n,) of showing each chart; zero for all but facades on streets."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
@@ -83,7 +84,7 @@ def photo_share(record: TexelSources | None) -> float:
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
+def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, np.ndarray]]) -> UInt8Array:
     """Paint a view of SAMPLES_PER_PIXEL_SIDE from rasters by chart, some charts at a time, (h, w, 3) uint8."""
     for rasters in parts:
         picture.paint(rasters)

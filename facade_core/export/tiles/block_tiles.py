@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array
 from facade_core.export.models.textured_mesh import MIN_TRIANGLE_M2, triangle_areas
 from facade_core.export.tiles.quadtree import MAX_CELL_M, collect_members, divide_grid
 from facade_core.plan.plan import Plan
@@ -30,8 +31,8 @@ class BlockTile:
     """
 
     path: str
-    buildings: np.ndarray
-    charts: np.ndarray
+    buildings: Int64Array
+    charts: Int64Array
     origin: tuple[float, float, float]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.pages import GUTTER_TEXELS
 from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_pages, pack_charts
@@ -25,7 +26,7 @@ PIXEL_BYTES = 0.15
 OVERVIEW_NODE = "overview"
 
 
-def select_overview_charts(source: TexturedMesh) -> np.ndarray:
+def select_overview_charts(source: TexturedMesh) -> Int64Array:
     """Select the largest charts whose geometry fits an overview, ascending."""
     mesh, count = source.mesh, len(source.charts)
     vertices = np.bincount(mesh.vertex_chart[np.unique(mesh.triangles)], minlength=count)
@@ -36,7 +37,7 @@ def select_overview_charts(source: TexturedMesh) -> np.ndarray:
     return np.sort(order[takes <= MAX_GEOMETRY_SHARE * MAX_OVERVIEW_BYTES])
 
 
-def overview_scale(texels: np.ndarray) -> float:
+def overview_scale(texels: Int64Array) -> float:
     """Compute the scale, a power of two up to 1, at which rasters fit an overview.
 
     Parameters
@@ -54,7 +55,7 @@ def overview_scale(texels: np.ndarray) -> float:
 
 
 def encode_overview(
-    source: TexturedMesh, charts: np.ndarray, extras: Mapping[str, Any], *, copyright: str = ""
+    source: TexturedMesh, charts: Int64Array, extras: Mapping[str, Any], *, copyright: str = ""
 ) -> bytes:
     """Encode charts as one node, of at most MAX_OVERVIEW_BYTES.
 

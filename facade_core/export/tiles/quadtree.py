@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import Charts
 
@@ -28,12 +29,12 @@ class QuadtreeMembers:
     texel_counts : (b + g,) texels of their charts.
     """
 
-    buildings: np.ndarray
-    ground: np.ndarray
-    points: np.ndarray
-    texel_counts: np.ndarray
+    buildings: Int64Array
+    ground: Int32Array
+    points: Float64Array
+    texel_counts: Int64Array
 
-    def split(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def split(self, chosen: Int64Array) -> tuple[Int64Array, Int32Array]:
         """Split members (k,) into buildings and ground charts."""
         n = len(self.buildings)
         return self.buildings[chosen[chosen < n]], self.ground[chosen[chosen >= n] - n]
@@ -51,12 +52,12 @@ class GridLeaf(NamedTuple):
     """
 
     path: str
-    corner: np.ndarray
-    buildings: np.ndarray
-    ground: np.ndarray
+    corner: Float64Array
+    buildings: Int64Array
+    ground: Int32Array
 
 
-def collect_members(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> QuadtreeMembers:
+def collect_members(charts: Charts, texels: Int64Array, drawn: Int32Array) -> QuadtreeMembers:
     """Collect the members that own some charts.
 
     Parameters
@@ -101,7 +102,7 @@ def divide_grid(members: QuadtreeMembers, max_texels: int) -> list[GridLeaf]:
     """
     leaves: list[GridLeaf] = []
 
-    def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> None:
+    def divide(path: str, inside: Int64Array, corner: Float64Array, side: float) -> None:
         if int(members.texel_counts[inside].sum()) <= max_texels or len(inside) == 1 or side <= MIN_CELL_M:
             leaves.append(GridLeaf(path, corner, *members.split(inside)))
             return

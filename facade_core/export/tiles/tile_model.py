@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import unit_key
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.export.models.glb import encode_glb, extract_images
 from facade_core.export.models.pages import downscale
 from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_page, pack_charts
@@ -32,8 +33,8 @@ class TileModel:
     """
 
     glb: bytes
-    box: np.ndarray
-    coarse: np.ndarray
+    box: Float64Array
+    coarse: UInt8Array
     picture_digests: tuple[str, ...]
 
 
@@ -42,13 +43,13 @@ class EarlierTile:
     """Earlier version of a tile with the same charts and texels."""
 
     glb: bytes
-    coarse: np.ndarray
+    coarse: UInt8Array
     picture_digests: tuple[str, ...]
 
 
 def build_tile_model(
     source: TexturedMesh,
-    charts: np.ndarray,
+    charts: Int64Array,
     digests: Sequence[str | None],
     names: Mapping[int, str],
     read_rasters: ReadRasters,
@@ -92,12 +93,12 @@ def build_tile_model(
     )
 
 
-def coarse_size(texels: np.ndarray) -> np.ndarray:
+def coarse_size(texels: Int64Array) -> Int64Array:
     """Return the size (n, 2) of coarse rasters of charts with `texels` (n, 2)."""
     return -(-texels // COARSE_DIVISOR)
 
 
-def coarse_rasters(texels: np.ndarray, charts: np.ndarray, coarse: np.ndarray) -> dict[int, np.ndarray]:
+def coarse_rasters(texels: Int64Array, charts: Int64Array, coarse: UInt8Array) -> dict[int, UInt8Array]:
     """Split the coarse texels of a tile by chart.
 
     Parameters

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Completion, Element, Parsing
@@ -118,7 +119,7 @@ def complete(
 def rank_layouts(
     seen: Sequence[Element],
     domain: Rectangle,
-    region: np.ndarray,
+    region: Float64Array,
     model: LayoutModel,
     evidence: Parsing | None,
     *,
@@ -165,7 +166,7 @@ def rank_layouts(
     preference[shops] += _GROUP_BONUS
     preference[doors] += _GROUP_BONUS
 
-    def selectable(factor: float) -> np.ndarray:
+    def selectable(factor: float) -> BoolArray:
         """Mark proposals from a multiple of their thresholds on; shops of a row all or none."""
         chosen = unobstructed & (proposals.label != SHOP) & (probability >= factor * threshold)
         if len(shops):
@@ -221,7 +222,7 @@ def rank_layouts(
     return sorted(layouts.items(), key=lambda item: -item[1])
 
 
-def _mapped_doors(proposals: Proposals, entrances: Sequence[float]) -> np.ndarray:
+def _mapped_doors(proposals: Proposals, entrances: Sequence[float]) -> BoolArray:
     """Mark, (N,) bool, the proposed door nearest to each mapped entrance and within half its width."""
     mapped = np.zeros(len(proposals.box), bool)
     middle = (proposals.box[:, 0] + proposals.box[:, 2]) / 2
@@ -235,13 +236,13 @@ def _mapped_doors(proposals: Proposals, entrances: Sequence[float]) -> np.ndarra
 
 def _reselect(
     proposals: Proposals,
-    selected: np.ndarray,
-    fill: np.ndarray,
-    strays: np.ndarray,
-    preference: np.ndarray,
-    obstacles: np.ndarray,
+    selected: Int64Array,
+    fill: BoolArray,
+    strays: BoolArray,
+    preference: Float64Array,
+    obstacles: Float64Array,
     min_gap: float,
-) -> np.ndarray:
+) -> Int64Array:
     """Select again: the previous selection without its strays, and the proposals that fill its gaps."""
     before = np.zeros(len(fill), bool)
     before[selected] = True
@@ -250,8 +251,8 @@ def _reselect(
 
 
 def _find_unobstructed(
-    proposals: Proposals, observed: Sequence[Element], obstacles: np.ndarray, min_gap: float
-) -> np.ndarray:
+    proposals: Proposals, observed: Sequence[Element], obstacles: Float64Array, min_gap: float
+) -> BoolArray:
     """Mark, (N,) bool, the proposals clear of obstacles and, for windows, not too near to an observed one."""
     windows = box_array([e for e in observed if e.label == "window"])
     grown = proposals.box + np.array([-min_gap, 0, min_gap, 0])
@@ -259,7 +260,7 @@ def _find_unobstructed(
     return ~pairwise_overlap(proposals.box, obstacles).any(axis=1) & ~near_window
 
 
-def _likeliest_door(proposals: Proposals, probability: np.ndarray, unobstructed: np.ndarray) -> np.ndarray:
+def _likeliest_door(proposals: Proposals, probability: Float64Array, unobstructed: BoolArray) -> BoolArray:
     """Mark, (N,) bool, the likeliest unobstructed door, if any."""
     door = (proposals.label == DOOR) & unobstructed
     likeliest = np.zeros(len(door), bool)

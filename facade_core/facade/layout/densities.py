@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.statistics import LABEL_COUNT
 
@@ -56,10 +57,10 @@ class Densities(NamedTuple):
     compatibility : (2**ELEMENT_TYPE_COUNT,) log-probability of each set of element types.
     """
 
-    mixtures: np.ndarray
-    patterns: np.ndarray
-    symmetry: np.ndarray
-    compatibility: np.ndarray
+    mixtures: Float64Array
+    patterns: Float64Array
+    symmetry: Float64Array
+    compatibility: Float64Array
 
 
 def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
@@ -101,7 +102,7 @@ def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def log_density(value: float, mixture: np.ndarray) -> float:
+def log_density(value: float, mixture: Float64Array) -> float:
     """Return ln p(value), at least MIN_LOG_DENSITY."""
     total = 0.0
     for k in range(COMPONENT_COUNT):
@@ -112,7 +113,7 @@ def log_density(value: float, mixture: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def log_conditional(value: float, condition: float, mixture: np.ndarray) -> float:
+def log_conditional(value: float, condition: float, mixture: Float64Array) -> float:
     """Return ln p(value | condition), at least MIN_LOG_DENSITY."""
     joint, marginal = 0.0, 0.0
     for k in range(COMPONENT_COUNT):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
 
@@ -27,10 +28,10 @@ class FacadeFrame:
     ground : y of the ground line of doors and shops.
     """
 
-    columns: np.ndarray
-    floors: np.ndarray
-    floor_size: np.ndarray
-    size: np.ndarray
+    columns: Float64Array
+    floors: Float64Array
+    floor_size: Float64Array
+    size: Float64Array
     ground: float
 
 
@@ -58,7 +59,7 @@ def fit_facade_frame(seen: Sequence[Element], domain: Rectangle) -> FacadeFrame:
     return FacadeFrame(columns, floors, floor_size, size, ground)
 
 
-def cluster_centres(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def cluster_centres(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
     """Group values whose neighbours differ by at most `gap`.
 
     Parameters

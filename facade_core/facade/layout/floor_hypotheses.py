@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
+
 # Most lines added between two observed lines, or beyond the last.
 _MAX_LINES = 64
 
 
 def extrapolate_floors(
-    floors: np.ndarray, heights: np.ndarray, progression: np.ndarray, low: float, high: float
-) -> np.ndarray:
+    floors: Float64Array, heights: Float64Array, progression: Float64Array, low: float, high: float
+) -> Float64Array:
     """Extrapolate floors below and above the observed ones.
 
     Parameters
@@ -65,8 +67,8 @@ def floor_progressions(floors: np.ndarray, heights: np.ndarray) -> list[tuple[fl
 
 
 def resample_lines(
-    lines: Sequence[float] | np.ndarray, pitch: float, size: float, low: float, high: float
-) -> np.ndarray:
+    lines: Sequence[float] | Float64Array, pitch: float, size: float, low: float, high: float
+) -> Float64Array:
     """Divide every gap into the whole number of steps nearest to `pitch` and extend both ends.
 
     Parameters

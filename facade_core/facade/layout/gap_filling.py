@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import cluster_centres
 from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
@@ -20,11 +21,11 @@ _MIN_ROW_SHARE = 0.26
 
 def find_gaps_and_strays(
     proposals: Proposals,
-    selected: np.ndarray,
-    probability: np.ndarray,
+    selected: Int64Array,
+    probability: Float64Array,
     observed: Sequence[Element],
-    obstacles: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+    obstacles: Float64Array,
+) -> tuple[BoolArray, BoolArray]:
     """Find the proposals that fill gaps of a selection, and its windows that are isolated in their row.
 
     Parameters

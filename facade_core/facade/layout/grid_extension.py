@@ -8,6 +8,7 @@ from statistics import median
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.parsing.elements import split_balconies
@@ -102,7 +103,7 @@ def extend_grids(
 
 def extend_lines(
     positions_seen: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool
-) -> np.ndarray:
+) -> Float64Array:
     """Fill gaps of whole multiples of the pitch and extend both ends within [low, high].
 
     Parameters
@@ -150,7 +151,7 @@ def extend_lines(
     return np.array(before[::-1] + positions + after)
 
 
-def _spacing_cycle(spacing: np.ndarray) -> np.ndarray:
+def _spacing_cycle(spacing: Float64Array) -> Float64Array:
     """Return the shortest cycle of 1 to 3 spacings that repeats from the first spacing on, else the median."""
     for period in (1, 2, 3):
         if len(spacing) > period:
@@ -170,7 +171,7 @@ def balance_margins(start: float, new: list[float], target: float, pitch: float)
     return np.linspace(start, target, steps + 1)[1:].tolist()
 
 
-def mirror_columns(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
+def mirror_columns(columns: Float64Array, width: float, twice_middle: float) -> Float64Array:
     """Add the mirror image of every column that overlaps no other column.
 
     Parameters
@@ -189,7 +190,7 @@ def mirror_columns(columns: np.ndarray, width: float, twice_middle: float) -> np
 
 
 def _cell_elements(
-    grid: Grid, widths: dict[float, float], heights: dict[float, float], rows: np.ndarray, columns: np.ndarray
+    grid: Grid, widths: dict[float, float], heights: dict[float, float], rows: Float64Array, columns: Float64Array
 ) -> Iterator[Element]:
     """Yield an element for every cell, in the width of its column and the height of its row where observed."""
     for y in rows.tolist():
@@ -198,14 +199,14 @@ def _cell_elements(
             yield Element(grid.label, x - w, y - h, x + w, y + h)
 
 
-def _median_side(side: list[list[float]], cells: np.ndarray, axis: int) -> float:
+def _median_side(side: list[list[float]], cells: Int32Array, axis: int) -> float:
     return median(side[k][axis] for k in cells.tolist() if k >= 0)
 
 
 @dataclass(frozen=True, slots=True)
 class _BalconyAttachment:
-    windows: np.ndarray
-    has: np.ndarray
+    windows: Float64Array
+    has: BoolArray
     offset: tuple[float, float, float, float]
 
 

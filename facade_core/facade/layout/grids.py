@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element
@@ -37,7 +38,7 @@ class Grid:
     columns: tuple[float, ...]
     width: float
     height: float
-    cells: np.ndarray
+    cells: Int32Array
 
     @property
     def row_spacing(self) -> np.ndarray:
@@ -50,7 +51,7 @@ class Grid:
         return float((self.cells >= 0).mean())
 
 
-def box_array(elements: Sequence[Element]) -> np.ndarray:
+def box_array(elements: Sequence[Element]) -> Float64Array:
     """Return the (N, 4) float array of x0, y0, x1, y1."""
     return np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements], float).reshape(-1, 4)
 
@@ -94,7 +95,7 @@ def fit_grids(elements: Sequence[Element]) -> list[Grid]:
     ]
 
 
-def group_by_size(elements: Sequence[Element]) -> list[np.ndarray]:
+def group_by_size(elements: Sequence[Element]) -> list[Int64Array]:
     """Group the indices of elements by label and comparable size, labels in the order of CLASSES.
 
     Every grid of `fit_grids` is part of one group. Raises LayoutError as `fit_grids` does.
@@ -108,7 +109,7 @@ def group_by_size(elements: Sequence[Element]) -> list[np.ndarray]:
     return found
 
 
-def _split_by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
+def _split_by_size(box: Float64Array, members: Int64Array) -> list[Int64Array]:
     if len(members) < 2:
         return [members] if len(members) else []
     from scipy.cluster.hierarchy import fcluster, linkage
@@ -118,7 +119,7 @@ def _split_by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
     return [members[labels == k] for k in np.unique(labels)]
 
 
-def _cluster_index(values: np.ndarray, gap: float) -> np.ndarray:
+def _cluster_index(values: Float64Array, gap: float) -> Int64Array:
     """Return the (N,) cluster of each value; clusters ascend and are more than `gap` apart."""
     order = np.argsort(values, kind="stable")
     index = np.empty(len(values), int)
@@ -126,11 +127,11 @@ def _cluster_index(values: np.ndarray, gap: float) -> np.ndarray:
     return index
 
 
-def _cluster_means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _cluster_means(values: Float64Array, index: Int64Array) -> Float64Array:
     return np.bincount(index, values) / np.bincount(index)
 
 
-def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
+def _fit(label: str, box: Float64Array, members: Int64Array) -> list[Grid]:
     found: list[Grid] = []
     while len(members):  # elements that share a cell form separate grids
         some, members = _fit_once(label, box, members)
@@ -138,7 +139,7 @@ def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
     return found
 
 
-def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Grid], np.ndarray]:
+def _fit_once(label: str, box: Float64Array, members: Int64Array) -> tuple[list[Grid], Int64Array]:
     """Fit grids, and return the members whose cell was already taken."""
     centre = (box[members, :2] + box[members, 2:]) / 2
     width, height = np.median(box[members, 2:] - box[members, :2], axis=0)
@@ -164,7 +165,7 @@ def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Gr
     return found, np.array(left_over, int)
 
 
-def _row_groups(x: np.ndarray, row: np.ndarray, width: float, gap: float) -> list[list[int]]:
+def _row_groups(x: Float64Array, row: Int64Array, width: float, gap: float) -> list[list[int]]:
     """Join rows, fullest first, if half the shorter row's columns agree and the others do not overlap them."""
     counts = np.bincount(row)
     groups: list[tuple[list[int], np.ndarray]] = []

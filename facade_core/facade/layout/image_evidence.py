@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, Float64Array, Int64Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.core.types import Parsing
@@ -15,12 +16,12 @@ _MAX_PROBABILITY = 0.95
 
 
 def apply_image_evidence(
-    probability: np.ndarray,
-    box: np.ndarray,
-    label: np.ndarray,
+    probability: Float64Array,
+    box: Float64Array,
+    label: AnyArray,
     evidence: Parsing,
     domain: tuple[float, float, float, float],
-) -> np.ndarray:
+) -> Float64Array:
     """Update the probabilities of rectangles by the parse of their visible pixels.
 
     The odds are multiplied by those of the parser's mean confidence in the label over the visible pixels, to the
@@ -66,7 +67,7 @@ def apply_image_evidence(
     return 1 / (1 + (1 / probability.clip(1e-6, _MAX_PROBABILITY) - 1) * odds ** -(seen / area))
 
 
-def _box_sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:
+def _box_sums(values: Float64Array, corner: Int64Array) -> Float64Array:
     """Sum values (H, W) over (N, 4) rectangles of whole pixels."""
     table = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     table[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import proposal_features
@@ -53,15 +54,15 @@ class LayoutModel:
     """
 
     densities: Densities
-    weights: np.ndarray
+    weights: Float64Array
     averages_terms: bool
-    policies: np.ndarray
-    label_shares: np.ndarray
+    policies: Float64Array
+    label_shares: Float64Array
     priors: ElementPriors
-    styles: np.ndarray
+    styles: Float64Array
     metric_pitches: Mapping[str, float]
     trees: BoostedTrees
-    min_probability: np.ndarray
+    min_probability: Float64Array
     training_set: tuple[str, ...]
 
 
@@ -188,7 +189,7 @@ def _from_record(content: Mapping[str, Any], training_set: tuple[str, ...]) -> L
     )
 
 
-def _read_array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> np.ndarray:
+def _read_array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> Float64Array:
     values = np.array(content[name], float)
     if values.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, values.shape, strict=True)):
         raise ValueError(f"{name} has the shape {values.shape}")

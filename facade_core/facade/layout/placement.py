@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.rectangles import BALCONY, WINDOW
 
@@ -40,7 +41,7 @@ class InitialLayout(NamedTuple):
     label: np.ndarray
     grid: np.ndarray
     spacing: np.ndarray
-    gaps: np.ndarray
+    gaps: BoolArray
     grids: int
     domain: np.ndarray
     region: np.ndarray
@@ -161,7 +162,7 @@ def nearest_gap(
 
 
 @njit(cache=True)
-def concave_elements(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def concave_elements(box: np.ndarray, grid: np.ndarray) -> BoolArray:
     """Mark, (N,) bool, elements next to an empty cell of their grid; Eq. 23 calls them concave."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):

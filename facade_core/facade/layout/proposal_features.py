@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
@@ -23,8 +24,8 @@ def compute_features(
     fitted: Sequence[Grid],
     facade: FacadeFrame,
     domain: Rectangle,
-    region: np.ndarray,
-) -> np.ndarray:
+    region: Float64Array,
+) -> Float32Array:
     """Compute the features of all proposals; none depends on the unit or the facade's place.
 
     Parameters
@@ -107,7 +108,7 @@ def compute_features(
     )
 
 
-def _support_features(support: np.ndarray) -> list[np.ndarray]:
+def _support_features(support: Float32Array) -> list[np.ndarray]:
     """Return how many variants agree, and how well."""
     n = len(EXTENSION_VARIANTS)
     held = support[:, :n] >= 0.5
@@ -118,8 +119,8 @@ def _support_features(support: np.ndarray) -> list[np.ndarray]:
 
 
 def _alignment_features(
-    box: np.ndarray, centre: np.ndarray, side: np.ndarray, observed: np.ndarray, same: np.ndarray
-) -> list[np.ndarray]:
+    box: Float64Array, centre: Float64Array, side: Float64Array, observed: Float64Array, same: BoolArray
+) -> list[Float64Array]:
     """Return count, alignment, distance and size difference of observed elements on the floor and the column."""
     if not len(observed):
         return [np.full(len(box), v) for v in (0.0, 0.0, 1.0, 1.0, _FEATURE_CAP, _FEATURE_CAP, 1.0, 1.0)]
@@ -134,7 +135,7 @@ def _alignment_features(
     return [f.astype(float) for f in found]
 
 
-def _rival_features(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
+def _rival_features(proposals: Proposals, centre: Float64Array, side: Float64Array) -> list[Float64Array]:
     """Return the support of overlapping guesses of the same and of other labels, and the rank among them."""
     agreed = (proposals.support >= 0.5).mean(axis=1)
     shared = pairwise_iou(proposals.box, proposals.box)
@@ -145,7 +146,7 @@ def _rival_features(proposals: Proposals, centre: np.ndarray, side: np.ndarray) 
     return [rival, other, better.astype(float), ((shared > 0) & same).sum(axis=1).astype(float)]
 
 
-def _visible_share(box: np.ndarray, domain: Rectangle, region: np.ndarray, *, vertical: bool) -> np.ndarray:
+def _visible_share(box: Float64Array, domain: Rectangle, region: Float64Array, *, vertical: bool) -> Float64Array:
     """Return the (N,) visible share of each element's floor, or column, over the whole domain."""
     band = box.copy()
     a = 1 if vertical else 0
@@ -158,34 +159,34 @@ def _visible_share(box: np.ndarray, domain: Rectangle, region: np.ndarray, *, ve
     return np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
 
 
-def _min_margin(observed: np.ndarray, domain: Rectangle) -> float:
+def _min_margin(observed: Float64Array, domain: Rectangle) -> float:
     return float(min((observed[:, 0] - domain[0]).min(), (domain[2] - observed[:, 2]).min())) if len(observed) else 0.0
 
 
-def _median_pitch(lines: np.ndarray) -> float:
+def _median_pitch(lines: Float64Array) -> float:
     return float(np.median(np.diff(lines))) if len(lines) > 1 else np.nan
 
 
-def _regularity(lines: np.ndarray) -> tuple[float, float]:
+def _regularity(lines: Float64Array) -> tuple[float, float]:
     gaps = np.diff(lines)
     return (float(gaps.std() / gaps.mean()), float(gaps.min() / gaps.mean())) if len(gaps) > 1 else (-1.0, -1.0)
 
 
-def _capped_ratio(values: np.ndarray, unit: float) -> np.ndarray:
+def _capped_ratio(values: Float64Array, unit: float) -> Float64Array:
     return np.minimum(values / unit, _FEATURE_CAP)
 
 
-def _nearest_distance(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _nearest_distance(values: Float64Array, lines: Float64Array) -> Float64Array:
     return np.abs(values[:, None] - lines).min(axis=1) if len(lines) else np.full(len(values), np.inf)
 
 
-def _row_max(values: np.ndarray) -> np.ndarray:
+def _row_max(values: Float64Array) -> Float64Array:
     return values.max(axis=1) if values.shape[1] else np.zeros(len(values))
 
 
-def _masked_min(values: np.ndarray, where: np.ndarray, otherwise: float) -> np.ndarray:
+def _masked_min(values: Float64Array, where: BoolArray, otherwise: float) -> Float64Array:
     return np.where(where, values, otherwise).min(axis=1)
 
 
-def _box_area(box: np.ndarray) -> float:
+def _box_area(box: Float64Array) -> float:
     return float(max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1]))

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle, fit_facade_frame
@@ -61,9 +62,9 @@ class Proposals:
     support : (N, variants) float32, largest IoU with a guess of the same label of each variant.
     """
 
-    box: np.ndarray
-    label: np.ndarray
-    support: np.ndarray
+    box: Float64Array
+    label: AnyArray
+    support: Float32Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,17 +79,17 @@ class ElementPriors:
     size_to_spacing : (K, 2) quantiles of window size to spacing, horizontal and vertical, ascending.
     """
 
-    door_sizes: np.ndarray
-    shop_sizes: np.ndarray
-    floor_progressions: np.ndarray
-    size_to_spacing: np.ndarray
+    door_sizes: Float64Array
+    shop_sizes: Float64Array
+    floor_progressions: Float64Array
+    size_to_spacing: Float64Array
 
 
 def propose_elements(
     observed: Sequence[Element],
     grids: Sequence[Grid],
     domain: Rectangle,
-    region: np.ndarray,
+    region: Float64Array,
     priors: ElementPriors,
     entrances: Sequence[float] = (),
 ) -> Proposals:
@@ -129,14 +130,14 @@ def propose_elements(
     return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
 
 
-def _guess_array(elements: Iterator[Element]) -> np.ndarray:
+def _guess_array(elements: Iterator[Element]) -> Float64Array:
     rows = [(ELEMENT_CLASSES.index(e.label), e.x0, e.y0, e.x1, e.y1) for e in elements]
     return np.array(rows, float).reshape(-1, 5)
 
 
 def _pooled_windows(
     seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, balanced: bool, mirror: bool
-) -> np.ndarray:
+) -> Float64Array:
     """Propose a window on every column of every floor, pooled over all grids and extended to the domain."""
     if not len(facade.floors) or not any(e.label == "window" for e in seen):
         return np.zeros((0, 5))
@@ -154,7 +155,7 @@ def _pooled_windows(
     return np.column_stack([np.full(len(x), WINDOW), x - half[:, 0], y - half[:, 1], x + half[:, 0], y + half[:, 1]])
 
 
-def _window_grid(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
+def _window_grid(x: Float64Array, widths: Float64Array, y: Float64Array, heights: Float64Array) -> Float64Array:
     """Propose windows at every column and row, up to the limit of a variant: tiny spacings would give millions."""
     rows = _MAX_VARIANT_GUESSES // max(len(x), 1) + 1
     x, y, widths, heights = x[:_MAX_VARIANT_GUESSES], y[:rows], widths[:rows], heights[:rows]
@@ -163,8 +164,8 @@ def _window_grid(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.n
 
 
 def _floor_windows(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, how: np.ndarray
-) -> list[np.ndarray]:
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, how: Float64Array
+) -> list[Float64Array]:
     """Propose windows on floors extrapolated by each progression of the database."""
     if len(facade.floors) < 2 or not any(e.label == "window" for e in seen):
         return [_NO_GUESSES] * len(how)
@@ -179,8 +180,8 @@ def _floor_windows(
 
 
 def _pitch_windows(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, ratios: np.ndarray
-) -> list[np.ndarray]:
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, ratios: Float64Array
+) -> list[Float64Array]:
     """Propose rows, then columns, at the smallest observed pitch and at pitches usual for the window size."""
     if not any(e.label == "window" for e in seen):
         return [_NO_GUESSES] * (2 * len(ratios) + 2)
@@ -202,15 +203,20 @@ def _pitch_windows(
     return found
 
 
-def _mirror_elements(seen: Sequence[Element], domain: Rectangle) -> np.ndarray:
+def _mirror_elements(seen: Sequence[Element], domain: Rectangle) -> Float64Array:
     found = _guess_array(e for e in seen if e.label in ELEMENT_CLASSES)
     found[:, 1:] = _mirror_boxes(found[:, 1:], domain)
     return found
 
 
 def _ground_elements(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, label: int, sizes: np.ndarray, at: Sequence[float]
-) -> np.ndarray:
+    seen: Sequence[Element],
+    facade: FacadeFrame,
+    domain: Rectangle,
+    label: int,
+    sizes: Float64Array,
+    at: Sequence[float],
+) -> Float64Array:
     """Propose doors or shops on the ground line: mapped, under columns, between columns and in the middle."""
     same = box_array([e for e in seen if e.label == ELEMENT_CLASSES[label]])
     columns = np.array([(domain[0] + domain[2]) / 2])
@@ -244,7 +250,7 @@ def _ground_elements(
     return np.column_stack([np.full(len(x), label), x - w / 2, foot - h, x + w / 2, foot])
 
 
-def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rectangle) -> np.ndarray:
+def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rectangle) -> Float64Array:
     """Propose every grid on the columns of all windows and on its own floors."""
     facade = fit_facade_frame(seen, domain)
     found = []
@@ -259,7 +265,7 @@ def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rect
     return np.concatenate(found) if found else np.zeros((0, 5))
 
 
-def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> np.ndarray:
+def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> Float64Array:
     """Propose every balcony and its mirror image on every other floor, at the same height above it."""
     box = box_array([e for e in seen if e.label == "balcony"])
     if not len(box) or not len(facade.floors):
@@ -273,13 +279,13 @@ def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Recta
     return np.column_stack([np.full(len(found), BALCONY), found])
 
 
-def _mirror_boxes(box: np.ndarray, domain: Rectangle) -> np.ndarray:
+def _mirror_boxes(box: Float64Array, domain: Rectangle) -> Float64Array:
     out = box.copy()
     out[:, [0, 2]] = domain[0] + domain[2] - box[:, [2, 0]]
     return out
 
 
-def _move_clear(box: np.ndarray, domain: Rectangle, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> tuple[Float64Array, BoolArray]:
     """Move rectangles out of the visible region and into the domain by little; return them and those that are clear."""
     box = box.copy()
     side = box[:, 2:] - box[:, :2]
@@ -309,12 +315,12 @@ def _move_clear(box: np.ndarray, domain: Rectangle, region: np.ndarray) -> tuple
     return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
 
 
-def _avoids_observed(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
+def _avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
     return ~(pairwise_overlap(raw[:, 1:], box_array(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
 
 
-def _unique_guesses(raw: np.ndarray) -> np.ndarray:
+def _unique_guesses(raw: Float64Array) -> Int64Array:
     """Return indices of guesses that represent all others: each guess is similar to one of them."""
     found: list[np.ndarray] = []
     for label in np.unique(raw[:, 0]):

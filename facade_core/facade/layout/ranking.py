@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 
 
@@ -22,17 +23,17 @@ class BoostedTrees(NamedTuple):
     base : start of the sum.
     """
 
-    roots: np.ndarray
-    feature: np.ndarray
-    threshold: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
-    value: np.ndarray
+    roots: Int64Array
+    feature: Int64Array
+    threshold: Float32Array
+    left: Int64Array
+    right: Int64Array
+    value: Float64Array
     base: float
 
 
 @njit(cache=True)
-def predict_probability(trees: BoostedTrees, rows: np.ndarray) -> np.ndarray:
+def predict_probability(trees: BoostedTrees, rows: Float32Array) -> np.ndarray:
     """Return the (N,) probability of each row.
 
     Parameters
@@ -52,7 +53,7 @@ def predict_probability(trees: BoostedTrees, rows: np.ndarray) -> np.ndarray:
     return out
 
 
-def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> BoostedTrees:
+def train_trees(rows: np.ndarray, truth: BoolArray, *, seed: int, rounds: int = 400, leaves: int = 32) -> BoostedTrees:
     """Boost trees on features with known truth, in one thread so that results do not depend on the machine.
 
     Parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, NumericArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 
@@ -13,7 +14,7 @@ _MIN_DUPLICATE_IOU = 0.75
 
 
 @njit(cache=True)
-def _box_iou(p: np.ndarray, q: np.ndarray) -> float:
+def _box_iou(p: Float64Array, q: Float64Array) -> float:
     w = min(p[2], q[2]) - max(p[0], q[0])
     h = min(p[3], q[3]) - max(p[1], q[1])
     if w <= 0 or h <= 0:
@@ -22,7 +23,7 @@ def _box_iou(p: np.ndarray, q: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def pairwise_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def pairwise_iou(a: Float64Array, b: Float64Array) -> np.ndarray:
     """Return the (N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
     out = np.empty((len(a), len(b)))
     for i in range(len(a)):
@@ -32,7 +33,7 @@ def pairwise_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def pairwise_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def pairwise_overlap(a: Float64Array, b: Float64Array) -> BoolArray:
     """Return, (N, M) bool, whether open rectangles (N, 4) and (M, 4) share area."""
     out = np.empty((len(a), len(b)), np.bool_)
     for i in range(len(a)):
@@ -43,7 +44,7 @@ def pairwise_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def best_iou_by_variant(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, variants: int) -> np.ndarray:
+def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Array, variants: int) -> np.ndarray:
     """Return the largest IoU of each kept guess with a guess of each variant of the same label.
 
     Parameters
@@ -66,7 +67,7 @@ def best_iou_by_variant(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, 
 
 
 @njit(cache=True)
-def select_representatives(box: np.ndarray) -> np.ndarray:
+def select_representatives(box: Float64Array) -> np.ndarray:
     """Return indices of rectangles (N, 4), in order, none of which nearly equals an earlier one."""
     kept = np.empty(len(box), np.int64)
     n = 0
@@ -82,7 +83,7 @@ def select_representatives(box: np.ndarray) -> np.ndarray:
     return kept[:n]
 
 
-def may_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def may_overlap(a: NumericArray, b: IntArray) -> BoolArray:
     """Return, (N, M) bool, whether elements of two labels may overlap: a balcony and its window only.
 
     Parameters

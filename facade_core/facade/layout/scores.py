@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
@@ -64,7 +65,7 @@ def score(
 
 def score_terms(
     elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel
-) -> np.ndarray:
+) -> Float64Array:
     """Return the (10,) values of TERMS, summed or averaged over grids as the model demands."""
     total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
     return total / np.maximum(count, 1) if model.averages_terms else total
@@ -72,7 +73,7 @@ def score_terms(
 
 def measure_elements(
     elements: Sequence[Element], domain: tuple[float, float, float, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Measure a layout's statistics with elements in a fixed order, so that sums do not depend on the input order.
 
     Returns
@@ -84,7 +85,7 @@ def measure_elements(
     return measure_layout(box, label, grid, np.array(domain, float))
 
 
-def element_arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def element_arrays(elements: Sequence[Element]) -> tuple[Float64Array, Int64Array, Int64Array]:
     """Return the arrays that compiled functions need of elements of ELEMENT_CLASSES.
 
     Returns
@@ -100,13 +101,13 @@ def element_arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray,
 
 @njit(cache=True)
 def sum_log_densities(
-    unary: np.ndarray,
-    pairs: np.ndarray,
-    overall: np.ndarray,
-    mixtures: np.ndarray,
-    patterns: np.ndarray,
-    symmetry: np.ndarray,
-    compatibility: np.ndarray,
+    unary: Float64Array,
+    pairs: Float64Array,
+    overall: Float64Array,
+    mixtures: Float64Array,
+    patterns: Float64Array,
+    symmetry: Float64Array,
+    compatibility: Float64Array,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sum the log-densities of each term over a layout's grids and pairs of grids.
 

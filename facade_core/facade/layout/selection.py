@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
@@ -18,13 +19,13 @@ _LINE_TOLERANCE = 0.2
 
 
 def select_proposals(
-    box: np.ndarray,
-    label: np.ndarray,
-    preference: np.ndarray,
-    selectable: np.ndarray,
-    obstacles: np.ndarray,
+    box: Float64Array,
+    label: IntArray,
+    preference: Float64Array,
+    selectable: BoolArray,
+    obstacles: Float64Array,
     min_gap: float = 0.0,
-) -> np.ndarray:
+) -> Int64Array:
     """Select proposals greedily by preference, without conflicts.
 
     Parameters
@@ -61,12 +62,12 @@ def select_proposals(
 
 def align_to_lines(
     proposals: Proposals,
-    selected: np.ndarray,
-    probability: np.ndarray,
+    selected: Int64Array,
+    probability: Float64Array,
     observed_elements: Sequence[Element],
     domain: Rectangle,
-    region: np.ndarray,
-    obstacles: np.ndarray,
+    region: Float64Array,
+    obstacles: Float64Array,
 ) -> tuple[Element, ...]:
     """Return the selected proposals with nearly equal edges made equal.
 
@@ -124,15 +125,15 @@ def _nearest_line(
 
 
 def _is_placeable(
-    moved: np.ndarray,
+    moved: Float64Array,
     label: int,
     own: int,
-    box: np.ndarray,
-    labels: np.ndarray,
-    observed: np.ndarray,
-    observed_label: np.ndarray,
-    region: np.ndarray,
-    blocked: np.ndarray,
+    box: Float64Array,
+    labels: Int64Array,
+    observed: Float64Array,
+    observed_label: Int64Array,
+    region: Float64Array,
+    blocked: Float64Array,
     domain: Rectangle,
 ) -> bool:
     one, kind = moved[None], np.array([label])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import SHOP
 
@@ -12,8 +13,8 @@ _SIZE_TOLERANCE = 0.1
 
 
 def select_shop_row(
-    proposals: Proposals, probability: np.ndarray, unobstructed: np.ndarray, threshold: float
-) -> np.ndarray:
+    proposals: Proposals, probability: Float64Array, unobstructed: BoolArray, threshold: float
+) -> Int64Array:
     """Select the disjoint shops of one size whose probabilities exceed the threshold by the largest sum.
 
     Sizes are those of observed shops, of the database, and one or two column pitches less a pier (`proposals`).
@@ -39,7 +40,7 @@ def select_shop_row(
     return max(rows, key=lambda row: float((probability[row] - threshold).sum()))
 
 
-def _disjoint_shops(box: np.ndarray, likely: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _disjoint_shops(box: Float64Array, likely: Float64Array, index: Int64Array) -> Int64Array:
     kept: list[int] = []
     for k in index[np.argsort(-likely[index], kind="stable")].tolist():
         if all(box[k, 0] >= box[other, 2] or box[other, 0] >= box[k, 2] for other in kept):

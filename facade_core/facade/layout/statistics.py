@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.small_sort import argsort_few
@@ -36,7 +37,7 @@ _MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
-def cluster_lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def cluster_lines(values: Float64Array, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Group values whose neighbours differ by at most `gap`.
 
     Parameters
@@ -65,7 +66,7 @@ def cluster_lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarra
 
 
 @njit(cache=True)
-def _median(values: np.ndarray) -> float:
+def _median(values: Float64Array) -> float:
     order = argsort_few(values)
     middle = len(values) // 2
     if len(values) % 2:
@@ -75,7 +76,7 @@ def _median(values: np.ndarray) -> float:
 
 @njit(cache=True)
 def measure_layout(
-    box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
+    box: Float64Array, label: Int64Array, grid: Int64Array, domain: Float64Array
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure the statistics of a layout.
 
@@ -147,7 +148,9 @@ def measure_layout(
 
 
 @njit(cache=True)
-def _measure_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
+def _measure_grid(
+    out: Float64Array, count: int, width: float, height: float, xs: Float64Array, ys: Float64Array
+) -> None:
     """Write Eq. 1-4 of one grid: aspect ratio, size to spacing, relative spread of the spacing, completeness.
 
     The paper divides the spread by the grid's extent; with ten columns that hardly changes if one moves by half a
@@ -166,7 +169,7 @@ def _measure_grid(out: np.ndarray, count: int, width: float, height: float, xs: 
 
 
 @njit(cache=True)
-def _spacing_moments(lines: np.ndarray) -> tuple[float, float]:
+def _spacing_moments(lines: Float64Array) -> tuple[float, float]:
     """Return mean and standard deviation of the distances between successive lines."""
     count = len(lines) - 1
     mean, spread = 0.0, 0.0
@@ -180,16 +183,16 @@ def _spacing_moments(lines: np.ndarray) -> tuple[float, float]:
 
 @njit(cache=True)
 def _measure_pair(
-    out: np.ndarray,
-    xa: np.ndarray,
-    xb: np.ndarray,
-    ya: np.ndarray,
-    yb: np.ndarray,
-    a: np.ndarray,
-    b: np.ndarray,
-    size_a: np.ndarray,
-    size_b: np.ndarray,
-    domain: np.ndarray,
+    out: Float64Array,
+    xa: Float64Array,
+    xb: Float64Array,
+    ya: Float64Array,
+    yb: Float64Array,
+    a: Float64Array,
+    b: Float64Array,
+    size_a: Float64Array,
+    size_b: Float64Array,
+    domain: Float64Array,
 ) -> None:
     """Write Eq. 5-6 of two grids: interleaving pattern, and share of overlapping lines that align, with the gap."""
     apart_x = max(a[0], b[0]) - min(a[2], b[2])
@@ -211,7 +214,7 @@ def _measure_pair(
 
 
 @njit(cache=True)
-def _aligned_share(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
+def _aligned_share(p: Float64Array, q: Float64Array, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
     """Return the share of lines in the common stretch that have a partner, -1 without a line there."""
     low, high = max(a0, b0), min(a1, b1)
     overlapping, aligned = 0, 0
@@ -232,7 +235,7 @@ def _aligned_share(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: floa
 
 
 @njit(cache=True)
-def _unmatched_lines(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
+def _unmatched_lines(p: Float64Array, q: Float64Array, gap: float) -> np.ndarray:
     """Return the lines of p without a line of q within the gap."""
     out = np.empty(len(p))
     n = 0
@@ -247,7 +250,7 @@ def _unmatched_lines(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
+def _interleaving_pattern(all_p: Float64Array, all_q: Float64Array, gap: float) -> int:
     """Return the index into PATTERNS of the order in which two grids' lines alternate, -1 if they do not.
 
     Coincident lines belong to both grids and do not count.
@@ -293,7 +296,7 @@ def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> i
 
 
 @njit(cache=True)
-def _measure_whole(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
+def _measure_whole(box: Float64Array, label: Int64Array, extent: Float64Array, domain: Float64Array) -> np.ndarray:
     """Write Eq. 8-11: types present as bits, coverage, borders in mean element sizes, symmetric share, door position."""
     out = np.full(OVERALL_SIZE, np.nan)
     n = len(box)
@@ -327,7 +330,7 @@ def _measure_whole(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domai
 
 
 @njit(cache=True)
-def symmetric_share(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
+def symmetric_share(box: Float64Array, label: Int64Array, domain: Float64Array) -> float:
     """Return the share of element area whose mirror image meets an element of the same label.
 
     Parameters
@@ -354,7 +357,7 @@ def symmetric_share(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> f
 
 
 @njit(cache=True)
-def _union_area(rectangles: np.ndarray) -> float:
+def _union_area(rectangles: Float64Array) -> float:
     """Return the area of the union of rectangles."""
     count = len(rectangles)
     xs, ys = np.empty(2 * count), np.empty(2 * count)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
@@ -53,7 +54,7 @@ class TrainingExample:
     box: np.ndarray
     label: np.ndarray
     features: np.ndarray
-    truth: np.ndarray
+    truth: BoolArray
     hidden_counts: np.ndarray
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
@@ -31,7 +32,7 @@ def check_elements(elements: Sequence[Element], domain: Rectangle) -> None:
         )
 
 
-def check_region(observed: Sequence[Element], domain: Rectangle, observed_region: Sequence[Rectangle]) -> np.ndarray:
+def check_region(observed: Sequence[Element], domain: Rectangle, observed_region: Sequence[Rectangle]) -> Float64Array:
     """Return the observed region as (M, 4) boxes.
 
     Raises

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Element
 
 # Reach of a cut window out of a hole, as a share of its side.
@@ -14,7 +15,7 @@ _WINDOW_REACH = 0.5
 _MAX_CELLS = 128
 
 
-def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]:
+def visible_boxes(hidden: BoolArray) -> list[tuple[float, float, float, float]]:
     """Cover the visible part of a facade with disjoint boxes.
 
     Boxes are runs of rows; unchanged runs of neighbouring rows are joined. Large pictures are reduced to cells of
@@ -50,7 +51,7 @@ def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]
     return boxes
 
 
-def dilate_by_window(hidden: np.ndarray, observed: Sequence[Element]) -> np.ndarray:
+def dilate_by_window(hidden: BoolArray, observed: Sequence[Element]) -> BoolArray:
     """Dilate the hidden region by half an observed window.
 
     A window that the border of the hole cuts may reach so far out of it. The picture decides whether there is one

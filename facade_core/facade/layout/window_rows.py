@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import cluster_centres
 from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
@@ -34,15 +35,15 @@ _NO_BOXES = np.zeros((0, 4))
 
 def find_missing_windows(
     proposals: Proposals,
-    selected: np.ndarray,
-    probability: np.ndarray,
+    selected: Int64Array,
+    probability: Float64Array,
     observed: Sequence[Element],
-    unobstructed: np.ndarray,
+    unobstructed: BoolArray,
     min_gap: float,
     *,
     row_threshold: float,
     ground_row_threshold: float,
-) -> np.ndarray:
+) -> BoolArray:
     """Find windows that complete rows of a selection, and whole rows that it lacks.
 
     A row is added if the mean probability of its windows reaches a threshold: `ground_row_threshold` below all
@@ -90,7 +91,12 @@ def find_missing_windows(
 
 
 def _continue_rows(
-    box: np.ndarray, likely: np.ndarray, free: np.ndarray, windows: np.ndarray, picked: np.ndarray, solid: np.ndarray
+    box: Float64Array,
+    likely: Float64Array,
+    free: BoolArray,
+    windows: Float64Array,
+    picked: BoolArray,
+    solid: Float64Array,
 ) -> list[int]:
     """Return proposals that repeat the columns of the fuller neighbouring row; `solid` (M, 4) may take their place."""
     height = float(np.median(windows[:, 3] - windows[:, 1]))
@@ -121,10 +127,10 @@ def _continue_rows(
 
 
 def _find_missing_rows(
-    box: np.ndarray,
-    likely: np.ndarray,
-    free: np.ndarray,
-    windows: np.ndarray,
+    box: Float64Array,
+    likely: Float64Array,
+    free: BoolArray,
+    windows: Float64Array,
     apart: float,
     least: float,
     standing: float,
@@ -172,7 +178,7 @@ def _find_missing_rows(
         )
 
 
-def _interval_iou(sides: np.ndarray, side: tuple[float, float]) -> np.ndarray:
+def _interval_iou(sides: Float64Array, side: tuple[float, float]) -> Float64Array:
     """Return the (N,) intersection over union of intervals (N, 2) with one interval."""
     both = np.minimum(sides[:, 1], side[1]) - np.maximum(sides[:, 0], side[0])
     return np.clip(both, 0, None) / (np.maximum(sides[:, 1], side[1]) - np.minimum(sides[:, 0], side[0]))

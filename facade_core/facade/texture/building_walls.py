@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
@@ -57,7 +58,7 @@ def compose_wall(
     output_metres_per_pixel: float | None = None,
     texel_m: float | None = None,
     seed: int = 0,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, UInt8Array]:
     """Compose a wall in an exemplar's style.
 
     Floor borders depend on the exemplar, the building's height and its floors only, so that they meet at corners. A
@@ -157,7 +158,7 @@ def compose_wall(
     return image, labels
 
 
-def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
+def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: Int32Array, across: Float64Array, ground: int) -> None:
     """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
 
     `source` is as in `_blank_cells`; `ground` is the number of lattice rows of the ground floor.
@@ -199,7 +200,7 @@ def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     return [*ends, wall.width]
 
 
-def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], margin: float) -> np.ndarray:
+def _move_off_seams(across: Float64Array, seams: tuple[float, ...], margin: float) -> Float64Array:
     """Move windows within their bays off seams and wall ends, by a margin in metres; they stay if there is no room.
 
     Parameters
@@ -226,7 +227,7 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], margin: float)
     return across
 
 
-def _plain_bays(style: ExemplarStyle, plain: int) -> np.ndarray:
+def _plain_bays(style: ExemplarStyle, plain: int) -> Int64Array:
     """Return the bays (k,) with the fewest balconies on the plainest floor, if possible not at the edges."""
     rows, cuts = style.grid.rows, style.structure.bay_cuts
     band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == FacadeClass.BALCONY
@@ -240,9 +241,9 @@ def _blank_cells(
     style: ExemplarStyle,
     wall: FacadeWall,
     stack: list[WallFloor],
-    source: np.ndarray,
-    down: np.ndarray,
-    across: np.ndarray,
+    source: Int32Array,
+    down: Float64Array,
+    across: Float64Array,
     plain: int,
     blank: bool,
 ) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarStyle
 from facade_core.parsing.floor_structure import Span, spans_above
@@ -44,7 +45,7 @@ GROOVE_M = 0.014
 
 
 def paint_corner_shop(
-    style: ExemplarStyle, image: np.ndarray, labels: np.ndarray, top: int, scale: float, metres_per_pixel: float
+    style: ExemplarStyle, image: UInt8Array, labels: UInt8Array, top: int, scale: float, metres_per_pixel: float
 ) -> None:
     """Paint the exemplar's shop on the ground floor of a narrow corner, in place; nothing if none fits.
 
@@ -91,7 +92,7 @@ def _find_corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | 
 def choose_door_position(
     free: BaseGeometry,
     size: tuple[float, float],
-    across: np.ndarray,
+    across: Float64Array,
     seams: Sequence[float],
     entrances: Sequence[float],
     rng: np.random.Generator,
@@ -132,7 +133,7 @@ def choose_door_position(
 
 
 def paint_door(
-    image: np.ndarray, labels: np.ndarray, middle: float, metres_per_pixel: float, rng: np.random.Generator
+    image: UInt8Array, labels: UInt8Array, middle: float, metres_per_pixel: float, rng: np.random.Generator
 ) -> None:
     """Paint a plain door at the foot of a wall, in place.
 
@@ -155,7 +156,7 @@ def paint_door(
     labels[at] = FacadeClass.DOOR
 
 
-def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:
+def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> Float64Array:
     """Draw a back door: a leaf of planks or panels, some with a pane, in a frame.
 
     Parameters
@@ -177,7 +178,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
     glazed, planked = rng.random() < GLAZED_PROBABILITY, rng.random() < PLANKED_PROBABILITY
     inner = (FRAME_M + RAIL_M, wide - FRAME_M - RAIL_M)
 
-    def grooved(left: float, right: float, upper: float, lower: float) -> np.ndarray:
+    def grooved(left: float, right: float, upper: float, lower: float) -> BoolArray:
         side_distance = np.minimum(np.abs(across - left), np.abs(across - right))
         over = np.minimum(np.abs(down - upper), np.abs(down - lower))
         within = (

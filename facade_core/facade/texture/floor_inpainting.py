@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from facade_core.core.labels import UNKNOWN
 from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.label_expansion import choose_sources
@@ -29,7 +30,7 @@ _MAX_TRANSLATIONS = 28  # offered to the graph cuts
 _MIN_GAIN = 1e-5  # smallest price reduction, for each hidden pixel, of an offered translation
 
 
-def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     """Fill hidden pixels from repetitions of floors and bays.
 
     Parameters
@@ -53,8 +54,8 @@ def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: 
 
 
 def _copy_repeats(
-    image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: np.random.Generator
+) -> tuple[UInt8Array, BoolArray]:
     """Return the image with copied pixels, and the known pixels (H, W) bool after that."""
     factor = int(np.clip(np.ceil(np.sqrt(mask.size / _MAX_WORKING_PX)), 1, _MAX_REDUCTION))
     small, known, plan = _reduce_to_blocks(image, mask, guide, factor)
@@ -73,8 +74,8 @@ def _copy_repeats(
 
 
 def _reduce_to_blocks(
-    image: np.ndarray, mask: np.ndarray, guide: np.ndarray, factor: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    image: UInt8Array, mask: BoolArray, guide: UInt8Array, factor: int
+) -> tuple[Float32Array, BoolArray, UInt8Array]:
     """Reduce image (float32 0-1), known pixels and guide to blocks; a block is known if all of it is."""
     height, width = mask.shape
     pad = (0, -height % factor), (0, -width % factor)
@@ -87,7 +88,7 @@ def _reduce_to_blocks(
     return small, known, plan
 
 
-def _local_detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _local_detail(grey: Float32Array, known: BoolArray) -> Float32Array:
     """Return a picture (H, W) less its local mean over known pixels, float32."""
     grey = grey * known
     sigma = max(grey.shape) / 12
@@ -96,7 +97,7 @@ def _local_detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known, grey - local, 0.0).astype(np.float32)
 
 
-def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> np.ndarray:
+def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> Int64Array:
     """Return translations (n, 3) by multiples of the floor height and of the bay width."""
     found = [np.zeros((0, 3), int)]
     for axis, pitch in enumerate(pitches):
@@ -109,8 +110,8 @@ def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int
 
 
 def _choose_translations(
-    image: np.ndarray, known: np.ndarray, plan: np.ndarray, translations: np.ndarray, reach: float
-) -> np.ndarray:
+    image: Float32Array, known: BoolArray, plan: UInt8Array, translations: Int64Array, reach: float
+) -> Int64Array:
     """Return the index of the translation of every hidden pixel, (h, w) int64; -1 if known or without source."""
     hidden = np.argwhere(~known)
     costs = _penalise_outliers(compute_source_costs(image, known, hidden, plan, translations, reach))
@@ -151,7 +152,7 @@ def _penalise_outliers(costs: SourceCosts) -> SourceCosts:
     return SourceCosts(price, np.where(usable[..., None], costs.colour, mean))
 
 
-def _select_translations(price: np.ndarray) -> np.ndarray:
+def _select_translations(price: Float32Array) -> Int64Array:
     """Select greedily the translations that lower the sum of the lowest prices most."""
     best = np.full(price.shape[1], UNUSABLE_PRICE, np.float32)
     left, kept = list(range(len(price))), list[int]()
@@ -166,8 +167,8 @@ def _select_translations(price: np.ndarray) -> np.ndarray:
 
 
 def _rim_prices(
-    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, translations: np.ndarray, colour: np.ndarray
-) -> np.ndarray:
+    image: Float32Array, known: BoolArray, hidden: Int64Array, translations: Int64Array, colour: Float32Array
+) -> Float32Array:
     """Return the price of the seam to known neighbours under every translation, (k, n) float32."""
     height, width = known.shape
     cost = np.zeros((len(translations), len(hidden)), np.float32)

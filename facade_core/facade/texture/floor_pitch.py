@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.levelling import fill_unknown
 
 RANSAC_ITERATIONS = 400
@@ -14,7 +15,7 @@ _PEAK_RADIUS_PX = 8  # in which a shift must be the best one
 _MIN_CORRELATION = 0.15  # of a repetition
 
 
-def estimate_floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def estimate_floor_height(image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:
     """Estimate the floor height by RANSAC over near-horizontal lines of the visible part.
 
     Parameters
@@ -31,7 +32,7 @@ def estimate_floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Ge
     return _find_pitch(_horizontal_lines(image, mask), image, mask, rng)
 
 
-def estimate_bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def estimate_bay_width(image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:
     """Estimate the spacing of window columns from near-vertical lines.
 
     Parameters
@@ -48,12 +49,12 @@ def estimate_bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Gener
     return _find_pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
 
 
-def _fill_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _fill_hole(image: UInt8Array, mask: BoolArray) -> UInt8Array:
     """Return the image with hidden pixels diffused, since edges and blurs reach into a hole."""
     return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
 
 
-def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _horizontal_lines(image: UInt8Array, mask: BoolArray) -> Float64Array:
     """Return lines (n, 3), y, x0, x1, that are near horizontal, long enough, and not the hole's outline."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     edges = cv2.Canny(grey, 50, 120)
@@ -68,7 +69,7 @@ def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.stack([(y0 + y1) / 2, np.minimum(x0, x1), np.maximum(x0, x1)], 1)[level]
 
 
-def _find_pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def _find_pitch(lines: Float64Array, image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:
     """Return the shift between two random lines under which most lines meet lines (Code 1); lines that leave do not
     count.
     """
@@ -98,7 +99,7 @@ def _find_pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.
     return int(shifts[best])
 
 
-def _shift_correlations(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+def _shift_correlations(image: UInt8Array, mask: BoolArray, shifts: Int64Array) -> Float64Array:
     """Return the correlation of the visible detail with itself under every vertical shift, at a quarter of the width."""
     small = max(1, image.shape[1] // 4), image.shape[0]
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.small_sort import argsort_few
 from facade_core.facade.texture.tiling_energy import EnergyTables, sum_costs, update_costs
@@ -19,23 +20,23 @@ _DRAWS_PER_PAIR = 20  # random numbers that one pair of children uses
 class _NodeConstraints(NamedTuple):
     """Allowed tiles of the nodes of the new grid, as in `evolve_tilings`."""
 
-    rows: np.ndarray
-    columns: np.ndarray
-    frozen: np.ndarray
-    usable: np.ndarray
+    rows: Int64Array
+    columns: Int64Array
+    frozen: BoolArray
+    usable: BoolArray
 
 
 def evolve_tilings(
     tables: EnergyTables,
-    population: np.ndarray,
+    population: Int32Array,
     *,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    frozen: np.ndarray,
-    usable: np.ndarray,
+    rows: BoolArray,
+    columns: BoolArray,
+    frozen: BoolArray,
+    usable: BoolArray,
     generations: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Int32Array, Float64Array]:
     """Evolve tilings and return the fittest one with the history of the lowest energy.
 
     Blocks are up to 5 x 5 (U = 5), parents win 2-tournaments, the 4 best survive (Q = 10, q = 4). Beyond the paper,
@@ -73,7 +74,7 @@ def _draw_index(number: float, count: int) -> int:
 
 
 @njit(cache=True)
-def _count_true(flags: np.ndarray) -> int:
+def _count_true(flags: Int64Array) -> int:
     count = 0
     for flag in flags:
         count += flag
@@ -81,7 +82,7 @@ def _count_true(flags: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _NodeConstraints) -> tuple[int, int, int, int]:
+def _mutate(tiles: Int32Array, u: Float64Array, nodes: _NodeConstraints) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the constraints allow."""
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
@@ -104,7 +105,7 @@ def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _NodeConstraints) -> tuple[
 
 
 @njit(cache=True)
-def _copy_individual(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarray) -> None:
+def _copy_individual(tiles: Int32Array, cost: Float64Array, to: Int32Array, to_cost: Float64Array) -> None:
     """Copy an individual and its cost over another; by loops, since slices take numba seconds to compile."""
     for y in range(tiles.shape[0]):
         for x in range(tiles.shape[1]):
@@ -115,7 +116,7 @@ def _copy_individual(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cos
 
 @njit(cache=True)
 def _evolve(
-    tab: EnergyTables, nodes: _NodeConstraints, population: np.ndarray, draws: np.ndarray, tries: np.ndarray
+    tab: EnergyTables, nodes: _NodeConstraints, population: Int32Array, draws: Float64Array, tries: Float64Array
 ) -> tuple[np.ndarray, np.ndarray]:
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array
 from facade_core.core.numba_cache import njit
 
 _HALF_WEIGHT_STEP = 0.10  # colour step (0-1) of a seam that counts half, so that misplaced edges do not bleed
@@ -14,8 +15,8 @@ _OVER_RELAXATION = 1.8
 
 
 def solve_membrane(
-    wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndarray, region: np.ndarray
-) -> np.ndarray:
+    wanted_right: Float32Array, wanted_below: Float32Array, hidden: BoolArray, region: Int32Array
+) -> Float32Array:
     """Solve for the offsets of cloned pixels by least squares on the wanted steps, smooth within regions.
 
     Parameters
@@ -47,7 +48,7 @@ def solve_membrane(
     return offset
 
 
-def _step_weights(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def _step_weights(wanted: Float32Array, hidden: BoolArray, axis: int) -> tuple[Float32Array, Float32Array]:
     joined = np.isfinite(wanted[..., 0])
     touched = hidden.copy()
     if axis:
@@ -62,9 +63,9 @@ def _step_weights(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np
 
 
 def _solve_coarse(
-    weight_right: np.ndarray, weight_below: np.ndarray, step_right: np.ndarray, step_below: np.ndarray,
-    hidden: np.ndarray, region: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    weight_right: Float32Array, weight_below: Float32Array, step_right: Float32Array, step_below: Float32Array,
+    hidden: BoolArray, region: Int32Array,
+) -> Float32Array:  # fmt: skip
     """Solve with one unknown for each block of pixels of one region."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
@@ -113,12 +114,12 @@ def _solve_coarse(
 
 @njit(cache=True)
 def _relax_offsets(
-    offset: np.ndarray,
-    weight_right: np.ndarray,
-    weight_below: np.ndarray,
-    step_right: np.ndarray,
-    step_below: np.ndarray,
-    hidden: np.ndarray,
+    offset: Float32Array,
+    weight_right: Float32Array,
+    weight_below: Float32Array,
+    step_right: Float32Array,
+    step_below: Float32Array,
+    hidden: BoolArray,
     sweeps: int,
     over: np.float32,
     leak: np.float32,

@@ -7,6 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.parsing.floor_structure import find_structure
 
@@ -14,7 +15,7 @@ from facade_core.parsing.floor_structure import find_structure
 _JAMB_SHARE = 0.12
 
 
-def replace_shops(image: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def replace_shops(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
     """Replace the shops of an exemplar's ground floor by windows of an upper floor.
 
     The source is the lowest floor with the fewest balconies, if possible not the topmost, scaled to the height of the

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.levelling import fill_unknown
@@ -26,14 +27,14 @@ _MIN_AGREEMENT = 0.7  # smallest share of agreeing votes of other bays for metho
 
 
 def inpaint(
-    image: np.ndarray,
-    mask: np.ndarray,
+    image: UInt8Array,
+    mask: BoolArray,
     *,
-    labels: np.ndarray | None = None,
+    labels: UInt8Array | None = None,
     elements: Sequence[Element] | None = None,
     method: str = "floors",
     seed: int = 0,
-) -> np.ndarray:
+) -> UInt8Array:
     """Fill the masked pixels of a facade; all other pixels keep their bits.
 
     Method "floors" clones sources whole floors and bays away (floors paper). Without any repetition it copies from
@@ -81,7 +82,7 @@ def inpaint(
     return complete_windows(result, mask, likely) if likely and method == "floors" else result
 
 
-def _draw_guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element]) -> np.ndarray:
+def _draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[Element]) -> UInt8Array:
     """Draw class ids (H, W): visible labels, and in the hole elements with wall around windows and balconies, else
     UNKNOWN.
 
@@ -101,7 +102,7 @@ def _draw_guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[
     return guide
 
 
-def _fill(method: str, image: np.ndarray, mask: np.ndarray, guide: np.ndarray, seed: int) -> np.ndarray:
+def _fill(method: str, image: UInt8Array, mask: BoolArray, guide: UInt8Array, seed: int) -> UInt8Array:
     rng = np.random.default_rng(seed)
     if method == "floors":
         return fill_by_floors(image, mask, _vote_across_bays(guide, agreed=_MIN_AGREEMENT), rng)
@@ -111,7 +112,7 @@ def _fill(method: str, image: np.ndarray, mask: np.ndarray, guide: np.ndarray, s
     return fill_by_tiles(image, mask, complete, lattice(complete), rng)
 
 
-def _vote_across_bays(guide: np.ndarray, *, agreed: float) -> np.ndarray:
+def _vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
     """Fill unknown labels by votes of the same rows of other bays, else by the most frequent label of the row.
 
     A pixel stays unknown if less than the share `min_agreement` of its votes agree.

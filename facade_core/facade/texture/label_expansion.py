@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
 
 EXPANSION_SWEEPS = 2
 
 
-def choose_sources(costs: SourceCosts, edges: np.ndarray, rim_prices: np.ndarray, seam_price: float) -> np.ndarray:
+def choose_sources(costs: SourceCosts, edges: Int64Array, rim_prices: Float32Array, seam_price: float) -> Int64Array:
     """Choose the source of every pixel by alpha expansion; non-submodular moves are truncated.
 
     Parameters
@@ -40,7 +41,7 @@ def choose_sources(costs: SourceCosts, edges: np.ndarray, rim_prices: np.ndarray
 
 
 def _expand_label(
-    alpha: int, labels: np.ndarray, unary: np.ndarray, colour: np.ndarray, edges: np.ndarray, seam: float
+    alpha: int, labels: Int64Array, unary: Float32Array, colour: Float32Array, edges: Int64Array, seam: float
 ) -> bool:
     """Let pixels switch to alpha where that lowers the energy; return whether any did."""
     import maxflow
@@ -65,7 +66,7 @@ def _expand_label(
 
 
 @njit(cache=True)
-def _seam_difference(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
+def _seam_difference(colour: Float32Array, a: int, b: int, p: int, q: int) -> float:
     if a == b:
         return 0.0
     total = 0.0
@@ -77,13 +78,13 @@ def _seam_difference(colour: np.ndarray, a: int, b: int, p: int, q: int) -> floa
 @njit(cache=True)
 def _edge_capacities(
     alpha: int,
-    labels: np.ndarray,
-    loose: np.ndarray,
-    number: np.ndarray,
-    colour: np.ndarray,
-    edges: np.ndarray,
+    labels: Int64Array,
+    loose: BoolArray,
+    number: Int64Array,
+    colour: Float32Array,
+    edges: Int64Array,
     seam: float,
-    unary: np.ndarray,
+    unary: Float64Array,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the edges among loose pixels; add the cost of edges to fixed pixels to `unary`."""
     first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.gradient_blending import solve_membrane
 
@@ -13,8 +14,8 @@ _MAX_SAMPLES = 4000  # known pixels for the fit of a part's translation
 
 
 def paint_sources(
-    image: np.ndarray, known: np.ndarray, chosen: np.ndarray, translations: np.ndarray, factor: int, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, known: BoolArray, chosen: Int64Array, translations: Int64Array, factor: int, reach: float
+) -> tuple[UInt8Array, BoolArray]:
     """Copy and blend hidden pixels from their chosen sources.
 
     The translation of each connected part is fitted to the known pixels around it.
@@ -56,15 +57,15 @@ def paint_sources(
     return _blend_holes(image, known, number, fitted)
 
 
-def _part_bounds(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:
+def _part_bounds(parts: Int64Array, count: int) -> list[tuple[int, int, int, int]]:
     from scipy import ndimage
 
     return [(0, 0, 0, 0)] + [(a.start, a.stop, b.start, b.stop) for a, b in ndimage.find_objects(parts, count)]
 
 
 def _fit_translation(
-    image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, radius: int
-) -> np.ndarray:
+    image: UInt8Array, known: BoolArray, where: Int64Array, about: Int64Array, radius: int
+) -> Int64Array:
     """Return the translation within `radius` px of `about` with the least difference at the places (n, 2)."""
     if len(where) < 20:
         return about
@@ -76,7 +77,7 @@ def _fit_translation(
 
 
 @njit(cache=True)
-def _mean_differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: np.ndarray) -> np.ndarray:
+def _mean_differences(image: UInt8Array, known: BoolArray, where: Int64Array, maps: Int64Array) -> np.ndarray:
     height, width = known.shape
     out = np.full(len(maps), np.float32(3e38))
     for k in range(len(maps)):
@@ -97,8 +98,8 @@ def _mean_differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, m
 
 
 def _blend_holes(
-    image: np.ndarray, known: np.ndarray, number: np.ndarray, fitted: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, known: BoolArray, number: Int32Array, fitted: Int64Array
+) -> tuple[UInt8Array, BoolArray]:
     """Copy and blend hole by hole, so that memory is bounded by the largest hole."""
     from scipy import ndimage
 
@@ -122,7 +123,7 @@ def _blend_holes(
 
 
 @njit(cache=True)
-def _source_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+def _source_pixel(known: BoolArray, fitted: Int64Array, part: int, y: int, x: int) -> tuple[int, int]:
     """Return row and column of the source, -1, -1 if it is not known."""
     v = y + fitted[part, 0]
     u = fitted[part, 1] - x if fitted[part, 2] else x + fitted[part, 1]
@@ -133,10 +134,10 @@ def _source_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: i
 
 @njit(cache=True)
 def _copy_box(
-    image: np.ndarray,
-    known: np.ndarray,
-    number: np.ndarray,
-    fitted: np.ndarray,
+    image: UInt8Array,
+    known: BoolArray,
+    number: Int32Array,
+    fitted: Int64Array,
     top: int,
     bottom: int,
     left: int,
@@ -184,7 +185,7 @@ def _copy_box(
 
 
 @njit(cache=True)
-def _pictured_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+def _pictured_pixel(known: BoolArray, fitted: Int64Array, part: int, y: int, x: int) -> tuple[int, int]:
     """Return the pixel that a part shows at a position, part 0 being the known image; -1, -1 if none."""
     if part > 0:
         return _source_pixel(known, fitted, part, y, x)

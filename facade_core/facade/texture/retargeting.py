@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
@@ -39,13 +40,13 @@ class ExemplarStyle:
     doors : (B,) bool bays with a door.
     """
 
-    image: np.ndarray
-    labels: np.ndarray
+    image: UInt8Array
+    labels: UInt8Array
     structure: FloorStructure
     grid: Lattice
-    floor_price: np.ndarray
-    bay_price: dict[str, np.ndarray]
-    doors: np.ndarray
+    floor_price: Float64Array
+    bay_price: dict[str, Float64Array]
+    doors: BoolArray
 
     @cached_property
     def tables(self) -> EnergyTables:
@@ -54,8 +55,8 @@ class ExemplarStyle:
 
 
 def retarget(
-    image: np.ndarray,
-    labels: np.ndarray,
+    image: UInt8Array,
+    labels: UInt8Array,
     size_m: tuple[float, float],
     *,
     floors: int,
@@ -110,7 +111,7 @@ def retarget(
     return results
 
 
-def extract_style(image: np.ndarray, labels: np.ndarray) -> ExemplarStyle:
+def extract_style(image: UInt8Array, labels: UInt8Array) -> ExemplarStyle:
     """Analyse an exemplar.
 
     Parameters
@@ -223,7 +224,7 @@ def choose_floors(
 
 def initial_tiling(
     style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
-) -> np.ndarray:
+) -> Int32Array:
     """Return a first tiling: the rows of the floors times, for every band, its own cheapest walk over the bays."""
     exemplar, wide = style.structure, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
@@ -258,8 +259,8 @@ def lattice_rows(style: ExemplarStyle, floor: int) -> range:
 
 
 def refine_tiling(
-    style: ExemplarStyle, floors: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
-) -> tuple[np.ndarray, float]:
+    style: ExemplarStyle, floors: list[int], population: Int32Array, blank: bool, rng: np.random.Generator
+) -> tuple[Int32Array, float]:
     """Refine tilings by the genetic algorithm within bands.
 
     Roof, ground and borders stay; floors exchange tiles of similar height.
@@ -308,7 +309,7 @@ def refine_tiling(
     return tiles, float(lowest[-1])
 
 
-def fit_sizes(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
+def fit_sizes(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Array:
     """Fit sizes to a total: soft ones (piers) change first, within limits, then all.
 
     Parameters

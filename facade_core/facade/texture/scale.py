@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
@@ -13,7 +14,7 @@ DOOR_HEIGHT_M = 2.4  # frame included
 WINDOW_SHARE = 0.55  # of a floor's height that its windows take
 
 
-def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2) -> float:
+def exemplar_scale(image: UInt8Array, labels: UInt8Array, *, storey: float = 3.2) -> float:
     """Estimate the metres per pixel of an exemplar.
 
     Two or more rows of windows: floor height over the median spacing of their middles. One row: a door has
@@ -46,7 +47,7 @@ def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2
     raise ImageError("exemplar_scale: the labels show neither windows nor a door; label the exemplar or give its scale")
 
 
-def _typical_spacing(spacings: np.ndarray) -> float:
+def _typical_spacing(spacings: Float64Array) -> float:
     """Return the median spacing; spacings near a multiple of it (a missed row) count as several."""
     median = np.median(spacings)
     return float(np.median(spacings / np.maximum(1, np.rint(spacings / median))))

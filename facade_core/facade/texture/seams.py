@@ -5,11 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def find_min_error_path(error: np.ndarray) -> np.ndarray:
+def find_min_error_path(error: Float64Array) -> np.ndarray:
     """Find the path of least error along the first axis, with steps of at most 1 (minimum-error cut).
 
     Parameters
@@ -43,7 +44,7 @@ def find_min_error_path(error: np.ndarray) -> np.ndarray:
     return path
 
 
-def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> Float32Array:
     """Diffuse colour differences known on a rim over the whole area.
 
     A membrane by normalised convolution: near the rim its local mean, farther off the mean over an ever wider part of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 _CUT_REACH_PX = 4  # compared on either side of a cut
@@ -13,7 +14,7 @@ _CUT_PRICE = 4.0  # of a jump through windows or doors along the whole cut
 _MISMATCH_PRICE = 0.6  # of a jump between different labels, such as from a balcony to plain wall
 
 
-def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.ndarray:
+def jump_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array) -> Float64Array:
     """Return the price (B, B) of showing part b after part a.
 
     The natural successor of a is compared with b on both sides of the cut; [a, a + 1] is 0.
@@ -50,7 +51,7 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
     return price
 
 
-def _cut_share(before: np.ndarray, after: np.ndarray) -> float:
+def _cut_share(before: UInt8Array, after: UInt8Array) -> float:
     """Return the share of a cut that runs through one window, door or shop."""
     same = before == after
     return float(
@@ -60,14 +61,14 @@ def _cut_share(before: np.ndarray, after: np.ndarray) -> float:
 
 
 def cheapest_walk(
-    price: np.ndarray,
-    start: np.ndarray,
-    end: np.ndarray,
+    price: Float64Array,
+    start: Float64Array,
+    end: Float64Array,
     length: int,
     *,
-    marked: np.ndarray | None = None,
+    marked: BoolArray | None = None,
     max_marked: int = 0,
-) -> np.ndarray:
+) -> Int64Array:
     """Return the cheapest sequence of `length` parts.
 
     Parameters

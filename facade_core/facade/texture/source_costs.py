@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 
 UNUSABLE_PRICE = np.float32(1e4)
@@ -40,16 +41,16 @@ class SourceCosts:
     colour : (k, n, 3) float32.
     """
 
-    price: np.ndarray
-    colour: np.ndarray
+    price: Float32Array
+    colour: Float32Array
 
 
 class _GuidedImage(NamedTuple):
     """Image (H, W, 3) float32, known (H, W) bool and guide (H, W) uint8 as in `compute_source_costs`."""
 
-    image: np.ndarray
-    known: np.ndarray
-    guide: np.ndarray
+    image: Float32Array
+    known: BoolArray
+    guide: UInt8Array
 
 
 class _Translation(NamedTuple):
@@ -63,14 +64,14 @@ class _Translation(NamedTuple):
 class _PriceTerms(NamedTuple):
     """Errors of rows (H,) and columns (W,), weighted errors of surroundings (H, W), and the price of a wrong class."""
 
-    rows: np.ndarray
-    columns: np.ndarray
-    near: np.ndarray
+    rows: Float32Array
+    columns: Float32Array
+    near: Float32Array
     wrong: float
 
 
 def compute_source_costs(
-    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, guide: np.ndarray, translations: np.ndarray, reach: float
+    image: Float32Array, known: BoolArray, hidden: Int64Array, guide: UInt8Array, translations: Int64Array, reach: float
 ) -> SourceCosts:
     """Compute price and colour of hidden pixels under every translation.
 
@@ -111,7 +112,7 @@ def compute_source_costs(
     return SourceCosts(price, colour)
 
 
-def _line_moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def _line_moments(image: Float32Array, known: BoolArray, axis: int) -> tuple[Float64Array, Float64Array]:
     """Return mean (n, 3) and mean square (n,) of the known pixels of every row (axis 1) or column (axis 0)."""
     visible = image[known]
     count = (
@@ -128,19 +129,19 @@ def _line_moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.n
     return mean, ((second + _IMAGE_PRIOR_PX * (visible**2).mean(0)) / count).mean(1)
 
 
-def _expected_difference(moments: tuple[np.ndarray, np.ndarray], other: np.ndarray) -> np.ndarray:
+def _expected_difference(moments: tuple[Float64Array, Float64Array], other: Int64Array) -> Float32Array:
     """Return the expected squared difference of any two pixels of a row and of the row other[row], (n,) float32."""
     mean, square = moments
     return (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
 
 
-def _line_error(error: np.ndarray, seen: np.ndarray, axis: int, usual: np.ndarray) -> np.ndarray:
+def _line_error(error: Float32Array, seen: Float32Array, axis: int, usual: Float32Array) -> Float32Array:
     """Return the mean error of every row (axis 1) or column (axis 0)."""
     total, count = (gaussian_filter1d(values.sum(axis), _LINE_BLUR_SIGMA, mode="constant") for values in (error, seen))
     return _shrink_to_prior(total, count, _LINE_PRIOR_PX, usual)
 
 
-def _window_error(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndarray) -> np.ndarray:
+def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Float32Array) -> Float32Array:
     """Return the mean error around every pixel, in a square window blurred twice."""
     window = side, side
     total, count = (
@@ -150,13 +151,13 @@ def _window_error(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndar
     return _shrink_to_prior(total, count, _WINDOW_PRIOR, usual)
 
 
-def _shrink_to_prior(total: np.ndarray, count: np.ndarray, prior: float, usual: np.ndarray) -> np.ndarray:
+def _shrink_to_prior(total: Float32Array, count: Float32Array, prior: float, usual: Float32Array) -> Float32Array:
     return ((total + prior * usual) / (count + prior)).astype(np.float32)
 
 
 @njit(cache=True)
 def _squared_errors(
-    image: np.ndarray, known: np.ndarray, dy: int, step: int, mirrored: int
+    image: Float32Array, known: BoolArray, dy: int, step: int, mirrored: int
 ) -> tuple[np.ndarray, np.ndarray]:
     height, width = known.shape
     error = np.zeros((height, width), np.float32)
@@ -172,7 +173,7 @@ def _squared_errors(
 
 
 @njit(cache=True)
-def _class_mismatches(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
+def _class_mismatches(guide: UInt8Array, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
     height, width = guide.shape
     mismatch = np.zeros((height, width), np.float32)
     both_known = np.zeros((height, width), np.float32)
@@ -188,11 +189,11 @@ def _class_mismatches(guide: np.ndarray, dy: int, step: int, mirrored: int) -> t
 @njit(cache=True)
 def _price_pixels(
     facade: _GuidedImage,
-    hidden: np.ndarray,
+    hidden: Int64Array,
     taken: _Translation,
     terms: _PriceTerms,
-    price: np.ndarray,
-    colour: np.ndarray,
+    price: Float32Array,
+    colour: Float32Array,
 ) -> None:
     image, known, guide = facade
     dy, step, mirrored = taken

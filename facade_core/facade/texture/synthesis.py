@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
@@ -14,7 +15,7 @@ from facade_core.facade.texture.validation import check_exemplar_image, check_ex
 SYNTHESIS_GENERATIONS = 5000
 
 
-def synthesize(image: np.ndarray, labels: np.ndarray, size: tuple[int, int], *, seed: int = 0) -> Synthesis:
+def synthesize(image: UInt8Array, labels: UInt8Array, size: tuple[int, int], *, seed: int = 0) -> Synthesis:
     """Compose the exemplar's tiles to size = (H', W') pixels (Eq. 4-6, Algo. 2).
 
     Top and bottom rows of the result come from the exemplar's top and bottom rows.

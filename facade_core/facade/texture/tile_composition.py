@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.seams import find_min_error_path
@@ -20,14 +21,14 @@ _FADE_PX = 10  # width of the cross-fade of colour on either side of a border
 
 
 def compose_tiles(
-    image: np.ndarray,
-    labels: np.ndarray,
+    image: UInt8Array,
+    labels: UInt8Array,
     lattice: Lattice,
-    tiles: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
+    tiles: Int32Array,
+    rows: Int64Array,
+    columns: Int64Array,
     reduction: float = 1.0,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, UInt8Array]:
     """Render tiles into cells.
 
     Neighbours in the exemplar show the same pixels on both sides of a border, so only true jumps are seams. Labels
@@ -69,14 +70,14 @@ def compose_tiles(
 
 
 @njit(cache=True)
-def _exemplar_position(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
+def _exemplar_position(position: int, cell: int, source: Float64Array, borders: Int64Array, tile: int) -> float:
     """Return the exemplar position, along one axis, of a position that a cell shows."""
     step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
     return source[tile] + (position - borders[cell] + 0.5) * step
 
 
 @njit(cache=True)
-def _sample_bilinear(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
+def _sample_bilinear(image: Float32Array, v: float, u: float, out: Float32Array) -> None:
     """Sample bilinearly at pixel positions v, u counted from the picture's corner."""
     v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
     u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
@@ -90,12 +91,12 @@ def _sample_bilinear(image: np.ndarray, v: float, u: float, out: np.ndarray) -> 
 
 @njit(cache=True)
 def _find_seam_paths(
-    image: np.ndarray,
-    source_rows: np.ndarray,
-    source_columns: np.ndarray,
-    tiles: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
+    image: Float32Array,
+    source_rows: Float64Array,
+    source_columns: Float64Array,
+    tiles: Int32Array,
+    rows: Int64Array,
+    columns: Int64Array,
     most: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
@@ -146,8 +147,8 @@ def _find_seam_paths(
 
 @njit(cache=True)
 def _assign_cells(
-    right_start: np.ndarray, lower_start: np.ndarray, rows: np.ndarray, columns: np.ndarray
-) -> np.ndarray:
+    right_start: Int64Array, lower_start: Int64Array, rows: Int64Array, columns: Int64Array
+) -> Int32Array:
     """Return the cell that every pixel shows, (H, W) int32: m * N + n."""
     height, width, wide = rows[-1], columns[-1], right_start.shape[1] + 1
     cell = np.empty((height, width), np.int32)
@@ -169,14 +170,14 @@ def _assign_cells(
 
 @njit(cache=True)
 def _render_cells(
-    image: np.ndarray,
-    cell: np.ndarray,
-    source_rows: np.ndarray,
-    source_columns: np.ndarray,
-    tiles: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
-) -> np.ndarray:
+    image: Float32Array,
+    cell: Int32Array,
+    source_rows: Float64Array,
+    source_columns: Float64Array,
+    tiles: Int32Array,
+    rows: Int64Array,
+    columns: Int64Array,
+) -> Float32Array:
     """Render each pixel as its cell shows it, (H, W, 3) float32."""
     height, width, wide = cell.shape[0], cell.shape[1], tiles.shape[1]
     across = len(source_columns) - 1
@@ -196,13 +197,13 @@ def _render_cells(
 
 @njit(cache=True)
 def _render_labels(
-    labels: np.ndarray,
-    cell: np.ndarray,
-    source_rows: np.ndarray,
-    source_columns: np.ndarray,
-    tiles: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
+    labels: UInt8Array,
+    cell: Int32Array,
+    source_rows: Float64Array,
+    source_columns: Float64Array,
+    tiles: Int32Array,
+    rows: Int64Array,
+    columns: Int64Array,
 ) -> np.ndarray:
     wide, across = tiles.shape[1], len(source_columns) - 1
     out = np.empty(cell.shape, np.uint8)
@@ -217,12 +218,12 @@ def _render_labels(
 
 @njit(cache=True)
 def _render_faded(
-    image: np.ndarray,
-    source_rows: np.ndarray,
-    source_columns: np.ndarray,
-    tiles: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
+    image: Float32Array,
+    source_rows: Float64Array,
+    source_columns: Float64Array,
+    tiles: Int32Array,
+    rows: Int64Array,
+    columns: Int64Array,
     margin: int,
 ) -> np.ndarray:
     """Accumulate every tile, extended by margin, with weights that fade over the border."""

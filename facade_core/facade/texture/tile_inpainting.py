@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
 from facade_core.core.levelling import fill_unknown
@@ -20,7 +21,7 @@ _RIM_PX = 6
 
 
 def fill_by_tiles(
-    image: np.ndarray, mask: np.ndarray, labels: np.ndarray, grid: Lattice, rng: np.random.Generator
+    image: UInt8Array, mask: np.ndarray, labels: UInt8Array, grid: Lattice, rng: np.random.Generator
 ) -> np.ndarray:
     """Fill hidden pixels by tiles of a lattice.
 

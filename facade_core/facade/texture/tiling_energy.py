@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.labels import CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
@@ -43,18 +44,18 @@ class EnergyTables(NamedTuple):
     scale_right, scale_below : 1 / (2 zeta^2) of Eq. 6.
     """
 
-    photo_right: np.ndarray
-    photo_below: np.ndarray
-    kind: np.ndarray
-    kind_distance: np.ndarray
-    templates_right: np.ndarray
-    templates_below: np.ndarray
+    photo_right: Float32Array
+    photo_below: Float32Array
+    kind: Int32Array
+    kind_distance: Float32Array
+    templates_right: Int32Array
+    templates_below: Int32Array
     scale_right: float
     scale_below: float
 
 
 def tabulate_energy(
-    image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: np.ndarray | None = None
+    image: UInt8Array, labels: UInt8Array, lattice: Lattice, *, usable: BoolArray | None = None
 ) -> EnergyTables:
     """Tabulate Eq. 5 and 6 over a lattice of T tiles.
 
@@ -86,7 +87,7 @@ def tabulate_energy(
     )
 
 
-def label_histograms(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def label_histograms(labels: UInt8Array, rows: Int64Array, columns: Int64Array) -> Float64Array:
     """Return label histograms of all tiles, (rows * columns, classes + 1), each of sum 1; the last bin is UNKNOWN.
 
     Parameters
@@ -101,14 +102,14 @@ def label_histograms(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) 
     return (sums / area[..., None]).reshape(-1, _LABEL_BINS)
 
 
-def _tile_kinds(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _tile_kinds(labels: UInt8Array, rows: Int64Array, columns: Int64Array) -> tuple[Int32Array, Float32Array]:
     rounded = np.rint(label_histograms(labels, rows, columns) * _HISTOGRAM_STEPS) / _HISTOGRAM_STEPS
     distinct, kind = np.unique(rounded, axis=0, return_inverse=True)
     distance = ((distinct[:, None] - distinct[None]) ** 2).sum(-1)
     return kind.reshape(-1).astype(np.int32), distance.astype(np.float32)
 
 
-def _templates(grid: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _templates(grid: Int32Array, seen: BoolArray) -> Int32Array:
     """Return the distinct runs of TEMPLATE_ORDER kinds along the second axis in which every tile is visible."""
     order = min(TEMPLATE_ORDER, grid.shape[1])
     runs = np.lib.stride_tricks.sliding_window_view(grid, order, axis=1).reshape(-1, order)
@@ -116,7 +117,7 @@ def _templates(grid: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.unique(runs[whole] if whole.any() else runs, axis=0), np.int32)
 
 
-def _structure_scale(kind: np.ndarray, distance: np.ndarray, templates: np.ndarray) -> float:
+def _structure_scale(kind: Int32Array, distance: Float32Array, templates: Int32Array) -> float:
     """Return 1 / (2 zeta^2), zeta = 10 % of the range of distances over a fixed sample of random tile rows."""
     sample = kind[np.random.default_rng(0).integers(0, len(kind), (512, templates.shape[1]))]
     squared = sum(distance[sample[:, k, None], templates[None, :, k]] for k in range(templates.shape[1]))
@@ -128,7 +129,7 @@ def _exponent_scale(span: float) -> float:
     return 1.0 / (2.0 * (ZETA_SHARE * span) ** 2) if span > 1e-6 else 1.0
 
 
-def _photo_consistency(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _photo_consistency(image: UInt8Array, rows: Int64Array, columns: Int64Array, seen: BoolArray) -> Float32Array:
     """Return Eq. 5 for all ordered pairs (left tile, right tile), (T, T) float32 exponents."""
     height, width = seen.shape
     # Rows are reduced once per band, (bands, STRIP_SAMPLES, W, 3); a half-strip is then three columns.
@@ -161,7 +162,7 @@ def _photo_consistency(image: np.ndarray, rows: np.ndarray, columns: np.ndarray,
     return squared * np.float32(_exponent_scale(float(distance.max() - distance.min())))
 
 
-def _exemplar_windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _exemplar_windows(columns: Int64Array, seen: BoolArray) -> tuple[Int64Array, Int64Array]:
     """Return (band, column) of the windows that represent "anywhere in X": all boundaries, then an even spread."""
     edges = [
         (b, columns[c]) for b in range(seen.shape[0]) for c in range(1, seen.shape[1]) if seen[b, c - 1 : c + 1].all()
@@ -179,13 +180,13 @@ def _exemplar_windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray
     return both[:, 0], both[:, 1]
 
 
-def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _squared_distances(a: Float32Array, b: Float32Array) -> Float32Array:
     """Return squared Euclidean distances between rows, float32; no BLAS, since its sums depend on threads."""
     return cdist(a, b, "sqeuclidean").astype(np.float32)
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _min_pair_sums(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _min_pair_sums(left: Float32Array, right: Float32Array) -> np.ndarray:
     """Return [i, j] = min over windows c of left[i, c] + right[j, c]; a minimum is exact in any order."""
     out = np.empty((left.shape[0], right.shape[0]), np.float32)
     for i in range(left.shape[0]):
@@ -198,7 +199,9 @@ def _min_pair_sums(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def update_costs(tables: EnergyTables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, x0: int, x1: int) -> None:
+def update_costs(
+    tables: EnergyTables, cost: Float64Array, tiles: Int32Array, y0: int, y1: int, x0: int, x1: int
+) -> None:
     """Recompute the costs that depend on tiles[y0:y1, x0:x1].
 
     Parameters
@@ -243,7 +246,7 @@ def update_costs(tables: EnergyTables, cost: np.ndarray, tiles: np.ndarray, y0: 
 
 
 @njit(cache=True)
-def sum_costs(cost: np.ndarray) -> float:
+def sum_costs(cost: Float64Array) -> float:
     """Sum in a fixed order, so that incremental and full energies have the same bits."""
     out = 0.0
     for term in cost.flat:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Deviations of the paint between buildings of one colour: logarithm of its light, and of each band.
@@ -21,8 +22,8 @@ _LAMP_GAIN = np.array([1.08, 1.02, 0.91], np.float32)
 
 
 def tint_facade(
-    image: np.ndarray, labels: np.ndarray, *, building_seed: int, seed: int, paint: np.ndarray | None = None
-) -> np.ndarray:
+    image: UInt8Array, labels: UInt8Array, *, building_seed: int, seed: int, paint: Float64Array | None = None
+) -> UInt8Array:
     """Tint a facade's walls and panes.
 
     Parameters

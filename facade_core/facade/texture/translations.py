@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from scipy import fft
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Int64Array
+
 _MIN_SHIFT_PX = 6  # of the working image; shorter translations copy an element onto itself
 _MIN_OVERLAP_SHARE = 0.04  # of the image that both ends of a translation show
 _AXIS_TOLERANCE_PX = 3  # of a vertical or horizontal translation
@@ -14,7 +16,7 @@ _MAX_OBLIQUE = 10
 _MAX_AXIAL = 24
 
 
-def find_translations(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
+def find_translations(grey: Float32Array, known: BoolArray) -> Int64Array:
     """Find translations and reflections of highest normalised correlation, the strongest first within each kind.
 
     A pixel (y, x) is taken from (y + dy, x + step), if mirrored from (y + dy, step - x).
@@ -42,7 +44,7 @@ def find_translations(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate(found), axis=0)
 
 
-def _trusted_correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
+def _trusted_correlation(a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray) -> Float32Array:
     """Return the correlation weighted by the overlap; -1 where the overlap is too small."""
     height, width = a.shape
     score, seen = masked_correlation(a, known_a, b, known_b)
@@ -52,8 +54,8 @@ def _trusted_correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, know
 
 
 def masked_correlation(
-    a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray
+) -> tuple[Float32Array, Float32Array]:
     """Return the normalised correlation of a at p with b at p + t over pixels known in both, for all t.
 
     Parameters
@@ -68,10 +70,10 @@ def masked_correlation(
     height, width = a.shape
     shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
 
-    def forward(array: np.ndarray) -> np.ndarray:
+    def forward(array: AnyArray) -> AnyArray:
         return fft.rfft2(array.astype(np.float32), shape)
 
-    def correlate(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    def correlate(first: AnyArray, second: AnyArray) -> Float32Array:
         whole = fft.irfft2(np.conj(first) * second, shape)
         return np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
 
@@ -83,7 +85,7 @@ def masked_correlation(
     return product / np.maximum(norm, 1e-3 * norm.max() + 1e-9), seen
 
 
-def _find_peaks(score: np.ndarray, count: int) -> np.ndarray:
+def _find_peaks(score: Float32Array, count: int) -> Int64Array:
     """Return (n, 2) dy, dx of the highest local maxima."""
     height, width = (side // 2 for side in score.shape)
     top = (score == cv2.dilate(score, np.ones((7, 7), np.uint8))) & (score > -1.0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 
 # Smallest side of a usable facade image.
 MIN_SIDE_PX = 16
 
 
-def check_exemplar_image(image: np.ndarray, *, min_side: int = MIN_SIDE_PX) -> None:
+def check_exemplar_image(image: UInt8Array, *, min_side: int = MIN_SIDE_PX) -> None:
     """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `min_side` px a side."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"
@@ -21,7 +22,7 @@ def check_exemplar_image(image: np.ndarray, *, min_side: int = MIN_SIDE_PX) -> N
         )
 
 
-def check_exemplar_labels(image: np.ndarray, labels: np.ndarray) -> None:
+def check_exemplar_labels(image: UInt8Array, labels: UInt8Array) -> None:
     """Raise ImageError unless labels is uint8 (H, W) of the image's size, class ids or UNKNOWN."""
     from facade_core.parsing.validation import check_labels as check_ids
 
@@ -33,7 +34,7 @@ def check_exemplar_labels(image: np.ndarray, labels: np.ndarray) -> None:
     check_ids(labels)
 
 
-def check_mask(image: np.ndarray, mask: np.ndarray) -> None:
+def check_mask(image: UInt8Array, mask: BoolArray) -> None:
     """Raise ImageError unless mask is bool (H, W) of the image's size and leaves some pixels known."""
     if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != image.shape[:2]:
         found = f"{getattr(mask, 'dtype', type(mask).__name__)} {getattr(mask, 'shape', '')}"

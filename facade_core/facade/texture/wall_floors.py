@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarStyle, choose_floors, lattice_rows
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
@@ -151,13 +152,13 @@ def stack_floors(
     return stack[::-1], scale
 
 
-def _floor_heights(style: ExemplarStyle, floors: list[int]) -> np.ndarray:
+def _floor_heights(style: ExemplarStyle, floors: list[int]) -> Float64Array:
     """Return the heights (n,) in pixels of exemplar floors."""
     rows = [lattice_rows(style, floor) for floor in floors]
     return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
 
 
-def _limit_heights(heights: np.ndarray) -> np.ndarray:
+def _limit_heights(heights: Float64Array) -> Float64Array:
     """Make heights (n,) as equal as needed for all to be within the limits of a floor; the sum stays."""
     mean = heights.mean()
     off = heights - mean

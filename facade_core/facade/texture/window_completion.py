@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import group_by_size
 
@@ -36,7 +37,7 @@ SAMPLE_STEP_PX = 2
 _Box = tuple[int, int, int, int]
 
 
-def complete_windows(image: np.ndarray, mask: np.ndarray, elements: Sequence[Element]) -> np.ndarray:
+def complete_windows(image: UInt8Array, mask: BoolArray, elements: Sequence[Element]) -> UInt8Array:
     """Copy the hidden part of each window and balcony from the most similar visible one of its size.
 
     Inpainting chooses pixel by pixel, so that a window may come from three others and its bars do not meet. An
@@ -91,7 +92,7 @@ def _align_box(box: _Box, seen: list[_Box]) -> _Box:
     return moved[0], moved[1], moved[2], moved[3]
 
 
-def _typical_difference(image: np.ndarray, seen: list[_Box]) -> float:
+def _typical_difference(image: UInt8Array, seen: list[_Box]) -> float:
     """Return the median difference of visible boxes to their most similar other; 0 for fewer than two."""
     nothing = np.zeros(image.shape[:2], bool)
     found = [_find_source(image, nothing, box, seen[:i] + seen[i + 1 :]) for i, box in enumerate(seen)]
@@ -99,7 +100,7 @@ def _typical_difference(image: np.ndarray, seen: list[_Box]) -> float:
     return float(np.median(differences)) if differences else 0.0
 
 
-def _find_source(image: np.ndarray, mask: np.ndarray, box: _Box, seen: list[_Box]) -> tuple[float, int, int] | None:
+def _find_source(image: UInt8Array, mask: BoolArray, box: _Box, seen: list[_Box]) -> tuple[float, int, int] | None:
     """Find the most similar visible box of similar size: its difference, larger in other rows, and its offset right and
     down.
     """
@@ -119,7 +120,7 @@ def _find_source(image: np.ndarray, mask: np.ndarray, box: _Box, seen: list[_Box
     return best
 
 
-def _refine_shift(image: np.ndarray, mask: np.ndarray, box: _Box, right: int, down: int) -> tuple[int, int] | None:
+def _refine_shift(image: UInt8Array, mask: BoolArray, box: _Box, right: int, down: int) -> tuple[int, int] | None:
     """Refine an offset to the least difference, with a small penalty on the change."""
     candidates = []
     for y in range(-MAX_REFINEMENT_PX, MAX_REFINEMENT_PX + 1):
@@ -130,7 +131,7 @@ def _refine_shift(image: np.ndarray, mask: np.ndarray, box: _Box, right: int, do
     return min(candidates)[1] if candidates else None
 
 
-def _shift_difference(image: np.ndarray, mask: np.ndarray, box: _Box, right: int, down: int) -> float | None:
+def _shift_difference(image: UInt8Array, mask: BoolArray, box: _Box, right: int, down: int) -> float | None:
     """Return the mean difference of a box and its shifted copy; None beyond the image or where that is hidden."""
     x0, y0, x1, y1 = box
     if min(x0 + right, y0 + down) < 0 or x1 + right > image.shape[1] or y1 + down > image.shape[0]:
@@ -143,7 +144,7 @@ def _shift_difference(image: np.ndarray, mask: np.ndarray, box: _Box, right: int
     return float(np.average(np.abs(own - other).mean(axis=2), weights=weight))
 
 
-def _copy_source(mask: np.ndarray, image: np.ndarray, result: np.ndarray, box: _Box, right: int, down: int) -> None:
+def _copy_source(mask: BoolArray, image: UInt8Array, result: UInt8Array, box: _Box, right: int, down: int) -> None:
     """Copy the shifted picture into the hidden pixels of a box of the result; it fades at the box's edges."""
     x0, y0, x1, y1 = box
     across, along = (np.minimum(np.arange(n) + 1, n - np.arange(n)) for n in (x1 - x0, y1 - y0))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array
+
 # Number of principal components (d in the paper).
 PRINCIPAL_COMPONENTS = 7
 
 
-def project_patches(patches: np.ndarray) -> np.ndarray:
+def project_patches(patches: Float32Array) -> Float64Array:
     """Project patches on their principal components.
 
     Parameters
@@ -25,7 +27,7 @@ def project_patches(patches: np.ndarray) -> np.ndarray:
     return (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :PRINCIPAL_COMPONENTS]
 
 
-def relabelling_cost(representatives: np.ndarray) -> np.ndarray:
+def relabelling_cost(representatives: Float64Array) -> Float64Array:
     """Return the (T, T) cost C of relabelling: cubed SSD between representatives, normalised to 1.
 
     Parameters

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
 
@@ -29,11 +30,11 @@ def quantise_light(light: np.ndarray) -> np.ndarray:
 
 
 def encode_file(
-    photo: np.ndarray,
+    photo: UInt8Array,
     groups: Sequence[ElementGroup],
-    cells: Sequence[np.ndarray],
-    representatives: np.ndarray,
-    levels: Sequence[Sequence[np.ndarray]],
+    cells: Sequence[Int32Array],
+    representatives: Int32Array,
+    levels: Sequence[Sequence[Int32Array]],
 ) -> bytes:
     """Encode a hierarchy as the bytes of a file.
 
@@ -98,14 +99,14 @@ def decode_file(coded: bytes) -> HierarchyContents:
     return HierarchyContents(levels, photo, tuple(groups), cells, representatives)
 
 
-def _run_lengths(labels: np.ndarray) -> list[int]:
+def _run_lengths(labels: Int32Array) -> list[int]:
     """Return a label map as run lengths in reading order: label, length, label, length ..."""
     flat = labels.ravel()
     starts = np.flatnonzero(np.diff(flat, prepend=flat[0] - 1))
     return np.stack([flat[starts], np.diff(starts, append=len(flat))], axis=1).ravel().tolist()
 
 
-def _expand_runs(runs: Sequence[int], shape: tuple[int, ...]) -> np.ndarray:
+def _expand_runs(runs: Sequence[int], shape: tuple[int, ...]) -> Int32Array:
     return np.repeat(np.array(runs[::2], np.int32), runs[1::2]).reshape(shape)
 
 
@@ -120,7 +121,7 @@ def _read_group(header: dict) -> ElementGroup:
 
 
 def _build_level(
-    grids: tuple[np.ndarray, ...], cells: tuple[np.ndarray, ...], types: np.ndarray, number: int
+    grids: tuple[Int32Array, ...], cells: tuple[Int32Array, ...], types: Int32Array, number: int
 ) -> HierarchyLevel:
     pairs = np.zeros((number, number))
     for grid, cell in zip(grids, cells, strict=True):
@@ -130,7 +131,7 @@ def _build_level(
     return HierarchyLevel(grids, counts, pairs / np.maximum(pairs.sum(axis=1, keepdims=True), 1))
 
 
-def _encode_avif(image: np.ndarray) -> bytes:
+def _encode_avif(image: UInt8Array) -> bytes:
     from PIL import Image
 
     out = io.BytesIO()
@@ -138,7 +139,7 @@ def _encode_avif(image: np.ndarray) -> bytes:
     return out.getvalue()
 
 
-def _decode_avif(coded: bytes) -> np.ndarray:
+def _decode_avif(coded: bytes) -> UInt8Array:
     from PIL import Image
 
     with Image.open(io.BytesIO(coded), formats=["AVIF"]) as image:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
+from facade_core.core.arrays import Float64Array, Int32Array, IntArray, UInt8Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,9 +19,9 @@ class HierarchyLevel:
     probabilities : (T, T) probability that an element of type i in the photo has type j at this level; rows sum to 1.
     """
 
-    grids: tuple[np.ndarray, ...]
-    counts: np.ndarray
-    probabilities: np.ndarray
+    grids: tuple[Int32Array, ...]
+    counts: Int32Array
+    probabilities: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +36,9 @@ class ElementGroup:
     """
 
     label: str
-    boxes: np.ndarray
-    light: np.ndarray
-    types: np.ndarray
+    boxes: IntArray
+    light: Float64Array
+    types: Int32Array
 
 
 class HierarchyContents(NamedTuple):
@@ -54,7 +54,7 @@ class HierarchyContents(NamedTuple):
     """
 
     levels: tuple[HierarchyLevel, ...]
-    photo: np.ndarray
+    photo: UInt8Array
     groups: tuple[ElementGroup, ...]
-    cells: tuple[np.ndarray, ...]
-    representatives: np.ndarray
+    cells: tuple[Int32Array, ...]
+    representatives: Int32Array

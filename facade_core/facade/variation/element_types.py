@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, IntArray
 from facade_core.core.numba_cache import njit
 from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
 
@@ -29,7 +30,7 @@ _MIN_SILHOUETTE_GAIN = 0.08
 _MIN_SPLIT_SIZE = 5
 
 
-def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
+def compute_descriptors(patches: Float32Array, visible: BoolArray) -> Float64Array:
     """Compute descriptors of patches from colours and edges at a small size.
 
     An edge is a gradient relative to the root mean square gradient around it, so that darker or paler pictures of one
@@ -66,7 +67,7 @@ def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
     return (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
 
 
-def fill_from_similar(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fill_from_similar(values: Float32Array, known: BoolArray) -> Float32Array:
     """Fill unknown values from the most similar item that knows them.
 
     Similarity is measured where both items are known. Values that no item knows stay.
@@ -99,7 +100,7 @@ def fill_from_similar(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return result
 
 
-def cluster_types(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cluster_types(points: Float64Array) -> tuple[Int32Array, Int32Array]:
     """Cluster descriptors to element types by mean shift.
 
     The paper's kernel has one width for all facades. Here the width is the one whose types are separated best (mean
@@ -122,7 +123,7 @@ def cluster_types(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return types, representatives
 
 
-def _separate_types(points: np.ndarray, clear: float) -> np.ndarray:
+def _separate_types(points: Float64Array, clear: float) -> IntArray:
     """Cluster with the best kernel width, then split each type while that separates better.
 
     Without the second step one unusual kind of window, such as dormers, would hide the states of all others.
@@ -152,13 +153,13 @@ def _separate_types(points: np.ndarray, clear: float) -> np.ndarray:
     return np.unique(types * (len(types) + 1) + parts, return_inverse=True)[1]
 
 
-def _order_by_frequency(types: np.ndarray) -> np.ndarray:
+def _order_by_frequency(types: IntArray) -> Int32Array:
     """Renumber labels (N,) by descending frequency, then by first occurrence."""
     _, first, index, counts = np.unique(types, return_index=True, return_inverse=True, return_counts=True)
     return np.argsort(np.lexsort((first, -counts)))[index].astype(np.int32)
 
 
-def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
+def mean_shift(points: Float64Array, width: float) -> Int32Array:
     """Cluster points with a flat kernel; modes closer than its radius merge.
 
     Parameters
@@ -174,7 +175,7 @@ def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
+def _find_modes(points: Float64Array, width: float) -> np.ndarray:
     """Assign points to the best supported mode that theirs meets; number clusters by size, then by first point."""
     number, dimensions = points.shape
     modes = points.copy()
@@ -221,7 +222,7 @@ def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _squared_distance(one: np.ndarray, other: np.ndarray) -> float:
+def _squared_distance(one: Float64Array, other: Float64Array) -> float:
     """Return the squared distance of two points."""
     total = 0.0
     for k in range(len(one)):
@@ -230,7 +231,7 @@ def _squared_distance(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def mean_silhouette(points: np.ndarray, types: np.ndarray) -> float:
+def mean_silhouette(points: Float64Array, types: Int32Array) -> float:
     """Return the mean silhouette; elements alone in their type count 0, and so does a single type.
 
     Parameters

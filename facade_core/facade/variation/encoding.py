@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Element
 from facade_core.facade.variation.codec import encode_file
@@ -16,7 +17,7 @@ from facade_core.facade.variation.variations import Variations, find_variations
 _MAX_SIDE_PX = 16383
 
 
-def encode(image: np.ndarray, elements: Sequence[Element], *, seed: int = 0) -> Hierarchy:
+def encode(image: UInt8Array, elements: Sequence[Element], *, seed: int = 0) -> Hierarchy:
     """Encode a rectified facade as a variation-factored hierarchy.
 
     The types of its elements on the repetition grids form the structure matrices S0, which ICM on Eq. 1 makes more
@@ -40,7 +41,7 @@ def encode(image: np.ndarray, elements: Sequence[Element], *, seed: int = 0) -> 
     return encode_variations(image, find_variations(image, elements))
 
 
-def encode_variations(image: np.ndarray, variations: Variations) -> Hierarchy:
+def encode_variations(image: UInt8Array, variations: Variations) -> Hierarchy:
     """Encode a facade whose variations are known.
 
     Raises
@@ -54,7 +55,7 @@ def encode_variations(image: np.ndarray, variations: Variations) -> Hierarchy:
     )
 
 
-def _check_photo(image: np.ndarray) -> None:
+def _check_photo(image: UInt8Array) -> None:
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
         raise ImageError(f"facade image: need a (H, W, 3) uint8 array, not {image.shape} {image.dtype}")
     if max(image.shape) > _MAX_SIDE_PX:

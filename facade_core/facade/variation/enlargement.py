@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.rendering import element_boxes
@@ -27,9 +28,9 @@ class EnlargedFacade(NamedTuple):
     boxes : (M, 4) int32.
     """
 
-    wall: np.ndarray
+    wall: UInt8Array
     places: np.ndarray
-    boxes: np.ndarray
+    boxes: Int32Array
 
 
 def enlarge_facade(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.facade.variation.codec import decode_file
 from facade_core.facade.variation.contents import ElementGroup, HierarchyLevel
@@ -31,10 +32,10 @@ class Hierarchy:
     """
 
     levels: tuple[HierarchyLevel, ...]
-    photo: np.ndarray
+    photo: UInt8Array
     groups: tuple[ElementGroup, ...]
-    cells: tuple[np.ndarray, ...]
-    representatives: np.ndarray
+    cells: tuple[Int32Array, ...]
+    representatives: Int32Array
     _file_bytes: bytes
 
     @property
@@ -43,11 +44,11 @@ class Hierarchy:
         return len(self._file_bytes)
 
     @property
-    def wall(self) -> np.ndarray:
+    def wall(self) -> UInt8Array:
         """Return the facade without its elements, (H, W, 3) uint8, filled from their surroundings."""
         return bare_wall(self.photo, box_mask(element_boxes(self.groups), self.photo.shape[:2]))
 
-    def types_at(self, level: int) -> np.ndarray:
+    def types_at(self, level: int) -> Int32Array:
         """Return the (elements,) int32 type of every element at a level.
 
         Raises
@@ -62,14 +63,14 @@ class Hierarchy:
             labels[cells[cells >= 0]] = grid[cells >= 0]
         return labels
 
-    def reconstruct(self, level: int) -> np.ndarray:
+    def reconstruct(self, level: int) -> UInt8Array:
         """Return the photo with relabelled elements shown as the representative of their type, (H, W, 3) uint8."""
         photo, now = self.types_at(0), self.types_at(level)
         places = np.arange(len(photo))
         shown = np.where(now == photo, places, self.representatives[now])
         return paint_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
 
-    def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> np.ndarray:
+    def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> UInt8Array:
         """Sample a variation: permute the elements that share a type at a level.
 
         A permutation is a draw from the level's relabelling probabilities that keeps every type's count in the photo.

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.numba_cache import njit
 
 # Fixed-point one: the reciprocal size of a rectangle of one cell.
@@ -40,22 +41,22 @@ class IcmState(NamedTuple):
     merge_change : (T, T) change of the sums of two types when they merge.
     """
 
-    types: np.ndarray
-    counts: np.ndarray
-    reciprocal_sums: np.ndarray
-    is_current: np.ndarray
-    leave_change: np.ndarray
-    join_change: np.ndarray
-    is_merge_current: np.ndarray
-    merge_change: np.ndarray
+    types: Int32Array
+    counts: Int64Array
+    reciprocal_sums: Int64Array
+    is_current: BoolArray
+    leave_change: Int64Array
+    join_change: Int64Array
+    is_merge_current: BoolArray
+    merge_change: Int64Array
 
     @property
-    def labels(self) -> np.ndarray:
+    def labels(self) -> Int32Array:
         """Return the (R, C) int32 types, -1 without an element."""
         return self.types[1:-1, 1:-1].copy()
 
 
-def initial_icm_state(labels: np.ndarray, types: int) -> IcmState:
+def initial_icm_state(labels: Int32Array, types: int) -> IcmState:
     """Return the state before any move.
 
     Parameters
@@ -78,7 +79,7 @@ def initial_icm_state(labels: np.ndarray, types: int) -> IcmState:
 
 
 @njit(cache=True)
-def sum_reciprocal_sizes(cells: np.ndarray) -> int:
+def sum_reciprocal_sizes(cells: BoolArray) -> int:
     """Return the sum of FIXED_POINT_ONE / size over the disjoint rectangles of cells.
 
     Rectangles are taken greedily, the largest first, the first found on ties.
@@ -122,7 +123,7 @@ def sum_reciprocal_sizes(cells: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def _mark_parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
+def _mark_parts(x: Int32Array, at: int, label: int, found: BoolArray) -> None:
     """Write to `found` (R, C) bool the connected parts of `label` that touch the cell `at`, and that cell."""
     types, cells = x.reshape(-1), found.reshape(-1)
     cells[:] = False
@@ -173,7 +174,7 @@ def _update_cell(state: IcmState, at: int) -> None:
 
 
 @njit(cache=True)
-def _invalidate(state: IcmState, part: np.ndarray, label: int) -> None:
+def _invalidate(state: IcmState, part: BoolArray, label: int) -> None:
     """Mark the cells of a part and next to it, and the merges of its type, as not current."""
     cells = part.reshape(-1)
     for cell in range(cells.size):
@@ -187,7 +188,7 @@ def _invalidate(state: IcmState, part: np.ndarray, label: int) -> None:
 
 @njit(cache=True)
 def _move_cells(
-    state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float, energies: np.ndarray, moves: int
+    state: IcmState, previous: Int32Array, cost: Float64Array, alpha: float, energies: Float64Array, moves: int
 ) -> int:
     """Move each cell to the type that lowers the energy most; return the number of moves so far."""
     count = state.counts
@@ -234,7 +235,7 @@ def _move_cells(
 
 
 @njit(cache=True)
-def _merge_types(state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float) -> float:
+def _merge_types(state: IcmState, previous: Int32Array, cost: Float64Array, alpha: float) -> float:
     """Merge the two types whose union lowers the energy most; return the change, 0 if none does."""
     count, number = state.counts, len(state.counts)
     types, before = state.types.reshape(-1), previous.reshape(-1)
@@ -288,7 +289,7 @@ def _merge_types(state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha:
 
 
 @njit(cache=True)
-def run_icm(state: IcmState, cost: np.ndarray, alpha: float) -> np.ndarray:
+def run_icm(state: IcmState, cost: Float64Array, alpha: float) -> np.ndarray:
     """Lower Eq. 1 from a labelling, which is also the reference of the data term.
 
     Single cells move first; if none can, all cells of a type move to another type in use. Every accepted move lowers

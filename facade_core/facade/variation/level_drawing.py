@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.rendering import element_boxes
 
@@ -14,7 +15,7 @@ _GAP_PX = 4
 _BACKGROUND = 255
 
 
-def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
+def draw_level(hierarchy: Hierarchy, level: int) -> UInt8Array:
     """Draw the facade at a level above its types, the most frequent first, each by its representative.
 
     A bar below every type is as long as its share of the elements. Raises InputError for a level that does not exist.

@@ -4,6 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int32Array,
+    IntArray,
+    NumericArray,
+    UInt8Array,
+)
+
 # Wall around the element of a patch.
 PATCH_MARGIN_PX = 2
 # Largest shift of an element to align with its group.
@@ -13,7 +23,7 @@ _ALIGNMENT_ROUNDS = 3
 _LIGHT_RANGE = (0.75, 1.33)
 
 
-def box_mask(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def box_mask(box: IntArray, shape: tuple[int, int]) -> BoolArray:
     """Return a mask (H, W) bool, True inside the half-open pixel boxes (N, 4) int."""
     mask = np.zeros(shape, bool)
     for x0, y0, x1, y1 in box.tolist():
@@ -21,13 +31,13 @@ def box_mask(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return mask
 
 
-def patch_size(box: np.ndarray) -> tuple[int, int]:
+def patch_size(box: IntArray) -> tuple[int, int]:
     """Return the (height, width) in pixels of a group's patches: the median with margins."""
     width, height = np.median(box[:, 2:] - box[:, :2], axis=0)
     return round(float(height)) + 2 * PATCH_MARGIN_PX, round(float(width)) + 2 * PATCH_MARGIN_PX
 
 
-def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def align_boxes(image: UInt8Array, box: Int32Array, size: tuple[int, int]) -> IntArray:
     """Move boxes by up to 2 px so that the edges of their patches agree with the group's mean edges.
 
     Edges, since an element's frame is stable while shutters and blinds change its interior.
@@ -65,7 +75,7 @@ def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np
     return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2)
 
 
-def cut_patches(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def cut_patches(image: NumericArray, box: IntArray, size: tuple[int, int]) -> Float32Array:
     """Cut each box with its margin and resample it to `size`.
 
     Parameters
@@ -81,14 +91,14 @@ def cut_patches(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np
     return _cut_with_margin(image, box, PATCH_MARGIN_PX, size)
 
 
-def crop_box(image: np.ndarray, box: np.ndarray) -> np.ndarray:
+def crop_box(image: UInt8Array, box: IntArray) -> Float32Array:
     """Crop a box (4,) with its margin at its own size, (h, w, 3) float32; border pixels repeat beyond the image."""
     rows = np.clip(np.arange(box[1] - PATCH_MARGIN_PX, box[3] + PATCH_MARGIN_PX), 0, image.shape[0] - 1)
     columns = np.clip(np.arange(box[0] - PATCH_MARGIN_PX, box[2] + PATCH_MARGIN_PX), 0, image.shape[1] - 1)
     return image[rows[:, None], columns].astype(np.float32)
 
 
-def _cut_with_margin(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
+def _cut_with_margin(image: NumericArray, box: IntArray, margin: int, size: tuple[int, int]) -> Float32Array:
     import cv2
 
     # Alignment may move a box beyond the image.
@@ -101,7 +111,7 @@ def _cut_with_margin(image: np.ndarray, box: np.ndarray, margin: int, size: tupl
     return patches
 
 
-def wall_integrals(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def wall_integrals(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array, Int32Array]:
     """Return integral images (H + 1, W + 1) of the wall's brightness and number of pixels.
 
     Parameters
@@ -115,7 +125,7 @@ def wall_integrals(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.
     return cv2.integral(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) * wall), cv2.integral(wall)
 
 
-def relative_light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
+def relative_light(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Float64Array:
     """Return the brightness of the wall around each box relative to the median, within [0.75, 1.33].
 
     A shadow darkens an element and the wall next to it alike, a drawn blind only the element.
@@ -133,7 +143,7 @@ def relative_light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.n
     limit = np.array(sums[0].shape[::-1]) - 1
     (x0, y0), (x1, y1) = np.clip(box[:, :2] - reach, 0, limit).T, np.clip(box[:, 2:] + reach, 0, limit).T
 
-    def over(sums: np.ndarray) -> np.ndarray:
+    def over(sums: Int32Array) -> Int32Array:
         return sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0]
 
     pixels = over(sums[1])

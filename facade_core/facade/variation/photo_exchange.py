@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.facade.variation.rendering import element_boxes, paint_elements
 from facade_core.facade.variation.sampling import permute_within_types
 from facade_core.facade.variation.variations import Variations
@@ -13,8 +14,8 @@ ROW_TOLERANCE = 0.35
 
 
 def exchange_in_photo(
-    image: np.ndarray, variations: Variations, share: float, seed: int
-) -> tuple[np.ndarray, Variations]:
+    image: UInt8Array, variations: Variations, share: float, seed: int
+) -> tuple[UInt8Array, Variations]:
     """Permute the elements of one type within their row, and return the image with its variations.
 
     As `Hierarchy.sample`, but within rows, since heads and sills differ between floors. The wall, and elements that
@@ -41,7 +42,7 @@ def exchange_in_photo(
     return made, variations.permute_elements(shown)
 
 
-def _row_numbers(boxes: np.ndarray) -> np.ndarray:
+def _row_numbers(boxes: IntArray) -> Int64Array:
     """Return the (N,) row, from the top, of boxes (N, 4) of comparable size."""
     middle = (boxes[:, 1] + boxes[:, 3]) / 2
     order = np.argsort(middle, kind="stable")

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.element_types import fill_from_similar
@@ -17,24 +18,24 @@ BRIGHTEST_PERCENTILE = 99
 MAX_VISIBILITY_DIFFERENCE = 0.05
 
 
-def element_boxes(groups: Sequence[ElementGroup]) -> np.ndarray:
+def element_boxes(groups: Sequence[ElementGroup]) -> IntArray:
     """Return the (N, 4) int32 boxes of all elements in the order of their numbers."""
     return np.concatenate([g.boxes for g in groups]) if groups else np.zeros((0, 4), np.int32)
 
 
-def element_types(groups: Sequence[ElementGroup]) -> np.ndarray:
+def element_types(groups: Sequence[ElementGroup]) -> Int32Array:
     """Return the (N,) int32 types of all elements in the photo in the order of their numbers."""
     return np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
 
 
 def paint_elements(
-    canvas: np.ndarray,
-    photo: np.ndarray,
+    canvas: UInt8Array,
+    photo: UInt8Array,
     groups: Sequence[ElementGroup],
-    places: np.ndarray,
-    boxes: np.ndarray,
-    shown: np.ndarray,
-) -> np.ndarray:
+    places: Int64Array,
+    boxes: IntArray,
+    shown: Int64Array,
+) -> UInt8Array:
     """Paint elements of the photo into boxes of a canvas, in the light of the replaced elements.
 
     Where the canvas is the photo, elements that stay in place keep their pixels and cover what is painted behind
@@ -79,8 +80,8 @@ def paint_elements(
 
 
 def _visible_patches(
-    photo: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    photo: UInt8Array, group: ElementGroup, groups: Sequence[ElementGroup]
+) -> tuple[Float32Array, BoolArray, Float32Array]:
     """Return a group's patches with hidden pixels filled, their visible pixels, and their brightest value.
 
     Returns
@@ -111,7 +112,7 @@ def order_by_depth(groups: Sequence[ElementGroup]) -> Iterator[tuple[ElementGrou
         yield groups[k], int(first[k])
 
 
-def fade_patch(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> None:
+def fade_patch(canvas: Float32Array, patch: Float32Array, box: Sequence[int]) -> None:
     """Resize a patch with margin to a box with margin and fade it into the canvas, in place.
 
     Parameters
@@ -136,7 +137,7 @@ def fade_patch(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> Non
     target += alpha[inside] * (pixels[inside] - target)
 
 
-def _fade_ramp(length: int) -> np.ndarray:
+def _fade_ramp(length: int) -> Float32Array:
     """Return (length,) float32: 1 inside, falling towards 0 over the margin at both ends."""
     at = np.arange(length)
     return np.minimum(1, (1 + np.minimum(at, at[::-1])) / (PATCH_MARGIN_PX + 1)).astype(np.float32)

@@ -6,6 +6,7 @@ from math import factorial, gcd
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, IntArray
 from facade_core.core.errors import InputError
 
 # Fewer permutations than this are numbered, so that seeds cannot coincide.
@@ -25,7 +26,7 @@ def make_generator(seed: int) -> np.random.Generator:
     return np.random.default_rng(int(seed))
 
 
-def permute_within_types(types: np.ndarray, seed: int) -> np.ndarray:
+def permute_within_types(types: IntArray, seed: int) -> Int64Array:
     """Permute elements within their types.
 
     If there are few permutations, consecutive seeds give different ones until all were given. Raises InputError as

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int32Array
 from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
 
 # Range and growth of the weight alpha; costs are normalised to [0, 1], regularity is not.
@@ -25,11 +26,11 @@ class Relaxation:
     """
 
     alpha: float
-    labels: np.ndarray
-    energies: np.ndarray
+    labels: Int32Array
+    energies: Float64Array
 
 
-def relax_structure(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
+def relax_structure(structure: Int32Array, cost: Float64Array) -> list[Relaxation]:
     """Relabel a structure matrix with growing weight of regularity until one label remains.
 
     Each weight starts from the previous solution, which is also the reference of its data term. If ICM stops earlier,
@@ -75,5 +76,5 @@ def regularity_terms(structure: np.ndarray) -> tuple[float, float, float]:
     return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / FIXED_POINT_ONE
 
 
-def _count_types(labels: np.ndarray) -> int:
+def _count_types(labels: Int32Array) -> int:
     return len(np.unique(labels[labels >= 0]))

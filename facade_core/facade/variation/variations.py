@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import box_array, check_boxes, fit_grids, group_by_size
@@ -40,12 +41,12 @@ class Variations:
     """
 
     groups: tuple[ElementGroup, ...]
-    cells: tuple[np.ndarray, ...]
-    representatives: np.ndarray
-    costs: tuple[tuple[int, np.ndarray], ...]
+    cells: tuple[Int32Array, ...]
+    representatives: Int32Array
+    costs: tuple[tuple[int, Float64Array], ...]
 
     @cached_property
-    def types(self) -> np.ndarray:
+    def types(self) -> Int32Array:
         """Return the (N,) int32 types of all elements in the photo."""
         return np.concatenate([g.types for g in self.groups]) if self.groups else np.zeros(0, np.int32)
 
@@ -72,14 +73,14 @@ class Variations:
                 levels.append(state)
         return tuple(levels)
 
-    def types_at(self, level: int) -> np.ndarray:
+    def types_at(self, level: int) -> Int32Array:
         """Return the (N,) int32 types of all elements at a level."""
         found = self.types.copy()
         for matrix, cells in zip(self.levels[level], self.cells, strict=True):
             found[cells[cells >= 0]] = matrix[cells >= 0]
         return found
 
-    def permute_elements(self, shown: np.ndarray) -> Variations:
+    def permute_elements(self, shown: Int64Array) -> Variations:
         """Return the variations after a permutation of elements within groups.
 
         Parameters
@@ -94,7 +95,7 @@ class Variations:
         return Variations(tuple(groups), self.cells, back[self.representatives].astype(np.int32), self.costs)
 
 
-def find_variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
+def find_variations(image: UInt8Array, elements: Sequence[Element]) -> Variations:
     """Find the types of an image's elements and the costs of relabelling them.
 
     Elements are grouped by label and comparable size; their patches are aligned and clustered by mean shift. Costs
@@ -132,7 +133,7 @@ def _clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[
     return list(kept)
 
 
-def _find_variations(image: np.ndarray, elements: list[Element]) -> Variations:
+def _find_variations(image: UInt8Array, elements: list[Element]) -> Variations:
     all_boxes = box_array(elements).astype(np.int32)
     sums = wall_integrals(image, box_mask(all_boxes, image.shape[:2]))
     depth = np.array([drawing_depth(e.label) for e in elements], int)
@@ -159,7 +160,7 @@ def _find_variations(image: np.ndarray, elements: list[Element]) -> Variations:
     return Variations(tuple(groups), cells, chosen, tuple(costs))
 
 
-def _canonical_labels(matrix: np.ndarray) -> np.ndarray:
+def _canonical_labels(matrix: Int32Array) -> Int64Array:
     """Renumber the labels of a matrix in the order of their first occurrence."""
     _, first, index = np.unique(matrix, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[index].reshape(matrix.shape)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.charts import ChartKind
@@ -65,7 +66,7 @@ def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None
 
 
 def _add_chimney(
-    faces: RoofDetailBuilder, rng: np.random.Generator, roof: Facets, place: np.ndarray, along: np.ndarray
+    faces: RoofDetailBuilder, rng: np.random.Generator, roof: Facets, place: Float64Array, along: Float64Array
 ) -> bool:
     """Add a chimney at a place (2,), its long side `along`; False where it would cross the roof's edge."""
     long, high = (low + rng.random() * (most - low) for low, most in (LENGTH_M, HEIGHT_M))
@@ -84,7 +85,7 @@ def _add_chimney(
     return True
 
 
-def _roof_heights(roof: Facets, places: np.ndarray) -> np.ndarray:
+def _roof_heights(roof: Facets, places: Float64Array) -> Float64Array:
     """Return the height of a roof in metres at places (k, 2), NaN outside."""
     upper = roof.kind[roof.facet] == ChartKind.ROOF
     corners = roof.vertices[roof.triangles[upper]]
@@ -98,7 +99,7 @@ def _roof_heights(roof: Facets, places: np.ndarray) -> np.ndarray:
     return found
 
 
-def _longest_edge_direction(outline: Polygon) -> np.ndarray:
+def _longest_edge_direction(outline: Polygon) -> Float64Array:
     """Return the direction (2,) of the longest edge of an outline."""
     edges = np.diff(np.asarray(outline.exterior.coords), axis=0)
     longest = edges[np.argmax(np.hypot(*edges.T))]

@@ -11,6 +11,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, free_edges, roof_edges
@@ -135,7 +136,7 @@ def _opening_kind(fall: float, chance: float) -> ChartKind | None:
     return ChartKind.WINDOW if chance < DORMER_SHARE + ROOFLIGHT_SHARE else None
 
 
-def _row_middles(edge: RoofEdge, step: float) -> np.ndarray:
+def _row_middles(edge: RoofEdge, step: float) -> Float64Array:
     """Return the middles of a centred row along an edge in metres."""
     room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * END_DISTANCE_M
     count = min(int(max(room, -1.0) / step) + 1, MAX_PER_ROW) if room > 0 else 0
@@ -146,7 +147,7 @@ def _roof_points(edge: RoofEdge) -> RoofPoint:
     """Return a function from metres along an edge, behind it and above it to world points."""
     origin, ahead, out = edge.start, np.append(edge.direction, 0.0), np.append(edge.outward, 0.0)
 
-    def at(along: float, behind: float, over: float) -> np.ndarray:
+    def at(along: float, behind: float, over: float) -> Float64Array:
         return origin + along * ahead - behind * out + over * np.array([0.0, 0.0, 1.0])
 
     return at

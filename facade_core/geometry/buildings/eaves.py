@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder, triangle_normal
 from facade_core.geometry.buildings.roof_edges import (
@@ -60,7 +61,7 @@ class Overhang(NamedTuple):
     roof: Facets
     coves: RoofDetail | None
     edges: list[RoofEdge]
-    ends: list[tuple[np.ndarray, np.ndarray]]
+    ends: list[tuple[Float64Array, Float64Array]]
     below: float
 
 
@@ -193,7 +194,7 @@ def _is_mitred(one: RoofEdge, other: RoofEdge) -> bool:
     )
 
 
-def mitre_offset(one: RoofEdge, other: RoofEdge) -> np.ndarray | None:
+def mitre_offset(one: RoofEdge, other: RoofEdge) -> Float64Array | None:
     """Return the offset (2,) from the corner of two edges to the corner of their outer edges; None where it is too long."""
     system = np.array([one.outward, other.outward])
     if abs(np.linalg.det(system)) < 0.05:
@@ -202,7 +203,7 @@ def mitre_offset(one: RoofEdge, other: RoofEdge) -> np.ndarray | None:
     return found if np.hypot(*found) <= MAX_MITRE_RATIO * max(abs(one.width), abs(other.width)) else None
 
 
-def _outer_corner(edge: RoofEdge, other: RoofEdge | None, corner: np.ndarray) -> np.ndarray:
+def _outer_corner(edge: RoofEdge, other: RoofEdge | None, corner: Float64Array) -> Float64Array:
     """Return the outer corner (3,) at a corner of an edge, shared with `other`."""
     if other is None:
         return _step_outwards(edge, corner, edge.width * edge.outward)
@@ -211,14 +212,14 @@ def _outer_corner(edge: RoofEdge, other: RoofEdge | None, corner: np.ndarray) ->
     return (_step_outwards(edge, corner, step) + _step_outwards(other, corner, step)) / 2
 
 
-def _step_outwards(edge: RoofEdge, corner: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _step_outwards(edge: RoofEdge, corner: Float64Array, step: Float64Array) -> Float64Array:
     """Return a corner of an edge moved by a step (2,) on the plane of its overhang."""
     run = edge.end - edge.start
     climb = run[2] / np.hypot(*run[:2])
     return corner + np.array([*step, climb * (step @ edge.direction) - _overhang_slope(edge) * (step @ edge.outward)])
 
 
-def _append_strips(roof: Facets, strips: np.ndarray, facet: np.ndarray, normals: np.ndarray) -> Facets:
+def _append_strips(roof: Facets, strips: Float64Array, facet: Int64Array, normals: Float64Array) -> Facets:
     """Append quads (q, 4, 3) of facets (q,) to a roof; facet numbers beyond the roof's are new facets."""
     corner = len(roof.vertices) + np.arange(4 * len(strips)).reshape(-1, 4)
     triangles = np.concatenate([roof.triangles, corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_shapes import GRID_M
 from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facets
@@ -66,7 +67,7 @@ def add_extrusion(
 def _add_skirt_walls(
     pieces: ChartBuilder,
     index: int,
-    edges: Sequence[tuple[np.ndarray, np.ndarray]],
+    edges: Sequence[tuple[Float64Array, Float64Array]],
     base: float,
     terrain: Terrain,
     largest: float,
@@ -100,13 +101,13 @@ def facets_above(found: Facets, height: float) -> Facets:
 def _add_wall(
     pieces: ChartBuilder,
     index: int,
-    a: np.ndarray,
-    b: np.ndarray,
+    a: Float64Array,
+    b: Float64Array,
     low: float,
     high: float,
     largest: float,
     grid: float,
-    joints: np.ndarray | None = None,
+    joints: Float64Array | None = None,
 ) -> None:
     """Add the wall over an edge with the building on its left, so that it runs left to right seen from outside.
 
@@ -131,11 +132,11 @@ def _add_wall(
 def _add_rectangle(
     pieces: ChartBuilder,
     index: int,
-    origin: np.ndarray,
-    along: np.ndarray,
+    origin: Float64Array,
+    along: Float64Array,
     width: float,
     height: float,
-    met: np.ndarray,
+    met: Float64Array,
 ) -> None:
     """Add a chart of a wall with extra vertices at `met` (k,) metres from the left on its upper edge."""
     if not len(met):
@@ -153,7 +154,7 @@ def _add_rectangle(
     pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))
 
 
-def _distances_on_edge(start: np.ndarray, along: np.ndarray, length: float, points: np.ndarray) -> np.ndarray:
+def _distances_on_edge(start: Float64Array, along: Float64Array, length: float, points: Float64Array) -> Float64Array:
     """Return the ascending distances along an edge of the points (k, 2) on it, without its ends."""
     offset = points - start
     step = offset @ along

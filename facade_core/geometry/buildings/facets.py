@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SEMANTICS, Shell
@@ -58,13 +59,13 @@ class Facets:
     normal : (f, 3) outward unit vectors.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    facet: np.ndarray
-    texture: np.ndarray
-    uv: np.ndarray
-    kind: np.ndarray
-    normal: np.ndarray
+    vertices: Float64Array
+    triangles: Int64Array
+    facet: Int64Array
+    texture: Int32Array
+    uv: Float32Array
+    kind: UInt8Array
+    normal: Float64Array
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -143,7 +144,7 @@ def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     )
 
 
-def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _weld(shell: Shell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
     """Merge vertices and drop degenerate and repeated triangles, keeping textured ones.
 
     Returns vertices, triangles, doubled area vectors, and the kept rows of the shell.
@@ -188,17 +189,17 @@ def walled_share(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, n
 
 
 def _orient_outward(
-    normal: np.ndarray,
-    middle: np.ndarray,
-    odd: np.ndarray,
-    upright: np.ndarray,
-    facet_semantic: np.ndarray,
-    low: np.ndarray,
-    size: np.ndarray,
+    normal: Float64Array,
+    middle: Float64Array,
+    odd: BoolArray,
+    upright: BoolArray,
+    facet_semantic: Int64Array,
+    low: Float64Array,
+    size: Float64Array,
     footprint: Polygon | MultiPolygon,
     closed: bool,
     crossings: CrossingCounter,
-) -> np.ndarray:
+) -> Float64Array:
     """Orient normals outward; odd (f, 2): whether the surfaces in front of and behind a facet are odd in number."""
     ahead, behind = odd.T
     # upright facets: by the footprint, then by the number of surfaces on either side
@@ -229,7 +230,9 @@ def _orient_outward(
     return np.where(flip[:, None], -normal, normal)
 
 
-def _chart_kinds(facet_semantic: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
+def _chart_kinds(
+    facet_semantic: Int64Array, outward: Float64Array, upright: BoolArray, low: Float64Array
+) -> Int64Array:
     """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
     level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < UNDERSIDE_M, -1, ChartKind.CEILING))
     decided = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[facet_semantic]
@@ -241,14 +244,14 @@ def _chart_kinds(facet_semantic: np.ndarray, outward: np.ndarray, upright: np.nd
 
 @njit(cache=True)
 def _grow_facets(
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    label: np.ndarray,
-    normal: np.ndarray,
-    area: np.ndarray,
-    order: np.ndarray,
-    key: np.ndarray,
-    by_edge: np.ndarray,
+    vertices: Float64Array,
+    triangles: Int64Array,
+    label: Int64Array,
+    normal: Float64Array,
+    area: Float64Array,
+    order: Int64Array,
+    key: Int64Array,
+    by_edge: Int64Array,
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Grow facets over shared edges from seeds in `order`.
 

@@ -7,6 +7,7 @@ from hashlib import blake2b
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.eaves import Overhang, mitre_offset
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.buildings.roof_edges import RoofEdge
@@ -90,7 +91,7 @@ def _add_trough(faces: RoofDetailBuilder, overhang: Overhang, number: int, adjac
     faces.add_bent(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
 
 
-def _section_corners(overhang: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
+def _section_corners(overhang: Overhang, number: int, other: int, after: int) -> list[Float64Array]:
     """Return the corners (3,) of a gutter's section at one end of an eave."""
     edge, end = overhang.edges[number], overhang.ends[number][after]
     corner = edge.end if after else edge.start

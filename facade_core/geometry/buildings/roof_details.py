@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 
 
@@ -13,7 +14,7 @@ class RoofDetail(NamedTuple):
     """Facets outside the closed surface, and the right axes (f, 3) of their charts."""
 
     facets: Facets
-    along: np.ndarray
+    along: Float64Array
 
 
 class RoofDetailBuilder:
@@ -25,7 +26,7 @@ class RoofDetailBuilder:
         self._along: list[np.ndarray] = []
         self._normals: list[np.ndarray] = []
 
-    def add_polygon(self, kind: int, corners: list[np.ndarray], along: np.ndarray | None = None) -> None:
+    def add_polygon(self, kind: int, corners: list[Float64Array], along: np.ndarray | None = None) -> None:
         """Add a polygon as one chart.
 
         Parameters
@@ -36,7 +37,7 @@ class RoofDetailBuilder:
         """
         self._add(kind, [corners], corners[1] - corners[0] if along is None else along, triangle_normal(*corners[:3]))
 
-    def add_bent(self, kind: int, polygons: list[list[np.ndarray]], along: np.ndarray) -> None:
+    def add_bent(self, kind: int, polygons: list[list[Float64Array]], along: Float64Array) -> None:
         """Add polygons on one mean chart, whose plane they leave by centimetres at most.
 
         Parameters
@@ -51,7 +52,7 @@ class RoofDetailBuilder:
         total -= (total @ along) / (along @ along) * along
         self._add(kind, polygons, along, total / np.linalg.norm(total))
 
-    def _add(self, kind: int, polygons: list[list[np.ndarray]], along: np.ndarray, normal: np.ndarray) -> None:
+    def _add(self, kind: int, polygons: list[list[Float64Array]], along: Float64Array, normal: Float64Array) -> None:
         self._kinds.append(kind)
         self._polygons.append(polygons)
         self._along.append(along)
@@ -83,12 +84,12 @@ class RoofDetailBuilder:
         return RoofDetail(found, along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
-def _fan_triangles(corners: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _fan_triangles(corners: list[Float64Array]) -> list[tuple[Float64Array, Float64Array, Float64Array]]:
     """Return the triangles of a convex polygon."""
     return [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
 
 
-def triangle_normal(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+def triangle_normal(a: Float64Array, b: Float64Array, c: Float64Array) -> Float64Array:
     """Return the unit normal (3,) of a counter-clockwise triangle with corners (3,)."""
     normal = np.cross(b - a, c - a)
     return normal / np.linalg.norm(normal)

@@ -10,6 +10,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.charts import ChartKind
 
@@ -40,8 +41,8 @@ class RoofEdge(NamedTuple):
     previous, following : adjacent edges, -1 without.
     """
 
-    start: np.ndarray
-    end: np.ndarray
+    start: Float64Array
+    end: Float64Array
     facet: int
     slope: float
     width: float
@@ -49,13 +50,13 @@ class RoofEdge(NamedTuple):
     following: int = -1
 
     @property
-    def direction(self) -> np.ndarray:
+    def direction(self) -> Float64Array:
         """Return the horizontal direction (2,) from start to end."""
         run = (self.end - self.start)[:2]
         return run / np.hypot(*run)
 
     @property
-    def outward(self) -> np.ndarray:
+    def outward(self) -> Float64Array:
         """Return the horizontal direction (2,) away from the building."""
         return np.array([self.direction[1], -self.direction[0]])
 
@@ -71,10 +72,10 @@ class RoofSurroundings(NamedTuple):
     """
 
     neighbours: BaseGeometry
-    street_points: np.ndarray
+    street_points: Float64Array
     footprints: shapely.STRtree
 
-    def is_in_sight(self, place: np.ndarray, out: np.ndarray) -> bool:
+    def is_in_sight(self, place: Float64Array, out: Float64Array) -> bool:
         """Return whether a place (2,) on an outline is seen from a street on its outer side `out` (2,)."""
         if not len(self.street_points):
             return True
@@ -90,7 +91,7 @@ class RoofSurroundings(NamedTuple):
 OPEN_SURROUNDINGS = RoofSurroundings(shapely.GeometryCollection(), np.empty((0, 2)), shapely.STRtree([]))
 
 
-def sample_streets(lines: Sequence[shapely.LineString]) -> np.ndarray:
+def sample_streets(lines: Sequence[shapely.LineString]) -> Float64Array:
     """Return places (k, 2) along street centrelines."""
     places = [shapely.line_interpolate_point(line, np.arange(0, line.length, STREET_SAMPLING_M)) for line in lines]
     return shapely.get_coordinates(np.concatenate(places)) if places else np.empty((0, 2))
@@ -112,7 +113,7 @@ def roof_edges(roof: Facets, outline: Polygon) -> list[RoofEdge]:
     return edges
 
 
-def _outer_edges(roof: Facets, outline: Polygon) -> tuple[np.ndarray, np.ndarray]:
+def _outer_edges(roof: Facets, outline: Polygon) -> tuple[Int64Array, Int64Array]:
     """Return the vertex pairs (e, 2) and facets (e,) of triangle sides on the outline that no other triangle shares."""
     upper = roof.kind[roof.facet] == ChartKind.ROOF
     triangles, facet = roof.triangles[upper], np.tile(roof.facet[upper], 3)
@@ -127,7 +128,7 @@ def _outer_edges(roof: Facets, outline: Polygon) -> tuple[np.ndarray, np.ndarray
     return ends[on], facet[on]
 
 
-def _straight_runs(roof: Facets, ends: np.ndarray, facet: np.ndarray) -> list[list[int]]:
+def _straight_runs(roof: Facets, ends: Int64Array, facet: Int64Array) -> list[list[int]]:
     """Group sides (e, 2) of facets (e,) into straight edges, in order."""
     following = dict(zip(ends[:, 0].tolist(), range(len(ends)), strict=True))
     preceding = dict(zip(ends[:, 1].tolist(), range(len(ends)), strict=True))

@@ -9,6 +9,7 @@ import shapely
 from scipy.spatial import KDTree
 from shapely import LineString, MultiPolygon, Polygon
 
+from facade_core.core.arrays import Float64Array, ObjectArray
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Building, Roof, Shell
 from facade_core.geometry.buildings import straight_skeleton
@@ -93,7 +94,7 @@ def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygo
 
 def _skeleton_regions(
     roof: Roof, footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon]
-) -> tuple[np.ndarray, RoofHeight]:
+) -> tuple[ObjectArray, RoofHeight]:
     """Return the regions of a roof by the straight skeleton, and its height over the eaves as a function."""
     runs, rises = _roof_profile(roof)
     reach = runs[-1] if runs is not None else NEIGHBOUR_REACH_M
@@ -119,7 +120,7 @@ def _skeleton_regions(
     if abs(shapely.area(regions).sum() - footprint.area) > 1e-3 * footprint.area:
         raise GeometryError("a roof leaves a part of its footprint open")
 
-    def rise(xy: np.ndarray) -> np.ndarray:
+    def rise(xy: Float64Array) -> Float64Array:
         points = shapely.points(xy)
         # eaves are level: points of the footprint within a jog of the outline are at the eaves
         level = shapely.distance(points, outline.boundary) <= MAX_JOG_M
@@ -129,7 +130,7 @@ def _skeleton_regions(
     return regions, rise
 
 
-def _roof_profile(roof: Roof) -> tuple[np.ndarray | None, np.ndarray]:
+def _roof_profile(roof: Roof) -> tuple[Float64Array | None, Float64Array]:
     """Return depths (k,) inside the outline and heights (k,) over the eaves, metres; depths are None without a pitch."""
     broken = roof.shape in ("mansard", "gambrel")
     rises = roof.height * (np.array([0.0, STEEP_RISE_SHARE, 1.0]) if broken else np.array([0.0, 1.0]))
@@ -245,7 +246,7 @@ def _rectangle(
     return along, across, float(half_along), float(half_across), corners.mean(axis=0)
 
 
-def _shell(regions: np.ndarray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> Shell:
+def _shell(regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> Shell:
     """Build the closed shell between the base and a roof, given by the regions of its planes and its height."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
@@ -280,7 +281,7 @@ def _shell(regions: np.ndarray, rise: RoofHeight, footprint: Polygon, base: floa
     )
 
 
-def _weld_to_corners(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _weld_to_corners(points: Float64Array, corners: Float64Array) -> Float64Array:
     """Return points (n, 2), moved to a corner (k, 2) of the outline within WELD_M."""
     distance, nearest = KDTree(corners).query(points, distance_upper_bound=WELD_M)
     near = np.isfinite(distance)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Shell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
@@ -43,7 +44,7 @@ def lift_to_ground(shell: Shell, lowest: float) -> Shell:
 
 
 def add_facets(
-    pieces: ChartBuilder, index: int, facets: Facets, largest: float, grid: float, along: np.ndarray | None = None
+    pieces: ChartBuilder, index: int, facets: Facets, largest: float, grid: float, along: Float64Array | None = None
 ) -> None:
     """Add facets as charts, and cut long ones on the world grid.
 

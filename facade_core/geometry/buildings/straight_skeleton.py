@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array, Int64Array, ObjectArray
 from facade_core.core.errors import GeometryError
 
 # Grid of ridges in metres.
@@ -45,14 +46,14 @@ class EdgeSlabs:
     """
 
     outline: Polygon
-    start: np.ndarray
-    along: np.ndarray
-    inward: np.ndarray
-    length: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
+    start: Float64Array
+    along: Float64Array
+    inward: Float64Array
+    length: Float64Array
+    before: Float64Array
+    after: Float64Array
 
-    def depth(self, points: np.ndarray) -> np.ndarray:
+    def depth(self, points: Float64Array) -> Float64Array:
         """Return the depth (k,) in metres of points (k, 2) inside the outline; 0 outside."""
         offset = points[:, None] - self.start
         x, y = np.einsum("kej,ej->ke", offset, self.along), np.einsum("kej,ej->ke", offset, self.inward)
@@ -66,7 +67,7 @@ class EdgeSlabs:
         inside = shapely.intersects_xy(self.outline.buffer(1e-6), points)
         return np.where(inside & np.isfinite(depth), np.maximum(depth, 0.0), 0.0)
 
-    def faces(self, reach: float) -> np.ndarray:
+    def faces(self, reach: float) -> ObjectArray:
         """Return the regions (n,) in which each edge's slab is the lowest, up to `reach` metres deep."""
         ends = self.before, self.after
         corner = np.zeros((len(self.start), 2))
@@ -89,14 +90,14 @@ class EdgeSlabs:
             faces[edge] = shapely.difference(slabs[edge], shapely.union_all(lower[one == edge]))
         return faces
 
-    def contours(self, faces: np.ndarray, depth: float) -> np.ndarray:
+    def contours(self, faces: ObjectArray, depth: float) -> ObjectArray:
         """Return the lines (n,) of one depth in metres on the faces (n,) of the edges."""
         size = self.outline.length
         foot = self.start + depth * self.inward
         ends = np.stack([foot - size * self.along, foot + (self.length[:, None] + size) * self.along], axis=1)
         return shapely.intersection(shapely.linestrings(ends), faces)
 
-    def _below(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    def _below(self, low: Int64Array, high: Int64Array) -> ObjectArray:
         """Return large half planes (k,) in which the planes of edges `low` (k,) are below those of edges `high` (k,)."""
         size = 4 * self.outline.length
         middle = np.asarray(self.outline.centroid.coords[0])
@@ -115,7 +116,7 @@ class EdgeSlabs:
         return shapely.polygons(ring)
 
 
-def _cut_traces(stop: np.ndarray, foot: np.ndarray, reach: float) -> np.ndarray:
+def _cut_traces(stop: Float64Array, foot: Float64Array, reach: float) -> Float64Array:
     """Shorten the stops (n, 2) of traces from `foot` to `reach` metres inwards."""
     share = np.minimum(1.0, reach / np.maximum(stop[:, 1], 1e-12))
     return foot + share[:, None] * (stop - foot)
@@ -154,7 +155,7 @@ def edge_slabs(outline: Polygon) -> EdgeSlabs:
     return EdgeSlabs(outline, start, along, inward, length, before, after)
 
 
-def _true_corners(ring: np.ndarray) -> np.ndarray:
+def _true_corners(ring: Float64Array) -> Float64Array:
     """Return a ring without its straight corners."""
     back, ahead = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     sine = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
@@ -165,13 +166,13 @@ def _true_corners(ring: np.ndarray) -> np.ndarray:
 
 
 def _motorcycle_stops(
-    corner: np.ndarray,
-    speed: np.ndarray,
-    start: np.ndarray,
-    end: np.ndarray,
-    reflex: np.ndarray,
-    previous: np.ndarray,
-) -> np.ndarray:
+    corner: Float64Array,
+    speed: Float64Array,
+    start: Float64Array,
+    end: Float64Array,
+    reflex: Int64Array,
+    previous: Int64Array,
+) -> Float64Array:
     """Return the time at which each motorcycle (m,) meets an edge, or the trace of an earlier one.
 
     corner, speed (m, 2) are their starts; start, end (n, 2) the edges; reflex (m,) the edge after each corner.
@@ -200,8 +201,8 @@ def _motorcycle_stops(
 
 
 def _intersect_lines(
-    place: np.ndarray, way: np.ndarray, start: np.ndarray, along: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    place: Float64Array, way: Float64Array, start: Float64Array, along: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Solve place + t way = start + s along for (t, s); infinite for parallel lines."""
     across = way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]
     apart = start - place

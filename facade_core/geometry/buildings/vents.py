@@ -10,6 +10,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.eaves import PARAPET_M
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
@@ -144,7 +145,12 @@ def _place_vents(
 
 
 def _is_in_sight(
-    edge: RoofEdge, middle: np.ndarray, behind: float, rise: float, surroundings: RoofSurroundings, eaves_height: float
+    edge: RoofEdge,
+    middle: Float64Array,
+    behind: float,
+    rise: float,
+    surroundings: RoofSurroundings,
+    eaves_height: float,
 ) -> bool:
     """Return whether the top of a vent is seen over the roof's edge from a street in front."""
     if not len(surroundings.street_points):
@@ -157,7 +163,7 @@ def _is_in_sight(
 
 
 def _add_vent(
-    faces: RoofDetailBuilder, edge: RoofEdge, middle: np.ndarray, behind: float, rise: float, half: float
+    faces: RoofDetailBuilder, edge: RoofEdge, middle: Float64Array, behind: float, rise: float, half: float
 ) -> None:
     """Add a vent, with two adjacent sides per chart."""
     ahead, out = half * np.append(edge.direction, 0.0), half * np.append(edge.outward, 0.0)

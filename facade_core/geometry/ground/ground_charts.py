@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
 from facade_core.geometry.cutting import cut_polygon
 from facade_core.geometry.ground.terrain import Terrain
@@ -160,9 +161,9 @@ def add_planar_chart(
     pieces: ChartBuilder,
     kind: int,
     index: int,
-    origin: np.ndarray,
-    axis_u: np.ndarray,
-    axis_v: np.ndarray,
+    origin: Float64Array,
+    axis_u: Float64Array,
+    axis_v: Float64Array,
     polygon: Polygon,
 ) -> None:
     """Add one chart of the current surface.

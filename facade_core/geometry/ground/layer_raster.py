@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
 from facade_core.geometry.ground.shapes import GroundTile
@@ -15,7 +16,7 @@ SUBPIXEL_BITS = 4
 
 def rasterise_ground_layers(
     charts: Charts, chart: int, tile: GroundTile, density: float, size: tuple[int, int], margin: int
-) -> np.ndarray:
+) -> UInt8Array:
     """Draw the ground layers of a chart.
 
     Parameters

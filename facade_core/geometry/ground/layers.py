@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import SURFACES, Area, Way
 
 # Layers, lowest first: areas by surface, pavements, paths by surface, carriageways.
@@ -59,7 +60,7 @@ def _is_junction(way: Way, other: Way, place: shapely.Point) -> bool:
     return abs(one[0] * two[1] - one[1] * two[0]) > 0.5
 
 
-def _direction_at(line: LineString, place: shapely.Point) -> np.ndarray:
+def _direction_at(line: LineString, place: shapely.Point) -> Float64Array:
     along = line.project(place)
     low, high = max(along - 3.0, 0.0), min(along + 3.0, line.length)
     ends = shapely.get_coordinates(shapely.line_interpolate_point(line, [low, high]))

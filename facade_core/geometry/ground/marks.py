@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import LineString
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Way
 
 
@@ -56,7 +57,7 @@ GULLY_SPACING_M = 24.0
 _MarkRow = tuple[float, float, float, float, float, int, int]
 
 
-def ground_marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: shapely.Geometry) -> np.ndarray:
+def ground_marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: shapely.Geometry) -> Float64Array:
     """Compute all marks of ways.
 
     Dashes count from the world's origin, so that a line that is cut keeps its dashes.

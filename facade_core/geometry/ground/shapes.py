@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import SURFACES, Area, Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
@@ -55,17 +56,17 @@ class GroundTileArrays(NamedTuple):
     marks : (m, 8) straight pieces, half width, `GroundMark`, 1 where round.
     """
 
-    chart_tile: np.ndarray
-    tile_origin: np.ndarray
-    start_layer: np.ndarray
-    layer: np.ndarray
-    inside: np.ndarray
-    first_edge: np.ndarray
-    edges: np.ndarray
-    start_road: np.ndarray
-    roads: np.ndarray
-    start_mark: np.ndarray
-    marks: np.ndarray
+    chart_tile: Int32Array
+    tile_origin: Float64Array
+    start_layer: Int64Array
+    layer: UInt8Array
+    inside: BoolArray
+    first_edge: Int64Array
+    edges: Float64Array
+    start_road: Int64Array
+    roads: Float64Array
+    start_mark: Int64Array
+    marks: Float64Array
 
 
 def serialise_way(way: Way) -> str:
@@ -116,7 +117,7 @@ class GroundTiles:
         self._digests: dict[tuple[int, ...], bytes] = {}
         self._arrays: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
 
-    def build_arrays(self, charts: Sequence[int] | np.ndarray) -> GroundTileArrays:
+    def build_arrays(self, charts: Sequence[int] | IntArray) -> GroundTileArrays:
         """Build the lookup tables of the ground charts among some charts."""
         tile_index = np.full(len(self._is_ground), -1, np.int32)
         own = [int(chart) for chart in charts if self._is_ground[chart]]
@@ -137,7 +138,7 @@ class GroundTiles:
         """Return the tile of a ground chart."""
         return self.cut_tile(tuple(self._chart_tile[chart].tolist()))
 
-    def _tile_arrays(self, tile_index: tuple[int, int]) -> tuple[np.ndarray, ...]:
+    def _tile_arrays(self, tile_index: tuple[int, int]) -> tuple[AnyArray, ...]:
         if tile_index not in self._arrays:
             self._arrays[tile_index] = build_tile_arrays(self.cut_tile(tile_index))
             if len(self._arrays) > MAX_CACHED_TILES:
@@ -171,7 +172,7 @@ class GroundTiles:
 
 
 def _join_tiles(
-    tile_index: np.ndarray, tiles: Sequence[tuple[int, ...]], parts: Sequence[tuple[np.ndarray, ...]]
+    tile_index: Int32Array, tiles: Sequence[tuple[int, ...]], parts: Sequence[tuple[AnyArray, ...]]
 ) -> GroundTileArrays:
     if len(parts) == 1:
         layers, layer, inside, first, edges, frames, frame, marks, mark = parts[0]
@@ -191,14 +192,14 @@ def _join_tiles(
     return GroundTileArrays(tile_index, low, layers, layer, inside, first, edges, frames, frame, marks, mark)
 
 
-def _join_starts(parts: Sequence[np.ndarray]) -> np.ndarray:
+def _join_starts(parts: Sequence[Int64Array]) -> Int64Array:
     before = np.cumsum([0, *(int(part[-1]) for part in parts)])
     return np.concatenate(
         [np.zeros(1, np.int64), *(part[1:] + start for part, start in zip(parts, before[:-1], strict=True))]
     )
 
 
-def build_tile_arrays(piece: GroundTile) -> tuple[np.ndarray, ...]:
+def build_tile_arrays(piece: GroundTile) -> tuple[AnyArray, ...]:
     """Build the columns of `GroundTileArrays` of one tile, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = join_carriageways(roads)
@@ -209,7 +210,7 @@ def build_tile_arrays(piece: GroundTile) -> tuple[np.ndarray, ...]:
     return (*_list_layers(low, layers), *_list_roads(low, frames), *_list_marks(low, drawn))
 
 
-def _road_segments(roads: Sequence[Way]) -> np.ndarray:
+def _road_segments(roads: Sequence[Way]) -> Float64Array:
     rows = [np.zeros((0, 9))]
     for way in roads:
         points = np.asarray(way.line.coords)
@@ -221,7 +222,7 @@ def _road_segments(roads: Sequence[Way]) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def _straight_pieces(ends: np.ndarray) -> np.ndarray:
+def _straight_pieces(ends: Float64Array) -> Float64Array:
     """Return straight pieces (k, 5) of x0, y0, x1, y1 (n, 4), without those of no length."""
     run = ends[:, 2:4] - ends[:, :2]
     length = np.hypot(*run.T)
@@ -229,13 +230,13 @@ def _straight_pieces(ends: np.ndarray) -> np.ndarray:
     return np.column_stack([ends[some, :2], run[some] / length[some, None], length[some]])
 
 
-def _cell_middles(low: np.ndarray) -> np.ndarray:
+def _cell_middles(low: Float64Array) -> Float64Array:
     """Return the middles (cells, 2) of a tile's cells, row by row from the south-west."""
     row, column = np.divmod(np.arange(CELLS_PER_SIDE * CELLS_PER_SIDE), CELLS_PER_SIDE)
     return low + LOOKUP_CELL_M * (np.column_stack([column, row]) + 0.5)
 
 
-def _list_layers(low: np.ndarray, layers: dict[int, shapely.Geometry]) -> tuple[np.ndarray, ...]:
+def _list_layers(low: Float64Array, layers: dict[int, shapely.Geometry]) -> tuple[AnyArray, ...]:
     middle = _cell_middles(low)
     points, count = shapely.points(middle), len(middle)
     box = shapely.box(*(low - 3 * LOOKUP_CELL_M), *(low + GROUND_TILE_M + 3 * LOOKUP_CELL_M))
@@ -273,7 +274,7 @@ def _list_layers(low: np.ndarray, layers: dict[int, shapely.Geometry]) -> tuple[
     return start, layer_of[by_cell], inside_of[by_cell], first, edges[by_entry]
 
 
-def _list_roads(low: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _list_roads(low: Float64Array, frames: Float64Array) -> tuple[Int64Array, Float64Array]:
     """List per cell the road segments that may be nearest to a place in it, by distance less half width."""
     if not len(frames):
         return np.zeros(CELLS_PER_SIDE * CELLS_PER_SIDE + 1, np.int64), np.zeros((0, 9))
@@ -288,14 +289,14 @@ def _list_roads(low: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.searchsorted(cell[order], np.arange(CELLS_PER_SIDE * CELLS_PER_SIDE + 1)), frames[frame[order]]
 
 
-def _road_distances(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
+def _road_distances(points: Float64Array, frames: Float64Array) -> Float64Array:
     """Return distances (n, f) of points (n, 2) from road segments, less half their widths."""
     off = points[:, None] - frames[:, :2]
     run = np.clip((off * frames[:, 2:4]).sum(axis=2), 0, frames[:, 4])
     return np.linalg.norm(off - run[..., None] * frames[:, 2:4], axis=2) - frames[:, 5]
 
 
-def _list_marks(low: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _list_marks(low: Float64Array, rows: Float64Array) -> tuple[Int64Array, Float64Array]:
     straight = np.column_stack([_straight_pieces(rows[:, :4]), rows[:, 4:]])
     ends = np.column_stack([rows[:, :4]]).reshape(-1, 2, 2)
     lines, points = shapely.linestrings(ends), shapely.points(_cell_middles(low))

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Building, Elevation
 
 # Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in
@@ -43,14 +44,14 @@ class Terrain:
     x: float
     y: float
     step: float
-    heights: np.ndarray
+    heights: Float64Array
 
     @property
     def is_level(self) -> bool:
         """Return whether the ground has one height."""
         return self.heights.size == 1
 
-    def interpolate(self, points: np.ndarray) -> np.ndarray:
+    def interpolate(self, points: Float64Array) -> Float64Array:
         """Return the ground heights (n,) in metres at points (n, 2)."""
         rows, columns = self.heights.shape
         u = np.clip((points[:, 0] - self.x) / self.step, 0, columns - 1)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array
 from facade_core.core.levelling import fill_unknown
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -39,12 +40,12 @@ class SquareAgreement(NamedTuple):
     """
 
     side: int
-    is_usable: np.ndarray
-    is_confirmed: np.ndarray
-    is_contradicted: np.ndarray
-    log_colour: np.ndarray
+    is_usable: BoolArray
+    is_confirmed: BoolArray
+    is_contradicted: BoolArray
+    log_colour: Float32Array
 
-    def unconfirmed_squares(self, view: int) -> np.ndarray:
+    def unconfirmed_squares(self, view: int) -> BoolArray:
         """Return the squares (r, c) bool that only this view shows."""
         return self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
 
@@ -83,7 +84,7 @@ def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreeme
     return SquareAgreement(side, is_usable, is_confirmed, is_contradicted, log_colour)
 
 
-def find_thin_objects(views: Sequence[ChartView], density: float) -> list[np.ndarray]:
+def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolArray]:
     """Find texels that contrast with their surroundings and that no other view confirms.
 
     Parameters
@@ -114,7 +115,7 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[np.nda
     return masks
 
 
-def squares_to_texels(squares: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
+def squares_to_texels(squares: BoolArray, side: int, shape: tuple[int, ...]) -> BoolArray:
     """Repeat squares (r, c) of `side` texels to a raster of the given shape (h, w)."""
     return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
 
@@ -134,7 +135,7 @@ def _has_match(log_colour: np.ndarray, other: np.ndarray, is_usable: np.ndarray,
     return is_matched
 
 
-def _mean_log_colour(view: ChartView, side: int) -> np.ndarray:
+def _mean_log_colour(view: ChartView, side: int) -> Float32Array:
     """Logarithm of the mean colour of a square's clear texels: (r, c, 3)."""
     clear = view.clear
     share = _square_means(clear.astype(np.float32), side)
@@ -142,7 +143,7 @@ def _mean_log_colour(view: ChartView, side: int) -> np.ndarray:
     return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0))
 
 
-def _square_means(array: np.ndarray, side: int) -> np.ndarray:
+def _square_means(array: Float32Array, side: int) -> Float32Array:
     """Means over squares of `side` texels of an array (h, w) or (h, w, 3), padded with 0."""
     import cv2
 

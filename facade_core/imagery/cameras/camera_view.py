@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.imagery.rectify.fusion import ChartView, fuse_views
 
@@ -29,11 +30,11 @@ class PanoramaCamera:
     ground_colour : typical ground colour around the camera, see `typical_ground_colour`.
     """
 
-    image: np.ndarray
+    image: UInt8Array
     pose: Pose
-    occluded: np.ndarray
-    exposure_factor: np.ndarray
-    ground_colour: tuple[np.ndarray, np.ndarray] | None
+    occluded: BoolArray
+    exposure_factor: Float64Array
+    ground_colour: tuple[Float64Array, Float64Array] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,13 +49,13 @@ class CameraView:
     confidence : (h, w) float32, share of the raster's resolution times the sine of the viewing angle.
     """
 
-    rgb: np.ndarray
-    is_visible: np.ndarray
+    rgb: UInt8Array
+    is_visible: BoolArray
     camera: np.ndarray
-    confidence: np.ndarray
+    confidence: Float32Array
 
 
-def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: np.ndarray) -> ChartView:
+def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: BoolArray) -> ChartView:
     """Convert a camera's view to the common exposure, limited to the texels of a mask.
 
     Parameters
@@ -72,7 +73,7 @@ def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: np.ndarray)
     return ChartView(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 
-def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[np.ndarray], density: float) -> CameraView | None:
+def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[BoolArray], density: float) -> CameraView | None:
     """Fuse the trusted texels of views of one exposure; seams run where they show least.
 
     Parameters
@@ -94,7 +95,7 @@ def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[np.ndarray],
     return CameraView(np.where(is_visible[..., None], fused.rgb, 0), is_visible, source, fused.confidence * is_visible)
 
 
-def _drop_small_pieces(is_visible: np.ndarray, density: float) -> np.ndarray:
+def _drop_small_pieces(is_visible: BoolArray, density: float) -> BoolArray:
     """Remove pieces that are too narrow or too small."""
     import cv2
     from skimage.morphology import remove_small_objects

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
@@ -55,7 +56,7 @@ class GroundSamples(NamedTuple):
     squares: list[list[int]]
 
 
-def sample_ground(scene: Scene, image: np.ndarray, pose: Pose) -> GroundSamples:
+def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
     """Sample the ground around a panorama by squares of the world grid.
 
     Each square has the median colour of its samples in sight.
@@ -119,7 +120,7 @@ def sample_ground(scene: Scene, image: np.ndarray, pose: Pose) -> GroundSamples:
     return GroundSamples(round(float(below[0]), 3), squares)
 
 
-def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> np.ndarray:
+def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Float64Array:
     """Estimate the factors that bring cameras to one exposure and white balance.
 
     Least squares over the pairs that share squares. The ratio of a pair is a median, and the mean factor is one.
@@ -165,7 +166,7 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> np
     return np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
 
 
-def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray] | None:
+def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Array, Float64Array] | None:
     """Return median and median absolute deviation of the ground's log colours.
 
     Parameters

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_squares, find_thin_objects, squares_to_texels
@@ -66,10 +67,10 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]
 
 def trusted_ground_texels(
     views: Sequence[ChartView],
-    distance: Sequence[np.ndarray],
-    ground_colours: Sequence[tuple[np.ndarray, np.ndarray] | None],
+    distance: Sequence[Float32Array],
+    ground_colours: Sequence[tuple[Float64Array, Float64Array] | None],
     density: float,
-) -> list[np.ndarray]:
+) -> list[BoolArray]:
     """Select the clear texels of each view that can be trusted.
 
     Parameters
@@ -120,7 +121,7 @@ def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
     return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= GROUND_REACH_M))
 
 
-def _ground_distance(scene: Scene, chart: int, pose: Pose) -> np.ndarray:
+def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:
     """Horizontal distance in metres of each texel from a camera: (h, w) float32."""
     charts, step = scene.charts, 1 / float(scene.placement.texels_per_metre[chart])
     centre = camera_position(pose)
@@ -133,7 +134,7 @@ def _ground_distance(scene: Scene, chart: int, pose: Pose) -> np.ndarray:
     return np.hypot(east, north).astype(np.float32)
 
 
-def _equalised_ground_colour(camera: PanoramaCamera) -> tuple[np.ndarray, np.ndarray] | None:
+def _equalised_ground_colour(camera: PanoramaCamera) -> tuple[Float64Array, Float64Array] | None:
     """Typical ground colour in the common exposure."""
     return (
         None

@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
@@ -45,7 +46,7 @@ OCCLUDER_RIM_DEG = 1.25
 EDGE_RIM_DEG = 0.25
 
 
-def mask_ground_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
+def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     """Mask occluders of the ground in a panorama.
 
     Six views around the camera are parsed. An object that any of them shows counts.
@@ -62,7 +63,7 @@ def mask_ground_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
     return _mask_occluders(image, pose, (DOWNWARD_TILT_DEG,), (GROUND_TOP_DEG, GROUND_BOTTOM_DEG))
 
 
-def mask_building_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
+def mask_building_occluders(image: np.ndarray, pose: Pose) -> BoolArray:
     """Mask occluders of walls and roofs, and the sky, in a panorama.
 
     Parses six more views than `mask_ground_occluders`, which look up.
@@ -81,7 +82,7 @@ def mask_building_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
     )
 
 
-def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> np.ndarray:
+def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> BoolArray:
     """Mask a rim around the model's edges, where a small pose error shows the wrong surface.
 
     Pixels outside the part that `mask_building_occluders` covers are masked too.
@@ -107,7 +108,7 @@ def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> np.nda
     return _project_to_picture(edge, shape, pose, BUILDING_TOP_DEG, fill=True)
 
 
-def _ray_grid(top_deg: float, bottom_deg: float) -> np.ndarray:
+def _ray_grid(top_deg: float, bottom_deg: float) -> Float64Array:
     """Camera rays (h, w, 3) float64 at PIXELS_PER_DEGREE, from top_deg above the horizon to bottom_deg below it."""
     rows = np.arange(round(-top_deg * PIXELS_PER_DEGREE), round(bottom_deg * PIXELS_PER_DEGREE)) + 0.5
     latitude = -np.radians(rows / PIXELS_PER_DEGREE)[:, None]
@@ -117,13 +118,13 @@ def _ray_grid(top_deg: float, bottom_deg: float) -> np.ndarray:
 
 
 def _mask_occluders(
-    image: np.ndarray,
+    image: UInt8Array,
     pose: Pose,
     tilts: Sequence[float],
     elevation_range: tuple[float, float],
     *,
     sky: bool = False,
-) -> np.ndarray:
+) -> BoolArray:
     """Occluders with a rim, and optionally the sky, from views tilted down by `tilts` degrees: (H, W) bool.
 
     elevation_range : degrees above and below the horizon that are searched.
@@ -154,7 +155,7 @@ def _mask_occluders(
     return _project_to_picture(is_occluder | is_sky, image.shape[:2], pose, elevation_range[0])
 
 
-def _view_rotation(heading: float, down: float) -> np.ndarray:
+def _view_rotation(heading: float, down: float) -> Float64Array:
     """Rotation (3, 3) from the panorama's camera to a view turned to its right and tilted down."""
     forward = np.array([np.sin(heading), np.cos(heading)])
     # `basis` expects world axes: right, ahead, up
@@ -163,7 +164,7 @@ def _view_rotation(heading: float, down: float) -> np.ndarray:
     return tilt @ level
 
 
-def _render_view(image: np.ndarray, pose: Pose, rotation: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
+def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: float) -> tuple[UInt8Array, BoolArray]:
     """Perspective view (VIEW_SIDE, VIEW_SIDE, 3) uint8 of a panorama, and where the panorama covers it, bool."""
     import cv2
 
@@ -187,8 +188,8 @@ def _render_view(image: np.ndarray, pose: Pose, rotation: np.ndarray, focal: flo
 
 
 def _project_to_picture(
-    mask_by_angle: np.ndarray, shape: tuple[int, int], pose: Pose, top_deg: float, *, fill: bool = False
-) -> np.ndarray:
+    mask_by_angle: BoolArray, shape: tuple[int, int], pose: Pose, top_deg: float, *, fill: bool = False
+) -> BoolArray:
     """Resample a mask over angles, which begins at top_deg, to pixels (H, W); `fill` above and below it."""
     height, width = shape
     left, top, wide, high = pose.view

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels
@@ -36,7 +37,7 @@ def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) 
     return fuse_camera_views(views, trusted_wall_texels(views, is_low, density), density)
 
 
-def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[np.ndarray], density: float) -> list[np.ndarray]:
+def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[BoolArray], density: float) -> list[np.ndarray]:
     """Select the clear texels of each view that can be trusted.
 
     Parameters
@@ -59,7 +60,7 @@ def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[np.ndarray]
     return trusted
 
 
-def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> np.ndarray:
+def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
     """Texels (h, w) bool so far below a camera that objects on the ground may occlude them."""
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
     return np.asarray(
@@ -76,7 +77,7 @@ def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: np.nd
     return equalise_exposure(view, camera, coverage & is_near)
 
 
-def chart_coverage(scene: Scene, chart: int) -> np.ndarray:
+def chart_coverage(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) bool that a chart's triangles cover; the sky next to a gable is not covered."""
     import cv2
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Box
 from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
@@ -30,7 +31,7 @@ SEARCH_BOTTOM_SHARE = 0.85
 LOWER_PART_SCALE = 3.0
 
 
-def _no_boxes() -> np.ndarray:
+def _no_boxes() -> Float64Array:
     return np.zeros((0, 4))
 
 
@@ -45,8 +46,8 @@ class Detections:
     lines : lines of text, including those of the plates.
     """
 
-    faces: np.ndarray = field(default_factory=_no_boxes)
-    plates: np.ndarray = field(default_factory=_no_boxes)
+    faces: Float64Array = field(default_factory=_no_boxes)
+    plates: Float64Array = field(default_factory=_no_boxes)
     lines: Sequence[TextLine] = ()
 
     def has_private_boxes(self) -> bool:
@@ -75,7 +76,7 @@ class Detections:
             boxes.append((left, top, right, bottom))
         return tuple(boxes)
 
-    def private_mask(self, shape: tuple[int, int]) -> np.ndarray:
+    def private_mask(self, shape: tuple[int, int]) -> BoolArray:
         """Return the pixels (H, W) bool to hide."""
         mask = np.zeros(shape, bool)
         for x0, y0, x1, y1 in self.private_boxes(shape):
@@ -88,7 +89,7 @@ def detectors_available() -> bool:
     return bool(models_digest())
 
 
-def detect_on_image(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+def detect_on_image(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> Detections:
     """Detect faces, plates and text on an image; nothing without the models.
 
     Parameters
@@ -102,7 +103,7 @@ def detect_on_image(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> 
     return Detections(find_faces(image)[0], plates, lines)
 
 
-def detect_on_strip(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+def detect_on_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> Detections:
     """Detect on a strip of a full panorama, whose left and right borders meet.
 
     Objects across the border are detected whole, and returned at both sides.
@@ -118,7 +119,7 @@ def detect_on_strip(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> 
     return Detections(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
 
 
-def detect_on_panorama(image: np.ndarray, view: tuple[float, float, float, float]) -> Detections:
+def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float]) -> Detections:
     """Detect on a panorama between SEARCH_TOP_SHARE and SEARCH_BOTTOM_SHARE of the full height.
 
     Parameters
@@ -137,7 +138,7 @@ def detect_on_panorama(image: np.ndarray, view: tuple[float, float, float, float
     return detect(image[first:last], (middle - first) / (last - first)).translate(0, first)
 
 
-def _wrap_boxes(boxes: np.ndarray, width: int) -> np.ndarray:
+def _wrap_boxes(boxes: Float64Array, width: int) -> Float64Array:
     """Boxes (n, 4) of a continued strip as boxes of the strip; a box across the border is returned twice."""
     wrapped = boxes[boxes[:, 0] < width]
     return np.concatenate([wrapped, wrapped[wrapped[:, 2] > width] - np.array([width, 0, width, 0])])

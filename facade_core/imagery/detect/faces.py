@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import FACE_MODEL, model_session
 
@@ -25,7 +26,7 @@ _SIDE_MULTIPLE = 32
 _CELL_PIXELS = 4
 
 
-def find_faces(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_faces(image: UInt8Array) -> tuple[np.ndarray, np.ndarray]:
     """Find faces in an image.
 
     Parameters

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, model_session
 
@@ -72,7 +73,7 @@ class TextLine:
         return float(np.hypot(*across)), float(np.hypot(*down))
 
 
-def find_text_lines(image: np.ndarray, scale: float = 1.0) -> list[TextLine]:
+def find_text_lines(image: UInt8Array, scale: float = 1.0) -> list[TextLine]:
     """Find and recognise the lines of text in an image (H, W, 3) uint8, enlarged by `scale`."""
     corners_found: list[np.ndarray] = []
     for part, x, y in split_tiles(image, round(TEXT_TILE_SIDE / scale), round(TEXT_TILE_OVERLAP / scale)):
@@ -89,7 +90,7 @@ def merge_lines(lines: Sequence[TextLine], enlarged_lines: Sequence[TextLine]) -
     return [all_lines[index] for index in _deduplicate([line.corners for line in all_lines])]
 
 
-def _brighten(image: np.ndarray) -> np.ndarray:
+def _brighten(image: UInt8Array) -> np.ndarray:
     """Brighten an image (h, w, 3) uint8 if it is dark."""
     if np.median(image) >= _DARK_LEVEL:
         return image

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
 
 # Panoramas per bundle: their pictures are in memory together, and the equations are dense.
@@ -22,7 +23,7 @@ FIRST_SQUARE_M = 4096.0
 
 
 def group_bundles(
-    wall: np.ndarray, panorama: np.ndarray, seen: np.ndarray, places: np.ndarray, days: Sequence[int | None]
+    wall: Int32Array, panorama: Int32Array, seen: Float64Array, places: Float64Array, days: Sequence[int | None]
 ) -> list[tuple[int, ...]]:
     """Group panoramas that show the same walls into bundles of two to MAX_BUNDLE_SIZE.
 
@@ -62,7 +63,7 @@ def group_bundles(
     return sorted(bundles)
 
 
-def _comparable_pairs(wall: np.ndarray, panorama: np.ndarray, days: Sequence[int | None]) -> set[tuple[int, int]]:
+def _comparable_pairs(wall: Int32Array, panorama: Int32Array, days: Sequence[int | None]) -> set[tuple[int, int]]:
     """Pairs of panoramas that a wall connects, the smaller index first."""
     pairs = set()
     for rows in group_rows(wall).values():
@@ -73,7 +74,7 @@ def _comparable_pairs(wall: np.ndarray, panorama: np.ndarray, days: Sequence[int
     return pairs
 
 
-def _connected_groups(members: np.ndarray, pairs: np.ndarray) -> list[np.ndarray]:
+def _connected_groups(members: Int64Array, pairs: Int64Array) -> list[np.ndarray]:
     """Connected groups of the members, ascending; unconnected ones are left out."""
     local = np.searchsorted(members, pairs[np.isin(pairs, members).all(axis=1)])
     graph = coo_array((np.ones(len(local)), (local[:, 0], local[:, 1])), (len(members), len(members)))

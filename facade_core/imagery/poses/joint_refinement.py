@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.bundle_adjustment import BundleAdjustment
@@ -82,7 +83,7 @@ class JointPose:
 
 
 def refine_jointly(
-    scene: Scene, surfaces: Sequence[int], images: Iterable[np.ndarray], alone: Sequence[PriorPose]
+    scene: Scene, surfaces: Sequence[int], images: Iterable[UInt8Array], alone: Sequence[PriorPose]
 ) -> list[JointPose]:
     """Refine the poses of a bundle of panoramas by common walls and ground.
 
@@ -136,7 +137,7 @@ def refine_jointly(
     return results
 
 
-def downscale_panorama(image: np.ndarray, pose: Pose) -> np.ndarray:
+def downscale_panorama(image: np.ndarray, pose: Pose) -> UInt8Array:
     """Downscale a panorama (H, W, 3) uint8 to at most MAX_TURN_PIXELS per full turn."""
     import cv2
 

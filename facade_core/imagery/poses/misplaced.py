@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.outlines import (
@@ -44,7 +45,7 @@ MIRROR_OFFSETS_M = np.arange(-1.0, 1.01, 0.25)
 MIRROR_TURNS_DEG = np.arange(-2.0, 2.1, 1.0)
 
 
-def explain_misplacement(scene: Scene, image: np.ndarray, pose: Pose, edges: OutlineSamples, best_fit: float) -> str:
+def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: OutlineSamples, best_fit: float) -> str:
     """Explain why a picture was not taken at its pose, with a remedy.
 
     Parameters

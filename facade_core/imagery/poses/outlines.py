@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
@@ -71,10 +72,10 @@ class OutlineSamples:
     weight : (groups,) angular length in radians, times INNER_WEIGHT where the sky is not behind.
     """
 
-    point: np.ndarray
-    along: np.ndarray
-    group: np.ndarray
-    weight: np.ndarray
+    point: Float64Array
+    along: Float64Array
+    group: Int64Array
+    weight: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +147,7 @@ def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
     return OutlineSamples(point, along, group.astype(np.int64), weight)
 
 
-def _surface_edges(scene: Scene, place: np.ndarray) -> np.ndarray:
+def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
     """Outline edges (k, 2, 3) of surfaces other than the ground near a position."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
@@ -165,8 +166,8 @@ def _surface_edges(scene: Scene, place: np.ndarray) -> np.ndarray:
 
 
 def _visible_outline(
-    scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    scene: Scene, place: Float64Array, point: Float64Array, along: Float64Array
+) -> tuple[BoolArray, BoolArray]:
     """Visibility of samples (k, 3) with different surfaces on both sides, the ground excluded; and sky on a side: (k,)
     bool each."""
     charts = scene.charts

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
@@ -17,7 +18,7 @@ GROUND_REACH_M = 15.0
 WALL_REACH_M = 40.0
 
 
-def camera_position(pose: Pose) -> np.ndarray:
+def camera_position(pose: Pose) -> Float64Array:
     """Return the camera's position (3,) in world metres.
 
     Raises
@@ -30,7 +31,7 @@ def camera_position(pose: Pose) -> np.ndarray:
     return np.array([pose.x, pose.y, pose.z], np.float64)
 
 
-def camera_from_world(pose: Pose) -> np.ndarray:
+def camera_from_world(pose: Pose) -> Float64Array:
     """Compute the rotation (3, 3) of a panorama: heading clockwise from north, pitch up, roll clockwise."""
     heading, pitch, roll = np.radians([pose.heading, pose.pitch, pose.roll])
     upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
@@ -39,7 +40,7 @@ def camera_from_world(pose: Pose) -> np.ndarray:
     return rolled @ pitched @ upright
 
 
-def project_to_panorama(directions: np.ndarray, pose: Pose) -> np.ndarray:
+def project_to_panorama(directions: Float64Array, pose: Pose) -> Float64Array:
     """Project world directions to the full panorama.
 
     Parameters
@@ -57,7 +58,7 @@ def project_to_panorama(directions: np.ndarray, pose: Pose) -> np.ndarray:
     return np.stack([longitude / (2 * np.pi) + 0.5, 0.5 - latitude / np.pi], axis=-1)
 
 
-def is_in_view(share: np.ndarray, pose: Pose) -> np.ndarray:
+def is_in_view(share: Float64Array, pose: Pose) -> BoolArray:
     """Test whether shares of the full panorama are in the part that the picture contains.
 
     Parameters

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 from facade_core.geometry.scene import Scene
 from facade_core.parsing.segmenter import outside_mask
 
@@ -51,7 +52,7 @@ class PhotoOrientation:
     roof_slope : height of the roof's edge above the camera over the camera's distance; None where it is not seen.
     """
 
-    ahead: np.ndarray
+    ahead: Float64Array
     roof_slope: float | None
 
 
@@ -67,14 +68,14 @@ class WallLikelihoods:
     roof_height_m : (n,) height above the ground at which the photo has its roof; NaN where it is not seen or not hit.
     """
 
-    probability: np.ndarray
-    hit_share: np.ndarray
-    heading_offset_deg: np.ndarray
-    roof_height_m: np.ndarray
+    probability: Float64Array
+    hit_share: Float64Array
+    heading_offset_deg: Float64Array
+    roof_height_m: Float64Array
 
 
 def estimate_orientation(
-    image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]
+    image: UInt8Array, seen: BoolArray, homography: Float64Array, focal: float, size: tuple[int, int]
 ) -> PhotoOrientation:
     """Estimate the camera's orientation from a rectified photo; the principal point is the photo's centre.
 
@@ -94,8 +95,8 @@ def estimate_orientation(
 
 
 def camera_from_homography(
-    homography: np.ndarray, focal: float, size: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
+    homography: Float64Array, focal: float, size: tuple[int, int]
+) -> tuple[Float64Array, Float64Array]:
     """Compute the pose of the camera relative to the plane that a homography rectifies.
 
     Parameters
@@ -122,7 +123,7 @@ def camera_from_homography(
     return rotation, np.array([x, y, -z])
 
 
-def _roof_slope(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray) -> float | None:
+def _roof_slope(image: UInt8Array, seen: BoolArray, middle: float, camera: Float64Array) -> float | None:
     """Height of the roof's edge above the camera over the camera's distance, near a column of a rectified photo."""
     if not 0 <= middle < seen.shape[1]:
         return None
@@ -138,9 +139,9 @@ def _roof_slope(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.n
 
 def match_walls(
     scene: Scene,
-    walls: np.ndarray,
+    walls: Int32Array,
     orientation: PhotoOrientation,
-    place: np.ndarray,
+    place: Float64Array,
     heading: float | None,
     *,
     seed: int,

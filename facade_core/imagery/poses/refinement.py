@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
@@ -89,7 +90,7 @@ class RefinedPose:
     covariance: np.ndarray | None
 
 
-def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, height_is_assumed: bool = False) -> RefinedPose:
+def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assumed: bool = False) -> RefinedPose:
     """Refine the pose of a panorama by about a metre and a few degrees, where the evidence is clear.
 
     The rotation comes first: lines on walls must be level or upright, at any position. Then the position and the last
@@ -223,7 +224,7 @@ def _is_sufficient(edges: OutlineSamples) -> bool:
     return int((edges.weight > 0).sum()) >= MIN_OUTLINE_GROUPS and float(edges.weight.sum()) >= MIN_OUTLINE_LENGTH
 
 
-def _line_rotation(lines: WallLines) -> tuple[np.ndarray, str]:
+def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
     """World rotation (3, 3) from lines, and the reason if it is rejected."""
     identity = np.eye(3)
     if len(lines) < MIN_LINES or lines.weight.sum() < MIN_LINE_LENGTH:
@@ -245,7 +246,7 @@ def _line_rotation(lines: WallLines) -> tuple[np.ndarray, str]:
     return rotation, ""
 
 
-def _rotation_angle_deg(turn: np.ndarray) -> float:
+def _rotation_angle_deg(turn: Float64Array) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
 
 

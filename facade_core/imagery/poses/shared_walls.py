@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.bundles import MIN_WALL_SHARE
@@ -75,8 +76,8 @@ class GradientImage(NamedTuple):
     seen : (h, w) bool.
     """
 
-    slope: np.ndarray
-    seen: np.ndarray
+    slope: Float32Array
+    seen: BoolArray
 
 
 class WallAgreement(NamedTuple):
@@ -90,7 +91,7 @@ class WallAgreement(NamedTuple):
 def match_shared_walls(
     scene: Scene,
     surfaces: Sequence[int],
-    images: Sequence[np.ndarray],
+    images: Sequence[UInt8Array],
     poses: Sequence[Pose],
     max_offset: float,
     *,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import panorama_rays
@@ -54,11 +55,11 @@ class WallLines:
     chart : (k,) chart of the wall.
     """
 
-    plane: np.ndarray
-    axis: np.ndarray
-    wall: np.ndarray
-    weight: np.ndarray
-    chart: np.ndarray
+    plane: Float64Array
+    axis: Float64Array
+    wall: Float64Array
+    weight: Float64Array
+    chart: Int64Array
 
     def __len__(self) -> int:
         return len(self.weight)
@@ -80,7 +81,7 @@ class WallLines:
         )
 
 
-def detect_wall_lines(scene: Scene, image: np.ndarray, pose: Pose) -> WallLines:
+def detect_wall_lines(scene: Scene, image: UInt8Array, pose: Pose) -> WallLines:
     """Detect lines on the largest walls of a panorama.
 
     Parameters
@@ -118,8 +119,8 @@ def _largest_walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
 
 
 def _lines_on_wall(
-    scene: Scene, chart: int, image: np.ndarray, pose: Pose, distance: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    scene: Scene, chart: int, image: UInt8Array, pose: Pose, distance: float
+) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, Int64Array]:
     """Columns of WallLines for one wall."""
     import cv2
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 
 # Samples along each side of a parallelogram; the pyramid covers parallelograms that are long in both
@@ -23,11 +24,11 @@ class Pyramid:
     levels : (l, 3) int64 first pixel, height and width of each level.
     """
 
-    pixels: np.ndarray
-    levels: np.ndarray
+    pixels: UInt8Array
+    levels: Int64Array
 
 
-def build_pyramid(image: np.ndarray) -> Pyramid:
+def build_pyramid(image: UInt8Array) -> Pyramid:
     """Build the pyramid of an RGB image (h, w, 3) uint8, halved down to one pixel."""
     import cv2
 
@@ -42,8 +43,8 @@ def build_pyramid(image: np.ndarray) -> Pyramid:
 
 @njit(cache=True, nogil=True)
 def area_mean(
-    pixels: np.ndarray,
-    levels: np.ndarray,
+    pixels: UInt8Array,
+    levels: Int64Array,
     x: float,
     y: float,
     ax: float,
@@ -51,7 +52,7 @@ def area_mean(
     bx: float,
     by: float,
     repeat: bool,
-    out: np.ndarray,
+    out: UInt8Array,
 ) -> None:
     """Write the mean colour of a parallelogram into `out`.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -53,8 +54,8 @@ class ChangeMap:
 
     changed_share: float | None
     compared_share: float
-    is_changed: np.ndarray
-    is_compared: np.ndarray
+    is_changed: BoolArray
+    is_compared: BoolArray
 
     def encode_cells(self, texels_per_metre: float) -> tuple[str, ...]:
         """Encode the changes by cells of half a metre or more, at most MAX_REPORT_CELLS to a side.
@@ -110,7 +111,7 @@ def detect_changes(newer: ChartView, older: ChartView, texels_per_metre: float) 
     return ChangeMap(float(changed.sum() / both.sum()), compared_share, is_changed, is_compared)
 
 
-def _changed_cells(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_per_metre: float) -> np.ndarray:
+def _changed_cells(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_per_metre: float) -> BoolArray:
     """Cells (r, c) bool that are more likely changed than not, without specks."""
     import cv2
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Box
 from facade_core.parsing.segmenter import outside_mask
 
@@ -36,14 +37,14 @@ class FacadeCrop:
     has_facade : False if no facade was found; the picture then stays whole.
     """
 
-    image: np.ndarray
-    hidden: np.ndarray
-    outside: np.ndarray
+    image: UInt8Array
+    hidden: BoolArray
+    outside: BoolArray
     box: Box
     has_facade: bool = True
 
 
-def crop_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> FacadeCrop:
+def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
     """Crop a picture to its facade.
 
     Parameters
@@ -64,7 +65,7 @@ def crop_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None 
     return FacadeCrop(image[part], hidden[part], _touching_border(outside[part]), box)
 
 
-def street_mask(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
+def street_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
     """Mask the street below the foot of a wall in a posed panorama.
 
     Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts
@@ -92,7 +93,7 @@ def street_mask(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = N
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
 
 
-def find_facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:
+def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:
     """Find the box in which facade pixels outnumber outside pixels by most.
 
     Compares all boxes on a grid of GRID_CELLS x GRID_CELLS: the best run of columns (Kadane) for each pair of rows.
@@ -132,7 +133,7 @@ def find_facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:
     return (x0, y0, x1, y1) if (y1 - y0) * (x1 - x0) >= MIN_FACADE_SHARE * outside.size else None
 
 
-def _touching_border(outside: np.ndarray) -> np.ndarray:
+def _touching_border(outside: BoolArray) -> BoolArray:
     """Components that touch the border: "sky" inside a facade is a pane or a gap in a balcony."""
     import cv2
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
 
 # Cells along the photo's diagonal.
@@ -36,7 +37,7 @@ MIN_COVERED_SHARE = 0.6
 
 
 def facade_extent(
-    segments: np.ndarray, view: FacadeCamera, corners: np.ndarray
+    segments: Float64Array, view: FacadeCamera, corners: Float64Array
 ) -> tuple[float, float, float, float] | None:
     """Compute the facade's box on its plane at distance 1.
 
@@ -81,7 +82,7 @@ def facade_extent(
     return x0, y0, x1, y1
 
 
-def project_to_plane(points: np.ndarray, view: FacadeCamera) -> np.ndarray:
+def project_to_plane(points: Float64Array, view: FacadeCamera) -> Float64Array:
     """Project photo points to the facade's plane at distance 1.
 
     Parameters
@@ -101,7 +102,7 @@ def project_to_plane(points: np.ndarray, view: FacadeCamera) -> np.ndarray:
     return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)
 
 
-def _full_extent(view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+def _full_extent(view: FacadeCamera, corners: Float64Array) -> tuple[float, float, float, float] | None:
     """Box of a whole photo that is already rectified, else None."""
     projected = project_to_plane(corners, view)
     if not np.isfinite(projected).all():
@@ -116,7 +117,7 @@ def _full_extent(view: FacadeCamera, corners: np.ndarray) -> tuple[float, float,
     return float(left), float(top), float(right), float(bottom)
 
 
-def _clustered_segments(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
+def _clustered_segments(segments: Float64Array, view: FacadeCamera) -> BoolArray:
     """Segments (n,) bool of both families in places where both families are dense and others are not."""
     import cv2
 
@@ -153,7 +154,7 @@ def _clustered_segments(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
     return is_clustered
 
 
-def _trimmed_range(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _trimmed_range(values: Float64Array, weight: Float64Array) -> Float64Array:
     """Range of the values (n,) without a stray share of the weight at each end."""
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
@@ -161,7 +162,7 @@ def _trimmed_range(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return values[order[[first, min(last, len(values) - 1)]]]
 
 
-def _photo_grid(corners: np.ndarray) -> np.ndarray:
+def _photo_grid(corners: Float64Array) -> Float64Array:
     """Grid of points (k, 2) over the photo."""
     (x0, y0), (x1, y1) = corners[0], corners[2]
     return np.stack(np.meshgrid(np.linspace(x0, x1, 65), np.linspace(y0, y1, 65)), axis=-1).reshape(-1, 2)

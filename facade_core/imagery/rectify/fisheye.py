@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
+
 # Grey level below which the surroundings of a lens's circle are black
 BLACK_LEVEL = 24.0
 # and their largest deviation from the median; lenses cast some light on them.
@@ -16,7 +18,7 @@ CIRCLE_SCALE = 1.06
 MIN_BRIGHTNESS = 40.0
 
 
-def is_fisheye(image: np.ndarray) -> bool:
+def is_fisheye(image: UInt8Array) -> bool:
     """Return True if a picture (h, w, 3) uint8 shows one fisheye circle, or two next to each other.
 
     The corners outside a circle in each square are black, and the inside is not. A panorama's corners are sky and

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.fisheye import is_fisheye
 
@@ -21,7 +22,7 @@ MAX_POLE_DEVIATION = 6.0
 POLE_BLUR = 15
 
 
-def check_full_panorama(image: np.ndarray) -> None:
+def check_full_panorama(image: UInt8Array) -> None:
     """Raise an error, with the remedy, unless a picture is a full panorama.
 
     Parameters

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 
 # Cells along the longer side of the raster; seams run between cells.
@@ -54,10 +55,10 @@ class ChartView:
     occluded : (h, w) bool or None, an object that the mesh lacks is in front of the wall.
     """
 
-    rgb: np.ndarray
-    seen: np.ndarray
-    quality: np.ndarray
-    occluded: np.ndarray | None = None
+    rgb: UInt8Array
+    seen: BoolArray
+    quality: Float32Array
+    occluded: BoolArray | None = None
 
     def __post_init__(self) -> None:
         shape = self.seen.shape
@@ -69,7 +70,7 @@ class ChartView:
                 raise ImageError(f"a view's {name} is {array.shape} where seen is {shape}; resample it")
 
     @property
-    def clear(self) -> np.ndarray:
+    def clear(self) -> BoolArray:
         """Return the texels (h, w) bool that show the wall itself."""
         return self.seen if self.occluded is None else self.seen & ~self.occluded
 
@@ -87,11 +88,11 @@ class FusedView:
     occluded : (h, w) bool, seen but occluded in every view.
     """
 
-    rgb: np.ndarray
-    seen: np.ndarray
-    source: np.ndarray
-    confidence: np.ndarray
-    occluded: np.ndarray
+    rgb: UInt8Array
+    seen: BoolArray
+    source: AnyArray
+    confidence: Float32Array
+    occluded: BoolArray
 
 
 def as_chart_view(fused: FusedView) -> ChartView:
@@ -147,7 +148,7 @@ def _cell_means(array: np.ndarray, cell: int) -> np.ndarray:
     return cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
-def _colour_texels(view: ChartView, cell: int) -> np.ndarray:
+def _colour_texels(view: ChartView, cell: int) -> BoolArray:
     """Texels (h, w) bool that define a view's colour of a cell: the clear ones, or all seen ones in a cell without."""
     if view.occluded is None:
         return view.seen
@@ -179,7 +180,7 @@ def _exposure_gains(colour: np.ndarray, clear: np.ndarray, quality: np.ndarray) 
     return np.clip(gain, *GAIN_RANGE)
 
 
-def _reachable_views(pairs: np.ndarray, start: int) -> np.ndarray:
+def _reachable_views(pairs: BoolArray, start: int) -> np.ndarray:
     """Views (n,) bool that pairs (k, n) bool connect to a start view, directly or through others."""
     reached = np.arange(pairs.shape[1]) == start
     for _ in range(pairs.shape[1]):
@@ -225,7 +226,7 @@ def _alpha_expansion(unary: np.ndarray, colour: np.ndarray) -> np.ndarray:
     return label
 
 
-def _expansion_move(unary: np.ndarray, colour: np.ndarray, label: np.ndarray, view: int) -> np.ndarray:
+def _expansion_move(unary: np.ndarray, colour: np.ndarray, label: np.ndarray, view: int) -> BoolArray:
     """Cells (r, c) bool that change to a view in its best expansion move."""
     import maxflow
 
@@ -257,7 +258,7 @@ def _neighbour_slices(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slic
     return ((first, whole), (second, whole)) if axis == 0 else ((whole, first), (whole, second))
 
 
-def _select_label(values: np.ndarray, label: np.ndarray) -> np.ndarray:
+def _select_label(values: np.ndarray, label: np.ndarray) -> Float64Array:
     """Values (n, r, c, ...) of the labels (r, c): (r, c, ...) float64."""
     return values[label, np.arange(label.shape[0])[:, None], np.arange(label.shape[1])].astype(np.float64)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
+
 # Largest value of the border that a warp leaves, also with JPEG ringing; facades are rarely so black.
 BLACK_LEVEL = 14
 # Smallest share of the picture of a black corner; smaller ones are shadows or frames.
@@ -24,7 +26,7 @@ MIN_GATEWAY_FILL = 0.8
 NO_DATA_RIM = 3
 
 
-def no_data_mask(image: np.ndarray) -> np.ndarray:
+def no_data_mask(image: UInt8Array) -> BoolArray:
     """Mask the black corners of an image: flat black that is connected to a corner of the picture.
 
     Dark regions elsewhere at the border, and upright ones at the foot (gateways), belong to the content. A picture that
@@ -64,7 +66,7 @@ def _is_gateway(stats: np.ndarray, height: int) -> bool:
     return 0 < top == height - high and high > wide and area >= MIN_GATEWAY_FILL * wide * high
 
 
-def _is_warped(image: np.ndarray, part: np.ndarray) -> bool:
+def _is_warped(image: np.ndarray, part: UInt8Array) -> bool:
     """True if a part (h, w) uint8 has few straight sides, or one colour, which no deep shadow has."""
     import cv2
 

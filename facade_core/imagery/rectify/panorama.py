@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Pose
@@ -95,7 +96,7 @@ def find_sightings(
     return sorted(sightings, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
-def nearby_panoramas(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> list[np.ndarray]:
+def nearby_panoramas(scene: Scene, charts: Int32Array, poses: Sequence[Pose]) -> list[Int64Array]:
     """Return the panoramas that may show each chart, by position.
 
     Parameters
@@ -124,7 +125,7 @@ def point_visibility(
     image_sizes: Sequence[tuple[int, int]],
     *,
     max_distance: float = MAX_SIGHTING_DISTANCE_M,
-) -> np.ndarray:
+) -> Float64Array:
     """Compute how well panoramas show the sample points of a chart.
 
     Parameters
@@ -160,9 +161,9 @@ class _PointView(NamedTuple):
     """
 
     panorama: int
-    usable: np.ndarray
-    resolution: np.ndarray
-    sine: np.ndarray
+    usable: BoolArray
+    resolution: Float64Array
+    sine: Float64Array
 
 
 def _point_views(
@@ -196,7 +197,7 @@ def _point_views(
 
 
 def rectify_view(
-    scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int], occluded: np.ndarray | None = None
+    scene: Scene, chart: int, image: UInt8Array, pose: Pose, size: tuple[int, int], occluded: BoolArray | None = None
 ) -> ChartView:
     """Rectify a chart from a panorama.
 
@@ -250,7 +251,7 @@ def rectify_view(
     return ChartView(rgb, seen, quality * seen, occluded)
 
 
-def _occluded_texels(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _occluded_texels(hidden: BoolArray, footprints: Float32Array, seen: BoolArray) -> BoolArray:
     """Seen texels (h, w) bool that are occluded in the panorama (H, W) bool, with a rim of one texel."""
     import cv2
 
@@ -263,11 +264,11 @@ def _occluded_texels(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarra
 def _clear_hidden(
     scene: Scene,
     chart: int,
-    place: np.ndarray,
-    corner: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
-    seen: np.ndarray,
+    place: Float64Array,
+    corner: Float64Array,
+    right: Float64Array,
+    down: Float64Array,
+    seen: BoolArray,
 ) -> None:
     """Clear the seen texels that a surface occludes: coarse rays first, all rays where neighbours disagree."""
     import cv2
@@ -300,19 +301,19 @@ def _clear_hidden(
 def _are_texels_visible(
     scene: Scene,
     chart: int,
-    place: np.ndarray,
-    corner: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
-    row: np.ndarray,
-    column: np.ndarray,
-) -> np.ndarray:
+    place: Float64Array,
+    corner: Float64Array,
+    right: Float64Array,
+    down: Float64Array,
+    row: Int64Array,
+    column: Int64Array,
+) -> BoolArray:
     """Visibility (k,) bool of the texels at rows and columns (k,)."""
     rays = corner + (row[:, None] + 0.5) * down + (column[:, None] + 0.5) * right
     return _are_points_visible(scene, chart, place, rays)
 
 
-def _are_points_visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
+def _are_points_visible(scene: Scene, chart: int, origin: Float64Array, rays: Float64Array) -> BoolArray:
     """Visibility (...,) bool of the points origin + rays (..., 3) on a chart."""
     reached, hit = scene.caster.cast(origin, rays)
     surface = scene.charts.surface
@@ -320,7 +321,7 @@ def _are_points_visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.n
     return is_own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
 
 
-def _sample_points(scene: Scene, chart: int) -> np.ndarray:
+def _sample_points(scene: Scene, chart: int) -> Float64Array:
     """World points (k, 3) evenly spread over a chart's own triangles."""
     charts, mesh = scene.charts, scene.mesh
     points = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID_POINTS)), axis=-1).reshape(-1, 2)

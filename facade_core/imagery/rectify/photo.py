@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.extent import facade_extent
 from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
@@ -46,14 +47,14 @@ class Rectified:
     residual : median angle in degrees between the facade's lines and the image's axes.
     """
 
-    image: np.ndarray
-    homography: np.ndarray
-    seen: np.ndarray
+    image: UInt8Array
+    homography: Float64Array
+    seen: BoolArray
     focal: float
     residual: float
 
 
-def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
+def rectify(photo: UInt8Array, *, focal: float | None = None) -> Rectified:
     """Rectify the dominant facade of a photo and crop to it, with true proportions.
 
     The principal point is the photo's centre. Radial distortion is estimated; the result is the homography nearest to
@@ -97,7 +98,7 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     return Rectified(image, homography, seen, view.focal * half, residual)
 
 
-def _detect_segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.ndarray, float]:
+def _detect_segments(photo: UInt8Array, half: float, centre: Float64Array) -> tuple[Float64Array, float]:
     """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a searched pixel."""
     import cv2
 
@@ -122,7 +123,7 @@ def _detect_segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tupl
     return ends, 1.0 / (half * scale)
 
 
-def _check_view(view: FacadeCamera, segments: np.ndarray) -> None:
+def _check_view(view: FacadeCamera, segments: Float64Array) -> None:
     """Raise ImageError for a camera with too little support."""
     across, upright = int((view.family == 0).sum()), int((view.family == 1).sum())
     if min(across, upright) < MIN_SEGMENTS:
@@ -136,8 +137,8 @@ def _check_view(view: FacadeCamera, segments: np.ndarray) -> None:
 
 
 def _homography(
-    view: FacadeCamera, box: tuple[float, float, float, float], corners: np.ndarray, half: float, centre: np.ndarray
-) -> tuple[np.ndarray, tuple[int, int]]:
+    view: FacadeCamera, box: tuple[float, float, float, float], corners: Float64Array, half: float, centre: Float64Array
+) -> tuple[Float64Array, tuple[int, int]]:
     """Map from photo to result pixels, and the result's height and width, at the photo's resolution of the facade."""
     import cv2
 
@@ -167,7 +168,7 @@ def _homography(
     return homography, size
 
 
-def _check_result(segments: np.ndarray, family: np.ndarray, homography: np.ndarray, size: tuple[int, int]) -> float:
+def _check_result(segments: Float64Array, family: AnyArray, homography: Float64Array, size: tuple[int, int]) -> float:
     """Residual in degrees of the lines (n, 2, 2; photo pixels) in the result; ImageError for a wild warp."""
     if min(size) < MIN_PHOTO_SIDE // 2 or max(size) > 20 * min(size):
         raise ImageError(f"photo: its facade would come out as {size[1]} x {size[0]} pixels; {REMEDY}")
@@ -186,7 +187,7 @@ def _check_result(segments: np.ndarray, family: np.ndarray, homography: np.ndarr
     return residual
 
 
-def _warp(photo: np.ndarray, homography: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def _warp(photo: UInt8Array, homography: Float64Array, size: tuple[int, int]) -> tuple[UInt8Array, BoolArray]:
     import cv2
 
     is_opaque = photo[..., 3] >= 128 if photo.shape[2] == 4 else np.ones(photo.shape[:2], np.bool_)

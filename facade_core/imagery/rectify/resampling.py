@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
 
@@ -28,10 +29,10 @@ class ChartRaster(NamedTuple):
     normal : (3,) normal of the chart.
     """
 
-    corner: np.ndarray
-    right: np.ndarray
-    down: np.ndarray
-    normal: np.ndarray
+    corner: Float64Array
+    right: Float64Array
+    down: Float64Array
+    normal: Float64Array
 
 
 class PanoramaLens(NamedTuple):
@@ -48,7 +49,7 @@ class PanoramaLens(NamedTuple):
     width : width of the picture.
     """
 
-    camera: np.ndarray
+    camera: Float64Array
     turn: float
     half: float
     left: float
@@ -58,8 +59,8 @@ class PanoramaLens(NamedTuple):
 
 
 def resample_panorama(
-    image: np.ndarray, view: tuple[float, float, float, float], footprints: np.ndarray, seen: np.ndarray
-) -> np.ndarray:
+    image: UInt8Array, view: tuple[float, float, float, float], footprints: Float32Array, seen: BoolArray
+) -> UInt8Array:
     """Resample a panorama to the seen texels, and clear texels that its flat mask hides.
 
     Parameters
@@ -89,7 +90,7 @@ def resample_panorama(
     return rgb
 
 
-def _needed_columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int, np.ndarray]:
+def _needed_columns(x: Float32Array, margin: float, width: int, turn: float) -> tuple[int, Int64Array]:
     """First column and all columns of the picture that texels at x need; a full panorama continues across its
     border."""
     if turn > width:
@@ -103,7 +104,7 @@ def _needed_columns(x: np.ndarray, margin: float, width: int, turn: float) -> tu
     return first, np.arange(first, last + 1) % width
 
 
-def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) -> np.ndarray:
+def _mask_top(image: UInt8Array, columns: Int64Array, highest: int, lower: int) -> Int64Array:
     """First row of the flat mask at the bottom of each column: one colour, which the whole bottom row has.
 
     Rows above `highest` are never masked. Rows from `lower` on are not needed.
@@ -131,9 +132,9 @@ def compute_footprints(
     raster: ChartRaster,
     lens: PanoramaLens,
     grazing: float,
-    footprints: np.ndarray,
-    seen: np.ndarray,
-    quality: np.ndarray,
+    footprints: Float32Array,
+    seen: BoolArray,
+    quality: Float32Array,
 ) -> None:
     """Compute each texel's footprint in the picture, its visibility and its quality.
 
@@ -196,15 +197,15 @@ def _shortest_difference(difference: float, turn: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _resample_texels(
-    pixels: np.ndarray,
-    levels: np.ndarray,
-    footprints: np.ndarray,
+    pixels: UInt8Array,
+    levels: Int64Array,
+    footprints: Float32Array,
     first: float,
     turn: float,
     upper: float,
-    mask: np.ndarray,
-    rgb: np.ndarray,
-    seen: np.ndarray,
+    mask: Int64Array,
+    rgb: UInt8Array,
+    seen: BoolArray,
 ) -> None:
     """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; clear masked
     ones."""

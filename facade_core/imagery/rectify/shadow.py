@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Cells along the picture's longer side,
@@ -24,7 +25,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _MIN_LUMINANCE = 4.0
 
 
-def shadow_share(image: np.ndarray, labels: np.ndarray) -> float:
+def shadow_share(image: UInt8Array, labels: UInt8Array) -> float:
     """Compute the share of a picture's wall that its largest shadow covers, 0 to 1.
 
     The brightness of a cell is the median of its wall, because mouldings and sills cast small shadows everywhere.

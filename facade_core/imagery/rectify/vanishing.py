@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, Float64Array
+
 # 35 mm equivalent focal lengths that are tried when it is unknown,
 TRIED_FOCALS_MM = (22.0, 28.0, 36.0, 48.0)
 # its expected value,
@@ -60,13 +62,13 @@ class FacadeCamera:
     family : (n,) int8, 0 for segments along the facade's right, 1 along its down, -1 for others.
     """
 
-    rotation: np.ndarray
+    rotation: Float64Array
     focal: float
     distortion: float
-    family: np.ndarray
+    family: AnyArray
 
 
-def find_facade_camera(segments: np.ndarray, pixel: float, focal: float | None) -> FacadeCamera | None:
+def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None) -> FacadeCamera | None:
     """Find the camera with which most of the segments' length agrees.
 
     Parameters
@@ -104,7 +106,7 @@ def find_facade_camera(segments: np.ndarray, pixel: float, focal: float | None) 
     return replace(best, family=_assign_families(segments, best, ROUND_TOLERANCES_DEG[-1]))
 
 
-def is_upright(rotation: np.ndarray) -> bool:
+def is_upright(rotation: Float64Array) -> bool:
     """Return True if a camera in front of a facade may have this rotation (3, 3)."""
     return all(
         abs(turn) <= most
@@ -112,18 +114,18 @@ def is_upright(rotation: np.ndarray) -> bool:
     )
 
 
-def undistort(points: np.ndarray, distortion: float) -> np.ndarray:
+def undistort(points: Float64Array, distortion: float) -> Float64Array:
     """Remove radial distortion from points (..., 2)."""
     return points / (1 + distortion * (points**2).sum(axis=-1, keepdims=True))
 
 
-def distort(points: np.ndarray, distortion: float) -> np.ndarray:
+def distort(points: Float64Array, distortion: float) -> Float64Array:
     """Apply radial distortion to points (..., 2), the inverse of `undistort`."""
     square = (points**2).sum(axis=-1, keepdims=True)
     return points * 2 / (1 + np.sqrt(np.maximum(1 - 4 * distortion * square, 0.0)))
 
 
-def camera_angles(rotation: np.ndarray) -> tuple[float, float, float]:
+def camera_angles(rotation: Float64Array) -> tuple[float, float, float]:
     """Compute yaw, pitch (of the camera, up) and roll in degrees from the rotation of a FacadeCamera."""
     down = rotation[:, 1]
     pitch = np.arcsin(np.clip(-down[2], -1, 1))
@@ -132,7 +134,7 @@ def camera_angles(rotation: np.ndarray) -> tuple[float, float, float]:
     return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
 
 
-def _search_cameras(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[FacadeCamera]:
+def _search_cameras(segments: Float64Array, lengths: Float64Array, focal: float | None) -> list[FacadeCamera]:
     """Cameras to start from, without assigned segments: the best for each candidate of the vertical."""
     step = segments[:, 1] - segments[:, 0]
     is_steep = np.abs(step[:, 0]) < np.tan(np.radians(MAX_VERTICAL_DEG)) * np.abs(step[:, 1])
@@ -157,8 +159,13 @@ def _search_cameras(segments: np.ndarray, lengths: np.ndarray, focal: float | No
 
 
 def _agreement_scores(
-    segments: np.ndarray, lengths: np.ndarray, down: np.ndarray, focal: float, yaws: np.ndarray, tolerance: float
-) -> np.ndarray:
+    segments: Float64Array,
+    lengths: Float64Array,
+    down: Float64Array,
+    focal: float,
+    yaws: Float64Array,
+    tolerance: float,
+) -> Float64Array:
     """Length of segments (n, 2, 2) that agrees with a facade's down (3,) or with its right at each yaw (k,): (k,).
 
     Segments at eye level agree with every yaw. Therefore a segment counts by its agreement above the average over all
@@ -174,14 +181,14 @@ def _agreement_scores(
     return lengths @ np.maximum(vertical, level)
 
 
-def _horizontal_directions(down: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+def _horizontal_directions(down: Float64Array, yaws: Float64Array) -> Float64Array:
     """Directions (k, 3) orthogonal to down, rotated about it by yaws (k,) from the camera's right."""
     level = np.array([1.0, 0.0, 0.0]) - down[0] * down
     level /= np.linalg.norm(level)
     return np.cos(yaws)[:, None] * level + np.sin(yaws)[:, None] * np.cross(level, down)
 
 
-def _vertical_candidates(segments: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def _vertical_candidates(segments: Float64Array, lengths: Float64Array) -> Float64Array:
     """Vanishing points (k, 3) on which steep segments agree, best first."""
     rng = np.random.default_rng(0)
     pairs = rng.choice(len(segments), (RANSAC_PAIRS, 2), p=lengths / lengths.sum())
@@ -207,12 +214,12 @@ def _vertical_candidates(segments: np.ndarray, lengths: np.ndarray) -> np.ndarra
     return np.array(chosen)
 
 
-def _agreement(miss: np.ndarray, tolerance: float) -> np.ndarray:
+def _agreement(miss: Float64Array, tolerance: float) -> Float64Array:
     """Agreement: 1 for no miss, 0 from the tolerance on."""
     return np.maximum(0.0, 1.0 - (miss / tolerance) ** 2)
 
 
-def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _angles(segments: Float64Array, points: Float64Array) -> Float64Array:
     """Signed angles (n, k) in radians from segments (n, 2, 2) to the rays from their middles to points (k, 3) or (n, k,
     3)."""
     step = segments[:, 1] - segments[:, 0]
@@ -224,12 +231,12 @@ def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.arcsin(np.clip(sine / np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-12), -1.0, 1.0))
 
 
-def _vanishing_points(rotation: np.ndarray, focal: float) -> np.ndarray:
+def _vanishing_points(rotation: Float64Array, focal: float) -> Float64Array:
     """Homogeneous vanishing points (2, 3) of the facade's right and down."""
     return rotation[:, :2].T * np.array([focal, focal, 1.0])
 
 
-def _assign_families(segments: np.ndarray, camera: FacadeCamera, tolerance: float) -> np.ndarray:
+def _assign_families(segments: Float64Array, camera: FacadeCamera, tolerance: float) -> AnyArray:
     """Family (n,) int8 of each segment, -1 for misses of both vanishing points by more than tolerance degrees."""
     straight = undistort(segments, camera.distortion)
     angles = np.abs(_angles(straight, _vanishing_points(camera.rotation, camera.focal)))
@@ -237,8 +244,8 @@ def _assign_families(segments: np.ndarray, camera: FacadeCamera, tolerance: floa
 
 
 def _refine_camera(
-    segments: np.ndarray,
-    lengths: np.ndarray,
+    segments: Float64Array,
+    lengths: Float64Array,
     pixel: float,
     camera: FacadeCamera,
     expected: tuple[float, float],
@@ -259,7 +266,7 @@ def _refine_camera(
     sigma = np.hypot(END_SIGMA_PX * pixel * 2 / lengths[used], DIRECTION_SIGMA)
     weight = min(1.0, np.sqrt(MAX_INDEPENDENT / len(used_segments))) / sigma
 
-    def misses(state: np.ndarray) -> np.ndarray:
+    def misses(state: Float64Array) -> Float64Array:
         rotation = Rotation.from_rotvec(state[:3]).as_matrix() @ camera.rotation
         vanishing = _vanishing_points(rotation, np.exp(state[3]))[used_family]
         angles = _angles(undistort(used_segments, state[4]), vanishing[:, None])[:, 0] * weight

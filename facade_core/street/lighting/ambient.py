@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import (
@@ -32,7 +33,7 @@ TYPICAL_SKY_SHARE = 0.4
 MAX_AMBIENT_LIGHT = 1.6
 
 
-def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]:
+def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[Float32Array, Float32Array]:
     """Compute the sky's light and the reflected sunlight on a grid over a chart.
 
     A ray that hits nothing within OCCLUDER_RANGE_M brings the sky's light. A ray that hits a surface brings its
@@ -76,7 +77,7 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.nd
     return (skylight * exposure).astype(np.float32), (bounce * exposure).astype(np.float32)
 
 
-def _is_sunlit(scene: Scene, places: np.ndarray, normal: np.ndarray, sun: Sun) -> np.ndarray:
+def _is_sunlit(scene: Scene, places: Float64Array, normal: Float64Array, sun: Sun) -> BoolArray:
     """Return (n,) bool, True where the sun reaches places (n, 3) of surfaces with normals (n, 3)."""
     towards = np.broadcast_to(sun_direction(sun), places.shape)
     depth, _ = scene.caster.cast(places + OFF_M * normal, towards)

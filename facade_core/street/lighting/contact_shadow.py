@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 
@@ -20,7 +21,7 @@ MAX_FOOT_GAP_M = 0.35
 LINE_FRACTION_BITS = 4
 
 
-def contact_light(scene: Scene, chart: int) -> np.ndarray | None:
+def contact_light(scene: Scene, chart: int) -> Float32Array | None:
     """Compute the share of light that contact shadows leave on ground or a wall.
 
     Returns
@@ -33,7 +34,7 @@ def contact_light(scene: Scene, chart: int) -> np.ndarray | None:
     return _wall_light(scene, chart) if kind == ChartKind.WALL else None
 
 
-def _ground_light(scene: Scene, chart: int) -> np.ndarray | None:
+def _ground_light(scene: Scene, chart: int) -> Float32Array | None:
     import cv2
 
     charts, density = scene.charts, scene.placement.texels_per_metre[chart]
@@ -62,7 +63,7 @@ def _ground_light(scene: Scene, chart: int) -> np.ndarray | None:
     return _remaining_light(distance, GROUND_LOSS)
 
 
-def _wall_light(scene: Scene, chart: int) -> np.ndarray | None:
+def _wall_light(scene: Scene, chart: int) -> Float32Array | None:
     charts = scene.charts
     if not _is_on_ground(scene, chart):
         return None
@@ -80,7 +81,7 @@ def _is_on_ground(scene: Scene, chart: int) -> bool:
     return bool(hit[0] >= 0 and charts.kind[hit[0]] == ChartKind.GROUND and depth[0] < 2 * MAX_FOOT_GAP_M)
 
 
-def _remaining_light(distance: np.ndarray, loss: float) -> np.ndarray:
+def _remaining_light(distance: Float64Array, loss: float) -> Float32Array:
     """Compute the light left at distances (...,) metres from a line that loses `loss`."""
     fading = loss * (np.exp(-distance / LOSS_DECAY_M) - np.exp(-CONTACT_REACH_M / LOSS_DECAY_M))
     return (1 - np.where(distance < CONTACT_REACH_M, fading, 0.0)).astype(np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Sun
@@ -18,12 +19,12 @@ def relight_facade(
     scene: Scene,
     chart: int,
     sun: Sun,
-    colour: np.ndarray,
-    is_synthesised: np.ndarray,
-    labels: np.ndarray,
-    light: np.ndarray,
+    colour: UInt8Array,
+    is_synthesised: BoolArray,
+    labels: UInt8Array,
+    light: Float32Array,
     seed: int,
-) -> np.ndarray:
+) -> UInt8Array:
     """Apply sun and sky to a facade's colour.
 
     Synthesised parts get relief shadows, ambient light and, on walls, stains. Pictures already show all of these.
@@ -65,14 +66,14 @@ def _bilinear(grid: np.ndarray, row: int, column: int, down: float, right: float
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def apply_facade_light(
-    colour: np.ndarray,
-    is_synthesised: np.ndarray,
-    wall: np.ndarray,
-    light: np.ndarray,
-    sky_light: np.ndarray,
-    bounce_light: np.ndarray,
-    tones: np.ndarray,
-    out: np.ndarray,
+    colour: UInt8Array,
+    is_synthesised: BoolArray,
+    wall: BoolArray,
+    light: Float32Array,
+    sky_light: Float32Array,
+    bounce_light: Float32Array,
+    tones: Float32Array,
+    out: UInt8Array,
 ) -> None:
     """Multiply colours by light, into `out`.
 

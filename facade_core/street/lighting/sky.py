@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import AnyArray, Float32Array, Float64Array, UInt8Array
+
 HORIZON_COLOUR = np.array([222.0, 231.0, 238.0])
 ZENITH_COLOUR = np.array([104.0, 151.0, 205.0])
 # Land far below the horizon.
@@ -21,7 +23,7 @@ ROOFLINE_BLUR = 0.0025
 MAX_WALL_DROP = 0.014
 
 
-def sky_colour(up: np.ndarray) -> np.ndarray:
+def sky_colour(up: Float64Array) -> Float64Array:
     """Compute the sky's colour; below the horizon it is land in haze.
 
     Parameters
@@ -37,7 +39,7 @@ def sky_colour(up: np.ndarray) -> np.ndarray:
     return HORIZON_COLOUR + (ZENITH_COLOUR - HORIZON_COLOUR) * share + (LAND_COLOUR - HORIZON_COLOUR) * below
 
 
-def backdrop_colour(rays: np.ndarray) -> np.ndarray:
+def backdrop_colour(rays: Float64Array) -> Float64Array:
     """Compute the colour behind the block.
 
     Two rows of roofs in the haze close the horizon. They are not from a map but hashed from the direction.
@@ -59,7 +61,7 @@ def backdrop_colour(rays: np.ndarray) -> np.ndarray:
     return colour
 
 
-def _add_rooflines(colour: np.ndarray, rays: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def _add_rooflines(colour: Float64Array, rays: Float64Array, slope: Float64Array) -> Float64Array:
     """Add rows of roofs to colours (k, 3) in directions (k, 3) with slopes (k,)."""
     around = (np.arctan2(rays[:, 0], rays[:, 1]) / (2 * np.pi)) % 1.0
     for row, (houses, lowest, higher, haze) in enumerate(ROOFLINES):
@@ -77,7 +79,7 @@ def _add_rooflines(colour: np.ndarray, rays: np.ndarray, slope: np.ndarray) -> n
     return colour
 
 
-def _hash_numbers(number: np.ndarray, turn: int) -> np.ndarray:
+def _hash_numbers(number: AnyArray, turn: int) -> Float64Array:
     """Hash numbers (...,) uint32 to 0..1; the shader of the web page computes the same values."""
     bits = (number + np.uint32(97 * turn + 1)) * np.uint32(2654435769)
     bits = (bits ^ (bits >> np.uint32(15))) * np.uint32(2246822519)
@@ -85,7 +87,7 @@ def _hash_numbers(number: np.ndarray, turn: int) -> np.ndarray:
     return bits / 2.0**32
 
 
-def add_sky(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def add_sky(rgb: UInt8Array, depth: Float32Array) -> UInt8Array:
     """Replace the pixels of infinite depth by the sky.
 
     Parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
@@ -25,7 +26,7 @@ SUN_LIGHT = np.array([0.79, 0.73, 0.63])
 RAY_BATCH = 1 << 19
 
 
-def sun_direction(sun: Sun) -> np.ndarray:
+def sun_direction(sun: Sun) -> Float64Array:
     """Return the unit vector (3,) towards the sun."""
     azimuth, elevation = np.radians(sun.azimuth), np.radians(sun.elevation)
     return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
@@ -83,7 +84,7 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
     return cosine * resized.reshape(rows * step, columns * step)[:height, :width]
 
 
-def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray, float]:
+def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Array, float]:
     """Return the direction to the sun in a chart's frame and the brightness of shadow.
 
     Returns
@@ -95,7 +96,7 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray
     return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
 
 
-def apply_sunlight(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
+def apply_sunlight(colour: UInt8Array, light: np.ndarray) -> np.ndarray:
     """Apply the sky's light and a share of sunlight.
 
     Parameters

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import paint_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
@@ -47,10 +48,10 @@ MIN_EXAMPLE_M2 = 6.0
 
 
 def fill_by_example(
-    image: np.ndarray,
+    image: UInt8Array,
     known: np.ndarray,
-    fillable: np.ndarray,
-    kinds: np.ndarray,
+    fillable: BoolArray,
+    kinds: UInt8Array,
     density: float,
     max_distance_m: float = MAX_FILL_M,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -222,7 +223,7 @@ def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) 
     return error, comparable
 
 
-def _seam_costs(small: np.ndarray, clear: np.ndarray, cells: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def _seam_costs(small: np.ndarray, clear: np.ndarray, cells: np.ndarray, moves: np.ndarray) -> Float32Array:
     """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
     cost = np.zeros((len(moves), len(cells)), np.float32)
     for offset in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):

@@ -7,6 +7,7 @@ from copy import copy
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
@@ -153,7 +154,7 @@ class MaterialField:
 
     def with_facade_material(
         self, charts: Sequence[int], wall: WallMaterial, facade: int
-    ) -> tuple[MaterialField, np.ndarray]:
+    ) -> tuple[MaterialField, Int64Array]:
         """Return a copy in which the plaster walls of a building take a facade's wall material.
 
         Walls whose material or colour a source states are left out.
@@ -188,7 +189,7 @@ class MaterialField:
         )
         return changed, plaster_walls
 
-    def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    def colour(self, chart: IntArray, points: Float64Array, footprint: Float64Array) -> UInt8Array:
         """Compute the shaded material of world points.
 
         Parameters
@@ -206,7 +207,7 @@ class MaterialField:
         kernels.colour_points(order, rows, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
         return out
 
-    def texel_colours(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    def texel_colours(self, chart: int, rows: Int64Array, columns: Int64Array) -> UInt8Array:
         """Compute the material at the centres of texels of a chart.
 
         Parameters
@@ -244,7 +245,7 @@ class MaterialField:
         mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, step))
         return self.texel_colours(chart, rows, columns).astype(np.int16) - mean
 
-    def chart_raster(self, chart: int) -> np.ndarray:
+    def chart_raster(self, chart: int) -> UInt8Array:
         """Compute the material of a whole chart, (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
@@ -255,7 +256,7 @@ class MaterialField:
             self._paint_texels(chart, rows, columns, part)
         return out
 
-    def ground_kinds(self, chart: int, margin: int) -> np.ndarray:
+    def ground_kinds(self, chart: int, margin: int) -> UInt8Array:
         """Return the kinds of ground on a chart and `margin` texels around it.
 
         Returns
@@ -269,7 +270,7 @@ class MaterialField:
             self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin
         )
 
-    def _paint_texels(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+    def _paint_texels(self, chart: int, rows: Int64Array, columns: Int64Array, out: UInt8Array) -> None:
         """Paint texels (k,) of a chart.
 
         Uses the kernel of `colour`: a second caller of its parts would duplicate the compilation.
@@ -279,7 +280,7 @@ class MaterialField:
         every = np.arange(count), np.full(count, chart), points, np.full(count, step)
         kernels.colour_points(*every, *self._kernel_arguments([chart]), out)
 
-    def _kernel_arguments(self, charts: Sequence[int] | np.ndarray) -> tuple[FieldArrays, DaylightGrid]:
+    def _kernel_arguments(self, charts: Sequence[int] | IntArray) -> tuple[FieldArrays, DaylightGrid]:
         """Return the arrays and the light for some charts."""
         daylight = self._scene.daylight
         daylight.compute(charts)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.hash_uniform import hash_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.daylight import MIN_DAYLIGHT
@@ -89,18 +90,18 @@ class ChartMaterials(NamedTuple):
     moss_share : (n,) share of moss at the worst place.
     """
 
-    origin: np.ndarray
-    axis_u: np.ndarray
-    axis_v: np.ndarray
-    size: np.ndarray
-    plane_offset: np.ndarray
-    material: np.ndarray
-    tint: np.ndarray
-    grey: np.ndarray
-    wall_foot_z: np.ndarray
-    open_sky: np.ndarray
-    grain: np.ndarray
-    moss_share: np.ndarray
+    origin: Float64Array
+    axis_u: Float64Array
+    axis_v: Float64Array
+    size: Float64Array
+    plane_offset: Float64Array
+    material: UInt8Array
+    tint: Float64Array
+    grey: Float64Array
+    wall_foot_z: Float64Array
+    open_sky: Float64Array
+    grain: Int64Array
+    moss_share: Float64Array
 
 
 class MaterialOverride(NamedTuple):
@@ -114,10 +115,10 @@ class MaterialOverride(NamedTuple):
     colour : (3,) in a light of 1.
     """
 
-    charts: np.ndarray
+    charts: Int64Array
     material: int
     grain: int
-    colour: np.ndarray
+    colour: Float64Array
 
 
 NO_OVERRIDE = MaterialOverride(np.zeros(0, np.int64), 0, 0, np.zeros(3))
@@ -146,13 +147,13 @@ class FieldArrays(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def colour_points(
-    order: np.ndarray,
-    chart: np.ndarray,
-    places: np.ndarray,
-    footprint: np.ndarray,
+    order: Int64Array,
+    chart: Int64Array,
+    places: Float64Array,
+    footprint: Float64Array,
     field: FieldArrays,
     lights: DaylightGrid,
-    out: np.ndarray,
+    out: UInt8Array,
 ) -> None:
     """Compute the colours of points, into `out`.
 
@@ -184,7 +185,7 @@ def colour_points(
 
 
 @njit(cache=True)
-def _lower_bound(numbers: np.ndarray, number: int) -> int:
+def _lower_bound(numbers: Int64Array, number: int) -> int:
     """Return the index of the first of ascending numbers not below `number`.
 
     Compiles faster than numba's search.
@@ -201,7 +202,7 @@ def _lower_bound(numbers: np.ndarray, number: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _colour_batch(
-    c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray
+    c: int, points: Float64Array, side: Float64Array, field: FieldArrays, lights: DaylightGrid, out: UInt8Array
 ) -> None:
     """Compute colours (n, 3) of points (3, n) of one chart.
 
@@ -299,7 +300,7 @@ def _colour_batch(
 
 
 @njit(cache=True)
-def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
+def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -> np.ndarray:
     """Pick a random colour of a palette for each number.
 
     Parameters
@@ -321,7 +322,7 @@ def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> 
 
 
 @njit(cache=True)
-def draw_uniform(number: np.ndarray, seed: int) -> np.ndarray:
+def draw_uniform(number: Int64Array, seed: int) -> np.ndarray:
     """Draw a uniform number in 0..1 for each number (n,)."""
     out = np.empty(len(number))
     for i in range(len(number)):

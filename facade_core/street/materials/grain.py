@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage, special
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_bits, hash_row
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import MATERIALS
@@ -86,11 +87,11 @@ class GrainExample(NamedTuple):
     slope : (3,) change of each band with the tone, 1 for grey.
     """
 
-    tile: np.ndarray
-    table: np.ndarray
+    tile: UInt8Array
+    table: Float32Array
     width: float
-    colour: np.ndarray
-    slope: np.ndarray
+    colour: Float64Array
+    slope: Float64Array
 
 
 class GrainTables(NamedTuple):
@@ -107,13 +108,13 @@ class GrainTables(NamedTuple):
     colour : (k, 3) 0..255 colour of a block's own picture, NaN without one.
     """
 
-    values: np.ndarray
-    first: np.ndarray
-    bits: np.ndarray
-    tables: np.ndarray
-    width: np.ndarray
-    weight: np.ndarray
-    colour: np.ndarray
+    values: UInt8Array
+    first: Int64Array
+    bits: Int64Array
+    tables: Float32Array
+    width: Float64Array
+    weight: Float64Array
+    colour: Float64Array
 
 
 class Grain(NamedTuple):
@@ -131,7 +132,7 @@ class Grain(NamedTuple):
     uses_colour: bool = False
 
 
-def learn_grain(picture: np.ndarray, width: float, *, structure: float | None = None) -> GrainExample:
+def learn_grain(picture: UInt8Array, width: float, *, structure: float | None = None) -> GrainExample:
     """Learn an example from a tileable picture.
 
     Parameters
@@ -201,7 +202,7 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
     )
 
 
-def _averaged_table(table: np.ndarray, sd: float) -> np.ndarray:
+def _averaged_table(table: Float64Array, sd: float) -> Float64Array:
     """Return the inverse table of a level whose values have a deviation of `sd`.
 
     The rest of the variance is inside the box.
@@ -214,14 +215,14 @@ def _averaged_table(table: np.ndarray, sd: float) -> np.ndarray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_grain(
-    x: np.ndarray,
-    y: np.ndarray,
-    side: np.ndarray,
+    x: Float64Array,
+    y: Float64Array,
+    side: Float64Array,
     grains: GrainTables,
     which: int,
     weight: float,
     seed: int,
-    out: np.ndarray,
+    out: Float64Array,
 ) -> None:
     """Add the weighted tone of a grain to `out`.
 

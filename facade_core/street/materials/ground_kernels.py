@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
@@ -53,7 +54,7 @@ def _overlap_share(low: float, high: float, middle: float, wide: float) -> float
 
 
 @njit(cache=True, error_model="numpy")
-def signed_distance(px: float, py: float, edges: np.ndarray, first: int, last: int) -> float:
+def signed_distance(px: float, py: float, edges: Float64Array, first: int, last: int) -> float:
     """Compute the distance from the area left of the nearest edge, metres, negative inside.
 
     Parameters
@@ -78,15 +79,15 @@ def signed_distance(px: float, py: float, edges: np.ndarray, first: int, last: i
 @njit(cache=True, nogil=True, error_model="numpy")
 def ground_colour(
     square: int,
-    x: np.ndarray,
-    y: np.ndarray,
-    side: np.ndarray,
+    x: Float64Array,
+    y: Float64Array,
+    side: Float64Array,
     drawn: GroundTileArrays,
     grains: GrainTables,
     seed: int,
-    light: np.ndarray,
+    light: Float64Array,
     grey: float,
-    out: np.ndarray,
+    out: UInt8Array,
 ) -> None:
     """Compute the colours of points on a ground square, averaged over footprints.
 
@@ -190,10 +191,10 @@ def _road_frame(
     py: float,
     drawn: GroundTileArrays,
     k: int,
-    along: np.ndarray,
-    across: np.ndarray,
-    aside: np.ndarray,
-    kept: np.ndarray,
+    along: Float64Array,
+    across: Float64Array,
+    aside: Float64Array,
+    kept: Float64Array,
 ) -> int:
     """Compute a point's coordinates in the frame of the nearest road.
 
@@ -236,9 +237,9 @@ def _add_layers(
     drawn: GroundTileArrays,
     seed: int,
     k: int,
-    weight: np.ndarray,
-    over: np.ndarray,
-    hidden: np.ndarray,
+    weight: Float64Array,
+    over: Float64Array,
+    hidden: Float64Array,
 ) -> None:
     """Add the surfaces at a point by their share, and marks over them."""
     weight[GroundSurface.GRAVEL] = 1.0
@@ -286,9 +287,9 @@ def _add_carriageway(
     drawn: GroundTileArrays,
     nearest: int,
     k: int,
-    weight: np.ndarray,
-    over: np.ndarray,
-    hidden: np.ndarray,
+    weight: Float64Array,
+    over: Float64Array,
+    hidden: Float64Array,
 ) -> None:
     """Add the surfaces of a carriageway, higher roads over lower ones, with gutter and kerb."""
     frames = drawn.roads
@@ -351,7 +352,7 @@ def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) ->
 
 
 @njit(cache=True, error_model="numpy")
-def _line_distance(px: float, py: float, frames: np.ndarray, f: int) -> float:
+def _line_distance(px: float, py: float, frames: Float64Array, f: int) -> float:
     """Return the distance of a point from the line of a frame, metres."""
     qx, qy = px - frames[f, 0], py - frames[f, 1]
     past = qx * frames[f, 2] + qy * frames[f, 3]
@@ -361,7 +362,7 @@ def _line_distance(px: float, py: float, frames: np.ndarray, f: int) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _mark_share(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> float:
+def _mark_share(px: float, py: float, wide: float, marks: Float64Array, m: int) -> float:
     """Return the share of a footprint on a mark."""
     qx, qy, length, half = px - marks[m, 0], py - marks[m, 1], marks[m, 4], marks[m, 5]
     run, off = qx * marks[m, 2] + qy * marks[m, 3], qy * marks[m, 2] - qx * marks[m, 3]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 
@@ -86,7 +87,13 @@ def running_bond_share(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_noise(
-    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+    x: Float64Array,
+    y: Float64Array,
+    side: Float64Array,
+    cell: tuple[float, float],
+    weight: float,
+    seed: int,
+    out: Float64Array,
 ) -> None:
     """Add weighted lattice noise in -1..1 to `out`.
 
@@ -106,7 +113,13 @@ def add_noise(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_tones(
-    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+    x: Float64Array,
+    y: Float64Array,
+    side: Float64Array,
+    cell: tuple[float, float],
+    weight: float,
+    seed: int,
+    out: Float64Array,
 ) -> None:
     """Add weighted piece tones in -0.5..0.5 of slabs, tiles or boards.
 

@@ -10,6 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SURFACES
 from facade_core.street.materials.grain import GrainKind, GrainTables, add_grain
@@ -97,7 +98,9 @@ JOINT_M = 0.011
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def asphalt_tone(
+    x: Float64Array, y: Float64Array, aside: Float64Array, side: Float64Array, seed: int, out: Float64Array
+) -> None:
     """Write tones of worn asphalt, lighter in the wheel tracks.
 
     Parameters
@@ -119,7 +122,7 @@ def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarr
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def paving_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def paving_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of pavement slabs, 0.6 x 0.4 m in running bond, with joints 4 cm wide."""
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
@@ -134,7 +137,13 @@ def paving_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_weather(
-    x: np.ndarray, y: np.ndarray, above: np.ndarray, below: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
+    x: Float64Array,
+    y: Float64Array,
+    above: Float64Array,
+    below: Float64Array,
+    side: Float64Array,
+    seed: int,
+    out: Float64Array,
 ) -> None:
     """Darken a wall's tones by rain: streaks below its upper edge, splashes at its foot.
 
@@ -168,7 +177,9 @@ def add_weather(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def plaster_tone(
+    x: Float64Array, y: Float64Array, above: Float64Array, side: Float64Array, seed: int, out: Float64Array
+) -> None:
     """Write tones of a rendered wall, dirtier near the ground.
 
     Parameters
@@ -191,7 +202,13 @@ def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarr
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def brick_tone(
-    x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, mortar: np.ndarray, out: np.ndarray
+    x: Float64Array,
+    y: Float64Array,
+    above: Float64Array,
+    side: Float64Array,
+    seed: int,
+    mortar: Float64Array,
+    out: Float64Array,
 ) -> None:
     """Write tones of a brick wall in running bond and the share of mortar.
 
@@ -213,7 +230,9 @@ def brick_tone(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def glass_reflection(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def glass_reflection(
+    x: Float64Array, y: Float64Array, height: float, side: Float64Array, seed: int, out: Float64Array
+) -> None:
     """Write the share of sky in a window pane, more towards its top.
 
     Parameters
@@ -233,7 +252,9 @@ def glass_reflection(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarr
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
+def frame_share(
+    x: Float64Array, y: Float64Array, wide: float, high: float, side: Float64Array, out: Float64Array
+) -> None:
     """Write the share of frame in a pane.
 
     Parameters
@@ -253,7 +274,7 @@ def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wood_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def wood_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a door of upright boards, 0.12 m wide."""
     for k in range(len(x)):
         out[k] = 1 - 0.35 * stripe_share(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
@@ -262,7 +283,7 @@ def wood_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def soffit_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def soffit_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of grey plaster on surfaces seen from below."""
     out[:] = 1.0
     for number, cell in enumerate((0.3, 1.5, 5.0)):
@@ -271,15 +292,15 @@ def soffit_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def metal_fixture_colour(
-    x: np.ndarray,
-    y: np.ndarray,
-    right: np.ndarray,
-    down: np.ndarray,
+    x: Float64Array,
+    y: Float64Array,
+    right: Float64Array,
+    down: Float64Array,
     wide: float,
     high: float,
-    side: np.ndarray,
+    side: Float64Array,
     seed: int,
-    out: np.ndarray,
+    out: Float64Array,
 ) -> None:
     """Write tones of gutters, pipes and vents, darker towards both sides.
 
@@ -301,7 +322,7 @@ def metal_fixture_colour(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def setts_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def setts_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of granite setts in courses across the street; x runs along it."""
     out[:] = 140
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
@@ -316,13 +337,13 @@ def setts_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: n
 @njit(cache=True, nogil=True, error_model="numpy")
 def ground_tone(
     surface: int,
-    x: np.ndarray,
-    y: np.ndarray,
-    aside: np.ndarray,
-    side: np.ndarray,
+    x: Float64Array,
+    y: Float64Array,
+    aside: Float64Array,
+    side: Float64Array,
     grains: GrainTables,
     seed: int,
-    out: np.ndarray,
+    out: Float64Array,
 ) -> None:
     """Write tones, 0..255, of a ground surface.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 
@@ -22,7 +23,7 @@ EDGE_SPREAD = 0.12
 SHADE_WINDOW_M = 1.6
 
 
-def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
+def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
     """Compute the depth of a facade's texels.
 
     Parameters
@@ -53,8 +54,8 @@ def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
 
 
 def cast_shadows(
-    colour: np.ndarray, labels: np.ndarray, density: float, towards: np.ndarray, dark: float
-) -> np.ndarray:
+    colour: UInt8Array, labels: UInt8Array, density: float, towards: Float64Array, dark: float
+) -> Float32Array:
     """Compute the share of sunlight that a facade's relief blocks, (h, w) float32 in 0..1.
 
     A texel already as dark against its neighbours of the same depth has that shadow painted in, and gets none.
@@ -86,7 +87,7 @@ def cast_shadows(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _trace_shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
+def _trace_shadows(depth: Float32Array, right: float, down: float, density: float) -> Float32Array:
     """Trace shadows (h, w) of depths (h, w) metres.
 
     right, down: offset of the sun per metre outward.

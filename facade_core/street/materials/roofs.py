@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
@@ -45,7 +46,7 @@ MEAN_SHORE_SHARE = 0.073
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sheet_metal_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def sheet_metal_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a sheet-metal roof with standing seams every 0.6 m."""
     for k in range(len(x)):
         out[k] = 1 - 0.12 * stripe_share(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
@@ -54,7 +55,7 @@ def sheet_metal_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def roof_tile_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def roof_tile_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a clay tile roof with rows that overlap down the slope."""
     across, down = 1 / TILE_M[0], 1 / TILE_M[1]
     for k in range(len(x)):
@@ -73,7 +74,7 @@ def roof_tile_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, ou
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def slate_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def slate_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a slate roof with slates of varied grey and thin edge shadows."""
     out[:] = 1.0
     add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
@@ -87,7 +88,7 @@ def slate_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def felt_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of bitumen felt: overlapping sheets along y, patches and dried pools."""
     out[:] = 1.0
     add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
@@ -104,7 +105,7 @@ def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def roof_gravel_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def roof_gravel_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a flat gravel roof with thin places and dried pools."""
     out[:] = 1.0
     add_noise(x, y, side, (0.9, 0.9), 0.05, seed + 108, out)
@@ -113,7 +114,7 @@ def roof_gravel_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def add_patches(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Add tones of repaired patches, -0.12..0.12: at most one rectangle per cell, well inside it.
 
     Patches fade with the footprint until half a cell, so that no footprint reaches a neighbouring cell's patch.
@@ -140,7 +141,7 @@ def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def add_pool_stains(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Add dried pools of a flat roof: darker floors with pale silt along the edge.
 
     A footprint as wide as a shore gets the mean of the roof.
@@ -159,7 +160,9 @@ def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, o
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def moss_share(x: np.ndarray, y: np.ndarray, side: np.ndarray, max_share: float, seed: int, out: np.ndarray) -> None:
+def moss_share(
+    x: Float64Array, y: Float64Array, side: Float64Array, max_share: float, seed: int, out: Float64Array
+) -> None:
     """Write the share of a roof under moss, in cushions along the courses.
 
     Parameters

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
 
@@ -28,7 +29,7 @@ MIN_WALL_SHARE = 0.99
 MIN_PLACES = 150
 
 
-def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple[float, ...] | None:
+def wall_deviations(grey: UInt8Array, wall: BoolArray, density: float) -> tuple[float, ...] | None:
     """Compute the relative variation of plain wall in each band.
 
     It is half the span from the 16th to the 84th percentile.
@@ -68,15 +69,15 @@ def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple
     return tuple(deviations)
 
 
-def stain_weights(deviations: tuple[float, ...] | None) -> np.ndarray:
+def stain_weights(deviations: tuple[float, ...] | None) -> Float64Array:
     """Compute the noise weights (2,) that raise a wall's deviations to those of photographs."""
     lacks = np.maximum(np.square(PHOTO_DEVIATIONS) - np.square(deviations or (0.0, 0.0)), 0.0)
     return np.sqrt(np.maximum(np.linalg.solve(np.square(NOISE_DEVIATIONS).T, lacks), 0.0))
 
 
 def stain_tones(
-    colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[float, float], seed: int
-) -> np.ndarray:
+    colour: UInt8Array, labels: UInt8Array, density: float, start: tuple[float, float], seed: int
+) -> Float32Array:
     """Compute the tones of stains on a facade.
 
     Parameters

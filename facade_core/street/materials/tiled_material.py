@@ -9,6 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
 from facade_core.core.errors import ImageError
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.seams import find_min_error_path
@@ -29,11 +30,11 @@ class MipLevels(NamedTuple):
     size : (2,) width and height of the tile, metres.
     """
 
-    pixels: np.ndarray
-    first: np.ndarray
-    rows: np.ndarray
-    columns: np.ndarray
-    size: np.ndarray
+    pixels: Float32Array
+    first: Int64Array
+    rows: Int64Array
+    columns: Int64Array
+    size: Float64Array
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class TiledMaterial:
     size : width and height, metres.
     """
 
-    tile: np.ndarray
+    tile: Float32Array
     size: tuple[float, float]
 
     @classmethod
@@ -127,7 +128,7 @@ def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: fl
     )
 
 
-def make_seamless(image: np.ndarray) -> np.ndarray:
+def make_seamless(image: np.ndarray) -> Float32Array:
     """Make a picture (h, w, 3) tileable: (h', w', 3) float32, a quarter smaller on both sides.
 
     Removes large-scale shading and joins opposite borders along the path of least difference.

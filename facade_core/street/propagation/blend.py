@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import Int32Array, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 
 # Clamps of the blend weights.
@@ -36,11 +37,11 @@ class BlendState(NamedTuple):
     top_colour : (t, 3, 3) uint8 their colours.
     """
 
-    views: np.ndarray
-    distance: np.ndarray
-    colour: np.ndarray
-    top_distance: np.ndarray
-    top_colour: np.ndarray
+    views: UInt16Array
+    distance: Int32Array
+    colour: Int32Array
+    top_distance: UInt16Array
+    top_colour: UInt8Array
 
     @classmethod
     def allocate(cls, total: int, *, max_distance_mm: int = MAX_UINT16_MM) -> BlendState:
@@ -109,7 +110,7 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np
 
 @njit(cache=True)
 def add_views(
-    state: BlendState, texel: np.ndarray, d: np.ndarray, proper: np.ndarray, view: np.ndarray, rgb: np.ndarray
+    state: BlendState, texel: np.ndarray, d: np.ndarray, proper: np.ndarray, view: np.ndarray, rgb: UInt8Array
 ) -> None:
     """Add views one by one.
 
@@ -126,7 +127,7 @@ def add_views(
         add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
 
 
-def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[UInt8Array, UInt16Array]:
     """Compute Eq. 1 for some texels.
 
     Returns
@@ -141,7 +142,7 @@ def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndar
 
 
 @njit(cache=True, nogil=True)
-def _blend(state: BlendState, out: np.ndarray, views: np.ndarray) -> None:
+def _blend(state: BlendState, out: UInt8Array, views: UInt16Array) -> None:
     for t in range(len(out)):
         views[t] = blend_texel(state, t, out)
 

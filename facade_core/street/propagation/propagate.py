@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
@@ -43,7 +44,7 @@ class TranslatedPanorama(NamedTuple):
     id: int
     gate: int
     camera: np.ndarray
-    rgb: np.ndarray
+    rgb: UInt8Array
     surface: np.ndarray
 
 
@@ -100,7 +101,7 @@ def propagate(
         list(pool.map(blend_part, range(threads)))
 
 
-def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: np.ndarray) -> None:
+def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: Int32Array) -> None:
     """Record the viewpoint as the first view of every untextured texel that it sees.
 
     Used by translators that return a material field: the colour of such a texel does not depend on the viewpoint, so
@@ -121,8 +122,8 @@ def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, 
 
 
 def _facing_charts(
-    scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: np.ndarray, charts_seen: np.ndarray
-) -> tuple[FacingCharts, np.ndarray, np.ndarray, np.ndarray]:
+    scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: Int64Array, charts_seen: Int32Array
+) -> tuple[FacingCharts, Int32Array, Float64Array, BoolArray]:
     """Prepare the visible charts for the kernels.
 
     Returns the charts in camera space, the surface per pixel, the camera's rotation, and the tiles that pixels may hit.
@@ -280,12 +281,12 @@ def _blend_tiles(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mark_tiles(
-    views: np.ndarray,
-    provenance: np.ndarray,
+    views: UInt16Array,
+    provenance: UInt8Array,
     charts: FacingCharts,
-    camera: np.ndarray,
-    surface: np.ndarray,
-    marked: np.ndarray,
+    camera: Float64Array,
+    surface: Int32Array,
+    marked: BoolArray,
 ) -> None:
     """Count one view for every untextured, unviewed texel of the marked tiles that is visible."""
     rows, columns = surface.shape

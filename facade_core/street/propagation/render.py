@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import GeometryError
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
@@ -36,14 +37,14 @@ class Panorama:
     """
 
     viewpoint: Viewpoint
-    rgb: np.ndarray
-    textured: np.ndarray
-    depth: np.ndarray
-    chart: np.ndarray
-    points: np.ndarray
+    rgb: UInt8Array
+    textured: BoolArray
+    depth: Float32Array
+    chart: Int32Array
+    points: Float64Array
 
 
-def daylight_grey(normals: np.ndarray) -> np.ndarray:
+def daylight_grey(normals: Float64Array) -> Float64Array:
     """Compute the grey of a white surface under soft daylight.
 
     Parameters

@@ -6,6 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.core.arrays import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int32Array,
+    Int64Array,
+    UInt8Array,
+    UInt16Array,
+)
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
 
@@ -23,9 +32,9 @@ class PanoramaPixels(NamedTuple):
     chart : (h, w) chart index, negative for none.
     """
 
-    rays: np.ndarray
-    depth: np.ndarray
-    chart: np.ndarray
+    rays: Float64Array
+    depth: Float32Array
+    chart: Int32Array
 
 
 class ChartTexels(NamedTuple):
@@ -40,15 +49,15 @@ class ChartTexels(NamedTuple):
     grey : (n,) 0..255, shading of an untextured surface.
     """
 
-    origin: np.ndarray
-    axis_u: np.ndarray
-    axis_v: np.ndarray
-    normal: np.ndarray
-    density: np.ndarray
-    offset: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    grey: np.ndarray
+    origin: Float64Array
+    axis_u: Float64Array
+    axis_v: Float64Array
+    normal: Float64Array
+    density: Float64Array
+    offset: Int64Array
+    width: Int32Array
+    height: Int32Array
+    grey: Float64Array
 
 
 class ViewGate(NamedTuple):
@@ -60,7 +69,7 @@ class ViewGate(NamedTuple):
     metres : greatest distance along it.
     """
 
-    forward: np.ndarray
+    forward: Float64Array
     metres: float
 
 
@@ -73,10 +82,10 @@ class DaylightGrid(NamedTuple):
     light : (k,) values of all grids.
     """
 
-    place: np.ndarray
-    columns: np.ndarray
-    rows: np.ndarray
-    light: np.ndarray
+    place: Int64Array
+    columns: Int64Array
+    rows: Int64Array
+    light: Float32Array
 
 
 @njit(cache=True, inline="always")
@@ -110,15 +119,15 @@ def _is_known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool)
 @njit(cache=True, nogil=True)
 def shade_pixels(
     pixels: PanoramaPixels,
-    camera: np.ndarray,
+    camera: Float64Array,
     charts: ChartTexels,
     lights: DaylightGrid,
-    atlas: np.ndarray,
-    provenance: np.ndarray,
-    views: np.ndarray,
+    atlas: UInt8Array,
+    provenance: UInt8Array,
+    views: UInt16Array,
     gate: ViewGate,
-    rgb: np.ndarray,
-    textured: np.ndarray,
+    rgb: UInt8Array,
+    textured: BoolArray,
 ) -> None:
     """Colour the pixels that show a chart, in place.
 

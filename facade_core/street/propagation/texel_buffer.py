@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.rasters import TexelLayout
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.chart_packing import Placement
 from facade_core.street.propagation.blend import BlendState
@@ -29,15 +30,15 @@ class TexelBuffer:
     """
 
     layout: TexelLayout
-    writable: np.ndarray
-    colour: np.ndarray
-    provenance: np.ndarray
+    writable: Int64Array
+    colour: UInt8Array
+    provenance: UInt8Array
     state: BlendState
 
     @staticmethod
     def plan_layout(
         placement: Placement, writable: Iterable[int], readable: Iterable[int]
-    ) -> tuple[TexelLayout, np.ndarray]:
+    ) -> tuple[TexelLayout, Int64Array]:
         """Plan the layout of a buffer that writes some charts and only reads others.
 
         Chart ids may repeat.
@@ -51,9 +52,9 @@ class TexelBuffer:
         cls,
         placement: Placement,
         rasters: TexelLayout,
-        writable: np.ndarray,
-        base_colour: np.ndarray,
-        base_provenance: np.ndarray,
+        writable: Int64Array,
+        base_colour: UInt8Array,
+        base_provenance: UInt8Array,
         *,
         visibility_range: float = 40.0,
     ) -> TexelBuffer:

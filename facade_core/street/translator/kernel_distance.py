@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
+
 # Blocks of EfficientNet-Lite0 with strides 4, 8, 16 and 32, whose mean outputs are the features.
 FEATURE_BLOCKS = (2, 4, 10, 15)
 
@@ -27,7 +29,7 @@ def _network() -> Any:
     return network.eval()
 
 
-def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
+def image_features(pictures: Sequence[UInt8Array]) -> np.ndarray:
     """Compute features of pictures: mean outputs of FEATURE_BLOCKS at unit length.
 
     Parameters

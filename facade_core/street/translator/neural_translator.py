@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ModelError
 from facade_core.core.model_file import open_inference_session
 from facade_core.geometry.raycast import MISS
@@ -47,7 +48,7 @@ class NeuralTranslator:
         rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
         return rgb
 
-    def translate_image(self, image: np.ndarray) -> np.ndarray:
+    def translate_image(self, image: np.ndarray) -> UInt8Array:
         """Translate a whole panorama (h, 2 h, 3) uint8 in tiles that equal the whole.
 
         Raises

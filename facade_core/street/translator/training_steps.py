@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.street.translator.training_views import (
     TrainingCrop,
     TrainingPair,
@@ -287,6 +288,6 @@ def _encoder_input(image: Any, recipe: TrainingRecipe) -> Any:
     return image if recipe.merged else torch.cat([image, image.mean(1, keepdim=True)], 1)
 
 
-def tensor_to_image(image: Any) -> np.ndarray:
+def tensor_to_image(image: Any) -> UInt8Array:
     """Convert (3, h, w) in -1..1 to (h, w, 3) uint8."""
     return ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)

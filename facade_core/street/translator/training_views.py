@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
@@ -34,8 +35,8 @@ class TrainingRendering:
     textured : (h, w) bool, texels textured by earlier viewpoints.
     """
 
-    grey: np.ndarray
-    textured: np.ndarray
+    grey: UInt8Array
+    textured: BoolArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,8 @@ class TrainingCrop:
     place : first row and height of the panorama.
     """
 
-    image: np.ndarray
-    textured: np.ndarray
+    image: UInt8Array
+    textured: BoolArray
     place: tuple[int, int]
 
 
@@ -66,8 +67,8 @@ class TrainingPair:
     """
 
     rendering: TrainingRendering
-    image: np.ndarray
-    valid: np.ndarray
+    image: UInt8Array
+    valid: BoolArray
 
 
 def render_sequence(
@@ -206,7 +207,7 @@ def crop_pair(
     return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), valid
 
 
-def imitate_rendering(photo: np.ndarray) -> np.ndarray:
+def imitate_rendering(photo: np.ndarray) -> UInt8Array:
     """Convert a real crop to an imitation of an untextured rendering.
 
     Keeps shading without detail; the sky is black.

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Ground, Street
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
@@ -48,7 +49,7 @@ class MaterialFieldTranslator:
             scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains
         )
 
-    def translate(self, panorama: Panorama) -> np.ndarray:
+    def translate(self, panorama: Panorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""
         rgb = panorama.rgb.copy()
         bare = (panorama.chart != MISS) & ~panorama.textured
@@ -58,7 +59,7 @@ class MaterialFieldTranslator:
         return rgb
 
 
-def pixel_footprint(ray: np.ndarray, normal: np.ndarray, width: int) -> np.ndarray:
+def pixel_footprint(ray: Float64Array, normal: Float64Array, width: int) -> Float64Array:
     """Compute the footprint of panorama pixels on surfaces.
 
     Parameters

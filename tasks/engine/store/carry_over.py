@@ -18,6 +18,7 @@ from facade_core.atlas.arrays import STORE_FORMAT, clear_rasters, resize_arrays
 from facade_core.atlas.journal import Record, clear_record, journal_path
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
 from facade_core.atlas.stored_files import FOLDERS
+from facade_core.core.arrays import BoolArray
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
@@ -160,7 +161,7 @@ def _unchanged_charts(old: Plan, new: Plan) -> dict[int, int]:
     }
 
 
-def _chart_roles(plan: Plan) -> np.ndarray:
+def _chart_roles(plan: Plan) -> BoolArray:
     """Return per chart whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
     roles = np.zeros((len(plan.ids), 4), bool)
     roles[plan.facades.chart, 0] = True

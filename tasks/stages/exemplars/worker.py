@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.atlas_spec import ArraySpec
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
@@ -92,7 +93,7 @@ def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
     return fork, {unit.index: record}
 
 
-def _draw_preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
+def _draw_preview(run: Run, given: UInt8Array, private: BoolArray, prepared: Exemplar) -> UInt8Array:
     """Draw a picture as given, with its cropped and completed parts marked, under the block's privacy setting."""
     x0, y0, x1, y1 = prepared.box
     shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
@@ -102,7 +103,7 @@ def _draw_preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Ex
     return draw_crop(shown, prepared.occluded, prepared.box)
 
 
-def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+def read_exemplar(group: StoreGroup, index: int) -> tuple[UInt8Array, UInt8Array, float]:
     """Read a prepared exemplar.
 
     Returns

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX
+from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
@@ -61,14 +62,14 @@ class FacadeEvidence:
     before : change since an earlier capture; None with one capture.
     """
 
-    image: np.ndarray
-    hidden: np.ndarray
-    confidence: np.ndarray
+    image: UInt8Array
+    hidden: BoolArray
+    confidence: AnyArray
     source: str
     masked: tuple[Box, ...] = ()
     masked_share: float = 0.0
     clean: bool = False
-    outside: np.ndarray | None = None
+    outside: BoolArray | None = None
     captured: str | None = None
     seen: Detections = field(default_factory=Detections)
     fit: PhotoFit | None = None
@@ -121,9 +122,9 @@ class FacadePhoto(NamedTuple):
     fit : fit to the wall.
     """
 
-    image: np.ndarray
-    hidden: np.ndarray
-    outside: np.ndarray
+    image: UInt8Array
+    hidden: BoolArray
+    outside: BoolArray
     seen: Detections
     fit: PhotoFit
 
@@ -325,7 +326,7 @@ def _cached_detections(path: Path, _size: int, _modified: int, view: tuple[float
     return detect_on_panorama(read_panorama(path), view)
 
 
-def _widen(hidden: np.ndarray) -> np.ndarray:
+def _widen(hidden: BoolArray) -> BoolArray:
     """Widen a hole by its rim, where resampling mixes in the occluder."""
     import cv2
 

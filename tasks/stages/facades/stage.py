@@ -13,6 +13,7 @@ from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_table
 from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files
+from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Street
 from facade_core.core.zarr_types import StoreGroup
@@ -167,7 +168,7 @@ def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[
     return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
 
 
-def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
+def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> Int64Array:
     """Return for each facade whether a map has a shop at its building.
 
     Returns
@@ -184,13 +185,13 @@ def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 
-def _shops_of_part(plan: Plan, part: CityPart) -> np.ndarray:
+def _shops_of_part(plan: Plan, part: CityPart) -> Int64Array:
     """Return the same for a part of a city, whose shops are listed by building."""
     told = dict(zip(part.buildings, part.shop_flags, strict=False))
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
-def exemplar_walls(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
+def exemplar_walls(plan: Plan, block: Block, shops: Int64Array) -> StyleTargets:
     """Return the walls by which exemplars are chosen.
 
     They are the facades of the block; of a part of a city the outlines of all buildings on which the choice depends.
@@ -248,7 +249,7 @@ def choose_facade_exemplars(
     return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
 
 
-def _street_numbers(streets: Sequence[Street]) -> np.ndarray:
+def _street_numbers(streets: Sequence[Street]) -> Int64Array:
     """Return a number for each street, (streets,) int64, by its name or id: equal for all parts of a street."""
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.zarr_types import StoreGroup
@@ -16,7 +17,7 @@ from facade_core.plan.plan import Plan
 MAX_SAMPLED_TEXELS = 1 << 17
 
 
-def pictured_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
+def pictured_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> Float64Array | None:
     """Return the wall colour (3,), 0..255, of the facade whose pictures show most of the wall; None if they show too little.
 
     Parameters

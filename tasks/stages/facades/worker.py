@@ -15,6 +15,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import earlier_path, hierarchy_path, stored_file_digest, write_stored_file
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
@@ -77,7 +78,7 @@ class _TexturedFacade(NamedTuple):
     depth: int
     facade: Facade | None
     source: str
-    confidence: np.ndarray
+    confidence: UInt8Array
     captured: str | None = None
     shop_names: str | None = None
     fit: PhotoFit | None = None
@@ -308,7 +309,7 @@ def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texe
 
 
 def _write_rasters(
-    group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: np.ndarray, confidence: np.ndarray
+    group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: UInt8Array, confidence: UInt8Array
 ) -> dict[str, str]:
     """Write a facade's rasters and hierarchy; returns its chart's digest."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])

@@ -21,6 +21,7 @@ from facade_core.atlas.stored_files import (
     tile_paths,
     write_stored_file,
 )
+from facade_core.core.arrays import Int32Array
 from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
@@ -113,7 +114,7 @@ def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
     return {}  # type: ignore[typeddict-item]
 
 
-def _read_page_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Iterator[dict[int, np.ndarray]]:
     """Iterate over the rasters (h, w, 3) of some charts (k,) from encoded pages, by chart, a page at a time."""
     from PIL import Image
 

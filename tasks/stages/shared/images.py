@@ -12,6 +12,7 @@ import numpy as np
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture, open_picture, read_picture
 from catalogs.readers.pictures.folders import label_map_path
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 from tasks.engine.outcome import collect_rejections
@@ -65,7 +66,7 @@ def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Excepti
     return found
 
 
-def read_panorama(path: Path) -> np.ndarray:
+def read_panorama(path: Path) -> UInt8Array:
     """Read a panorama (h, w, 3) uint8; consecutive units share it."""
     state = path.stat()
     return _read_panorama(path, state.st_size, state.st_mtime_ns)
@@ -76,7 +77,7 @@ def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
     return read_image(path)[0]
 
 
-def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_image(path: Path) -> tuple[UInt8Array, BoolArray]:
     """Read an image file as RGB (h, w, 3) uint8, and its hidden part (h, w) bool."""
     picture = read_bounded_picture(path)
     return picture.rgb, picture.hidden
@@ -92,7 +93,7 @@ def read_exemplar_picture(path: Path) -> Picture:
     return read_picture(path, max_side=MAX_EXEMPLAR_SIDE, min_side=MIN_SIDE_PX)
 
 
-def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
+def read_labels(path: Path, shape: tuple[int, int]) -> UInt8Array | None:
     """Read the label map beside an exemplar at a size (h, w), uint8; None without one.
 
     Raises

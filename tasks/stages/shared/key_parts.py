@@ -11,6 +11,7 @@ import numpy as np
 
 from catalogs.block.digest import model_digests
 from catalogs.file_digest import file_digest
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import ModelFiles, Pose
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
@@ -73,7 +74,7 @@ def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> lis
     return plan.scene_objects.digests_in_box(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
 
 
-def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[Float64Array, Float64Array]:
     """Return the lower and upper corner (3,) of the box around some charts."""
     corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
+from facade_core.core.arrays import Float64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
@@ -33,7 +34,7 @@ class NearbyPanoramas:
     panoramas: tuple[SurfacePanorama, ...]
     places: shapely.STRtree
 
-    def near(self, corners: np.ndarray, reach: float) -> tuple[SurfacePanorama, ...]:
+    def near(self, corners: Float64Array, reach: float) -> tuple[SurfacePanorama, ...]:
         """Return the panoramas near some corners, seen from above, at most MAX_PANORAMAS_PER_SURFACE, in their order.
 
         Parameters

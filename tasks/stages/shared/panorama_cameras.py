@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
@@ -136,7 +137,7 @@ def _mean_distance(scene: Scene, own: Mapping[int, np.ndarray], one: SurfacePano
 _MASKS: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
 
 
-def _occluder_bits(one: SurfacePanorama, image: np.ndarray, hides: Hides) -> np.ndarray:
+def _occluder_bits(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> BoolArray:
     """Return the occluders, faces and plates on a panorama, (H, W) bool."""
     state = one.path.stat()
     of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)

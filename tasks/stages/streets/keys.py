@@ -14,6 +14,7 @@ import numpy as np
 
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
+from facade_core.core.arrays import Int32Array, Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -58,7 +59,7 @@ def street_keys(
     journals : those of base layer stages and viewpoints, if they were read for many streets.
     """
 
-    def records(stage: str, units: np.ndarray) -> list[Record | None]:
+    def records(stage: str, units: Int64Array) -> list[Record | None]:
         return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
 
     viewpoints = plan.street_viewpoints(street)
@@ -108,7 +109,7 @@ def _settings(run: Run, plan: Plan) -> dict[str, Any]:
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 
-def _base_layer_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+def _base_layer_records(plan: Plan, records: _Read, charts: Int64Array) -> list[Record | None]:
     """Return the records of units that write the base layer of the buildings of some charts, in the order of writing."""
     buildings = np.unique(plan.scene.charts.building[charts])
     textures = np.flatnonzero(np.isin(plan.buildings_with_textures(), buildings))
@@ -116,7 +117,7 @@ def _base_layer_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[
     return records("textures", textures) + records("facades", facades)
 
 
-def _camera_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+def _camera_records(plan: Plan, records: _Read, charts: Int64Array) -> list[Record | None]:
     """Return the records of ground and walls from panoramas, of some charts."""
     near, own = plan.ground_near_cameras(), np.unique(charts)
     at = np.searchsorted(near, own)
@@ -126,8 +127,8 @@ def _camera_records(plan: Plan, records: _Read, charts: np.ndarray) -> list[Reco
 
 
 def _earlier_views(
-    plan: Plan, records: _Read, street: int, charts: np.ndarray
-) -> tuple[np.ndarray, dict[int, str | None]]:
+    plan: Plan, records: _Read, street: int, charts: Int64Array
+) -> tuple[Int32Array, dict[int, str | None]]:
     """Return pairs (k, 2) of a viewpoint of an earlier wave and a chart that both see and this street writes.
 
     Also returns the digest of each such viewpoint's shared pixels, None if it is not done.
@@ -142,14 +143,14 @@ def _earlier_views(
     }
 
 
-def _base_layer_keys(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> list[str]:
+def _base_layer_keys(plan: Plan, seeds: Sequence[Record | None], charts: Int64Array) -> list[str]:
     """Return the keys of units whose base layer the street writes too: it follows when they change."""
     if not plan.writable[np.concatenate([plan.facades.chart, np.flatnonzero(plan.textured)])].any():
         return []
     return [record["key"] for record in seeds if record and record["status"] == "done"]
 
 
-def _charts_of_later_streets(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
+def _charts_of_later_streets(plan: Plan, street: int, charts: Int64Array) -> list[list[str]]:
     """Return the charts of the street that later waves write, by street: charts that they give up are this street's again."""
     pairs = plan.streets_of_charts(charts[plan.writable[charts]])
     found: dict[int, set[str]] = {}

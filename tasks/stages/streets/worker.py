@@ -14,6 +14,7 @@ import numpy as np
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
+from facade_core.core.arrays import BoolArray, Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
@@ -181,7 +182,7 @@ def _shared_pixels_digest(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str
     return picture_digest(np.where(shared[..., None], rgb, np.uint8(0)))
 
 
-def _written_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
+def _written_by_later(plan: Plan, group: StoreGroup, street: int, charts: Int64Array) -> BoolArray:
     """Return which charts (k,) of a street hold texels of a later wave, (k,) bool.
 
     Those are blended from more views, or will be once that street is done again.
@@ -256,7 +257,7 @@ def replay_street(
     return window
 
 
-def _earlier_viewpoints(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
+def _earlier_viewpoints(plan: Plan, group: StoreGroup, street: int, charts: Int64Array) -> list[Viewpoint]:
     """Return the viewpoints of earlier waves that are done and show some charts (k,)."""
     shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
     shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]

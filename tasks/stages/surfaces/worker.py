@@ -13,6 +13,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import ChartReader
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.provenance import resolve_provenance
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import measure_wall_material
@@ -132,7 +133,7 @@ def _make_reader(
 ) -> ChartReader:
     """Return a reader of base layer and street texels; charts without either read as empty."""
 
-    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+    def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         y, x = int(placement.y[chart]), int(placement.x[chart])
         part = (
             int(placement.page[chart]),

@@ -18,6 +18,7 @@ from facade_core.atlas.stored_files import (
     tile_paths,
     write_stored_file,
 )
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
@@ -37,7 +38,7 @@ def process_tile(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
     placement = plan.scene.placement
     group = open_root(fork)
 
-    def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
+    def rasters(chosen: Int64Array) -> dict[int, UInt8Array]:
         held = TexelLayout.of_charts(placement, chosen)
         flat = read_rasters(group["atlas/colour"], placement, held)
         return {

@@ -11,6 +11,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
+from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
@@ -58,7 +59,7 @@ def process_walls(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int,
     return fork, {unit.index: record}
 
 
-def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> np.ndarray:
+def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> BoolArray:
     """Return the pixels (H, W) of a panorama beside edges of buildings."""
     rows, columns = shape
     bits = _edge_bits(run, pose, rows, columns)

@@ -14,9 +14,9 @@ from catalogs.block.reader import read_block
 from catalogs.city.keys import uses_default_partition
 from facade_core.core.errors import BlockFileError, InputError
 from flows.cli.commands import command_line
-from tasks.city import account as accounts
 from tasks.city import blocks
-from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
+from tasks.city import city_log as accounts
+from tasks.city.city_log import Account, Ended, known, read_account, stands, version, write_ended
 from tasks.stages.ingest.planning import make_plan
 from tests.pipeline.stages import write_block
 

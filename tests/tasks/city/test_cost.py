@@ -7,8 +7,8 @@ from dataclasses import asdict, replace
 import pytest
 
 from benchmarks.city.laying import COMMAND, COURSE, Ran, errors, fit, of_it
+from tasks.city.block_counts import Counts
 from tasks.city.cost import Cost, shipped
-from tasks.city.counting import Counts
 
 MODEL = Cost(
     fitted={},

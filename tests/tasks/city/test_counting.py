@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.city.reading import write_town
 from catalogs.block.reader import read_block
-from tasks.city.counting import Counts, counts_of, planned_of
+from tasks.city.block_counts import Counts, counts_of, planned_of
 from tasks.stages.ingest.planning import make_plan
 
 

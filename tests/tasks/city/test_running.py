@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tasks.city import running
-from tasks.city.account import Ended
-from tasks.city.running import MACHINE, TIME_IS_UP, run_block
+from tasks.city import block_process
+from tasks.city.block_process import MACHINE, TIME_IS_UP, run_block
+from tasks.city.city_log import Ended
 
 
 def ended(folder: Path, ends: float | None = None) -> Ended:
@@ -39,4 +39,4 @@ def test_a_block_whose_time_is_up_is_ended(tmp_path: Path) -> None:
     how = ended(tmp_path, begun + 0.05)
     assert how.code == TIME_IS_UP
     assert how.reason == "its time was up; what is done is kept"
-    assert time.time() - begun < running.PATIENCE_S
+    assert time.time() - begun < block_process.PATIENCE_S

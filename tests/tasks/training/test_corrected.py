@@ -10,8 +10,8 @@ import pytest
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import paint_exemplar_set
-from tasks.training import corrected
-from tasks.training.corrected import CorrectedFacade, labelled, layout_of
+from tasks.training import corrected_facades
+from tasks.training.corrected_facades import CorrectedFacade, label_corrected_facade, layout_record
 
 (PAINTED,) = paint_exemplar_set(1, seed=3)
 HEIGHT, WIDTH = PAINTED.labels.shape
@@ -24,7 +24,7 @@ def facade(shown: np.ndarray | None = None) -> CorrectedFacade:
 
 
 def test_elements_are_what_was_said_and_nothing_else_is_one() -> None:
-    told = labelled(facade())
+    told = label_corrected_facade(facade())
     assert told is not None
     window, balcony = (tuple(round(s * side) for s, side in zip(b[1:], (WIDTH, HEIGHT) * 2, strict=True)) for b in SAID)
     assert (told.labels[window[1] : balcony[1], window[0] : window[2]] == FacadeClass.WINDOW).all()
@@ -40,15 +40,15 @@ def test_elements_are_what_was_said_and_nothing_else_is_one() -> None:
 def test_what_pictures_do_not_show_is_not_told_of() -> None:
     shown = np.ones((HEIGHT, WIDTH), bool)
     shown[HEIGHT // 3 :] = False
-    told = labelled(facade(shown))
+    told = label_corrected_facade(facade(shown))
     assert told is not None
     for layer, value in ((told.possible, ANY_CLASS), (told.labels, UNKNOWN), (told.occluder, UNKNOWN)):
         assert (layer[~shown] == value).all()
-    assert labelled(facade(np.zeros((HEIGHT, WIDTH), bool))) is None
+    assert label_corrected_facade(facade(np.zeros((HEIGHT, WIDTH), bool))) is None
 
 
 def test_a_layout_is_what_was_said_whatever_is_shown() -> None:
-    layout = layout_of(facade(np.zeros((HEIGHT, WIDTH), bool)))
+    layout = layout_record(facade(np.zeros((HEIGHT, WIDTH), bool)))
     assert (layout.name, layout.domain) == ("run/a-0", (0, 0, WIDTH, HEIGHT))
     assert [(e.label, e.x0, e.y1) for e in layout.elements] == [
         ("window", 0.25 * WIDTH, 0.5 * HEIGHT), ("balcony", 0.25 * WIDTH, 0.5 * HEIGHT),
@@ -68,14 +68,14 @@ def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: py
 
     course = TrainingSchedule(steps=1, per_step={"corrected": 2}, freeze_norms=True)
     with pytest.raises(InputError, match="pictures show 1 of 1"):
-        train_corrected([facade()], tmp_path, seed=0, course=course)
+        train_corrected([facade()], tmp_path, seed=0, schedule=course)
     better = {SHIPPED_NETWORK: 0.5, tmp_path / "network.onnx": 0.5}
-    monkeypatch.setattr(parser, "told_right", lambda photos, model: better[model])
+    monkeypatch.setattr(parser, "correct_pixel_share", lambda photos, model: better[model])
     with pytest.raises(InputError, match=r"of 2 corrected facades .* 50\.0% .* nothing is kept"):
-        train_corrected([facade()] * corrected.LEAST, tmp_path, seed=0, course=course)
+        train_corrected([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
     assert not (tmp_path / "network.onnx").exists()
     better[tmp_path / "network.onnx"] = 0.6
-    made = train_corrected([facade()] * corrected.LEAST, tmp_path, seed=0, course=course)
+    made = train_corrected([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
     assert made == tmp_path / "network.onnx"
     assert parse(PAINTED.image, model=made).labels.shape == (HEIGHT, WIDTH)
     assert load_calibration(made) == load_calibration()

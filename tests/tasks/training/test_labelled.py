@@ -7,7 +7,7 @@ from catalogs.learning.occluder_boxes import OccluderBoxes, read_occluder_boxes
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.occluder_labels import ground_floor_rows
 from facade_core.parsing.training_views import ANY_CLASS
-from tasks.training.labelled import painted, with_occluders
+from tasks.training.parser_sets import paint_labelled_facades, relabel_occluders
 
 
 def facade(labels):
@@ -37,17 +37,17 @@ def test_the_ground_floor_begins_at_its_shops_and_doors(plain):
 
 def test_the_foot_is_not_told_where_nobody_looked(plain):
     plain.possible[30:50, 100:] = 127
-    (told,) = with_occluders("ecp", [plain], {})
+    (told,) = relabel_occluders("ecp", [plain], {})
     assert (told.occluder[150:] == UNKNOWN).all()
     assert (told.occluder[30:50, 100:] == UNKNOWN).all()
     assert (told.occluder[:150, :90] == 0).all()
     assert told.labels is plain.labels
-    (looked_at,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([])})
+    (looked_at,) = relabel_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([])})
     assert (looked_at.occluder[50:] == 0).all()
-    (beside,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(10, 180, 30, 196)])})
+    (beside,) = relabel_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(10, 180, 30, 196)])})
     assert (beside.occluder[175:, 36:] == 0).all(), "clear where no box is near"
     assert (beside.occluder[196:, 10:30] == UNKNOWN).all()
-    (doubtful,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([], [(10, 180, 30, 196)])})
+    (doubtful,) = relabel_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([], [(10, 180, 30, 196)])})
     assert (doubtful.occluder[178:, 8:32] == UNKNOWN).all()
     assert (doubtful.occluder != 1).all()
     assert (doubtful.occluder[175:, 36:] == 0).all()
@@ -55,21 +55,21 @@ def test_the_foot_is_not_told_where_nobody_looked(plain):
 
 def test_a_thing_in_a_box_is_in_front_and_around_it_nothing_is_told(plain):
     plain.image[172:196, 34:88] = (150, 20, 30)
-    (told,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
+    (told,) = relabel_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
     assert (told.occluder[176:192, 40:82] == 1).mean() > 0.95
     assert not (told.occluder == 1)[:168].any()
     assert (told.occluder[165:168, 30:92] == UNKNOWN).all()
     assert (told.occluder[150:160] == 0).all()
-    (again,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
+    (again,) = relabel_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
     assert (again.occluder == told.occluder).all()
 
 
 def test_leaves_and_what_is_no_facade_are_not_told(plain):
     plain.image[60:80, 20:40] = (60, 110, 50)
-    (told,) = with_occluders("cmp", [plain], {})
+    (told,) = relabel_occluders("cmp", [plain], {})
     assert (told.occluder[60:80, 20:40] == UNKNOWN).all()
     assert (told.occluder[100:140] == 0).all()
-    (empty,) = with_occluders("cmp", [facade(np.full((9, 9), UNKNOWN, np.uint8))], {})
+    (empty,) = relabel_occluders("cmp", [facade(np.full((9, 9), UNKNOWN, np.uint8))], {})
     assert (empty.occluder == UNKNOWN).all()
 
 
@@ -83,16 +83,16 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
 @pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
     from catalogs.learning.datasets import CMP, read_dataset, split_facades
-    from tasks.training.parser import cmp_photos
+    from tasks.training.parser import read_cmp_photos
 
-    trained, apart = ({facade.name for facade in part} for part in cmp_photos(data))
+    trained, apart = ({facade.name for facade in part} for part in read_cmp_photos(data))
     held_out = {facade.name for facade in split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[1]}
     assert len(trained | apart | held_out) == len(trained) + len(apart) + len(held_out) == 317
     assert len(apart) == 32
 
 
 def test_painted_facades_tell_their_classes_and_what_is_in_front():
-    facades = painted(4, seed=3)
+    facades = paint_labelled_facades(4, seed=3)
     assert [facade.name for facade in facades] == ["3-0", "3-1", "3-2", "3-3"]
     for facade in facades:
         known = facade.labels < len(CLASSES)

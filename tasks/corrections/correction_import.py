@@ -27,8 +27,8 @@ from catalogs.published.runs import CITY_FILE_NAME, find_runs
 from catalogs.published.snapshot import current_snapshot
 from catalogs.readers.annotations import Annotation, facades_by_picture_name, parse_corrections, read_annotations
 from facade_core.core.errors import InputError
-from tasks.corrections.told import Told
-from tasks.corrections.walls import unreached
+from tasks.corrections.correction_diff import Told
+from tasks.corrections.unaffected_walls import unreached
 from tasks.engine.store.status import read_source
 from tasks.publish.opened import Published, opened, published
 

@@ -21,7 +21,7 @@ from facade_core.imagery.poses.photo_matching import WallLikelihoods, estimate_o
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.matching.table import COLUMNS, Candidate, Table, found_row
+from tasks.matching.match_table import COLUMNS, Candidate, Table, found_row
 from tasks.stages.facades.evidence import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.export.pictures.views import PHOTO_WORTH, photo_share
-from tasks.viewing.reading import View
+from tasks.viewing.run_view import View
 
 # A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.
 AHEAD, NEAR_M = 0.35, 6.0

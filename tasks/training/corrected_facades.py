@@ -12,6 +12,7 @@ from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.provenance import Provenance
@@ -25,11 +26,11 @@ from tasks.publish.opened import published
 from tasks.stages.shared.facade_corrections import match_corrections
 
 # Of fewer corrected facades nothing is learnt that the shipped models do not know better.
-LEAST = 10
+MIN_FACADES = 10
 # A facade of which pictures show less than this teaches the parser nothing: the rest was made up.
-LEAST_SHOWN = 0.3
+MIN_PHOTO_SHARE = 0.3
 # What is no element may be any of these; the shipped network says which where it is so sure.
-_REST, _SURE = (FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.SKY), 0.9
+_BACKGROUND_CLASSES, _MIN_CONFIDENCE = (FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.SKY), 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +43,8 @@ class CorrectedFacade:
     """
 
     name: str
-    image: np.ndarray
-    shown: np.ndarray
+    image: UInt8Array
+    photo_mask: BoolArray
     elements: Sequence[tuple[str, *Shares]]
     hide: Sequence[Shares] = ()
     keep: Sequence[Shares] = ()
@@ -51,29 +52,29 @@ class CorrectedFacade:
     @property
     def boxes(self) -> tuple[Element, ...]:
         """The elements, in texels."""
-        height, width = self.shown.shape
+        height, width = self.photo_mask.shape
         return tuple(
             Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in self.elements
         )
 
 
-def corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
+def read_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
     """The facades of published runs whose elements somebody corrected. `outs`: folders of runs, or of several runs each.
 
     Raises InputError for a folder without a run, and for fewer than LEAST facades in all.
     """
     found: list[CorrectedFacade] = []
     for folder in dict.fromkeys(one.folder for out in outs for one in find_runs(out)[0]):
-        found += _of_run(folder)
-    if len(found) < LEAST:
+        found += _read_run(folder)
+    if len(found) < MIN_FACADES:
         raise InputError(
-            f"{len(found)} facades have corrected elements there, and at least {LEAST} are learnt from; `streetloom import` "
+            f"{len(found)} facades have corrected elements there, and at least {MIN_FACADES} are learnt from; `streetloom import` "
             "takes more"
         )
     return found
 
 
-def _of_run(out: Folder) -> list[CorrectedFacade]:
+def _read_run(out: Folder) -> list[CorrectedFacade]:
     block = read_source(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
@@ -102,23 +103,23 @@ def _of_run(out: Folder) -> list[CorrectedFacade]:
     return found
 
 
-def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
+def label_corrected_facade(facade: CorrectedFacade) -> LabelledFacade | None:
     """A corrected facade as a photo to teach the parser with; None where pictures show too little of it.
 
     Its elements are what somebody said, and nothing else is one. Which of wall, roof and sky the rest is, and what stands in
     front or beside, nobody said: the shipped network's own answers stand, so that it does not forget them.
     """
-    shown = facade.shown & ~rasterise_boxes(facade.hide, facade.shown.shape)
-    if shown.mean() < LEAST_SHOWN:
+    shown = facade.photo_mask & ~rasterise_boxes(facade.hide, facade.photo_mask.shape)
+    if shown.mean() < MIN_PHOTO_SHARE:
         return None
     alpha = np.where(shown, 255, 0).astype(np.uint8)
     parsing = parse(np.dstack([facade.image, alpha]))
     outside = outside_mask(facade.image, ~shown)
-    possible = np.full(facade.shown.shape, sum(1 << number for number in _REST), np.uint8)
-    sure = parsing.confidence.max(axis=2) >= _SURE
-    for number in _REST:
+    possible = np.full(facade.photo_mask.shape, sum(1 << number for number in _BACKGROUND_CLASSES), np.uint8)
+    sure = parsing.confidence.max(axis=2) >= _MIN_CONFIDENCE
+    for number in _BACKGROUND_CLASSES:
         possible[sure & (parsing.labels == number)] = 1 << number
-    labels = np.where(sure & np.isin(parsing.labels, _REST), parsing.labels, UNKNOWN).astype(np.uint8)
+    labels = np.where(sure & np.isin(parsing.labels, _BACKGROUND_CLASSES), parsing.labels, UNKNOWN).astype(np.uint8)
     for name in ELEMENT_CLASSES:  # in this order, as exports read them: a balcony lies over its window
         for e in facade.boxes:
             if e.label == name:
@@ -133,7 +134,7 @@ def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
     return LabelledFacade(facade.name, facade.image, labels, possible, in_front, beside)
 
 
-def layout_of(facade: CorrectedFacade) -> LayoutRecord:
+def layout_record(facade: CorrectedFacade) -> LayoutRecord:
     """A corrected facade as a whole layout to learn from, whatever its texture is."""
-    height, width = facade.shown.shape
+    height, width = facade.photo_mask.shape
     return LayoutRecord(facade.name, facade.boxes, (0.0, 0.0, float(width), float(height)), ())

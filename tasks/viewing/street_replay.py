@@ -20,7 +20,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import stored_material_field
 from tasks.stages.streets.worker import add_viewpoint, replay_street
-from tasks.viewing.reading import View
+from tasks.viewing.run_view import View
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
 SIZE = (520, 960)

@@ -15,10 +15,10 @@ from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.core.errors import BlockFileError, InputError
+from tasks.city.block_counts import Counts
 from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import WHAT, shipped
-from tasks.city.counting import Counts
-from tasks.city.sources import source_digest, version
+from tasks.city.source_digests import source_digest, version
 
 # In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
 # is; what all come to. In that of a block: how it ended last.
@@ -67,7 +67,7 @@ def stands(out: Folder, name: str, ended: Ended, digest: str, *, tiles: bool = F
 @dataclass(frozen=True)
 class Account:
     """What is known of a city's blocks, by name; source: the digest of what they were cut from, sources: of those that are
-    files of the user's; told: by the map of each, as `tasks.city.counting.Counts` has it; over: which snapshots what lies over
+    files of the user's; told: by the map of each, as `tasks.city.block_counts.Counts` has it; over: which snapshots what lies over
     all was written of."""
 
     name: str

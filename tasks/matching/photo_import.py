@@ -12,7 +12,7 @@ from catalogs.block.reader import read_block
 from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
-from tasks.matching.table import Table
+from tasks.matching.match_table import Table
 from tasks.stages.ingest.planning import make_plan
 
 # Where photos go that are taken, beside a block file that names no folder.

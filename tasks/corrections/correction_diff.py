@@ -25,7 +25,7 @@ from catalogs.readers.annotations import Annotation, MeasuredHeight
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 from facade_core.facade.correction import unmatched_elements
-from tasks.corrections.words import words
+from tasks.corrections.drawable_values import words
 from tasks.publish.opened import Published
 
 # Exports round boxes to a hundredth of a texel, the journal to a tenth: what differs by less was not moved. Heights likewise.

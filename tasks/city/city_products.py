@@ -19,7 +19,7 @@ from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
-from tasks.city.account import BLOCKS, tileset_of
+from tasks.city.city_log import BLOCKS, tileset_of
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"
 # The overview is written where it has no more bytes than this; viewers can take those of the blocks one by one.

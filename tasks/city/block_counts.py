@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
+from facade_core.core.arrays import ObjectArray
 from facade_core.geometry.texel_density import FULL_DENSITY_M, HALF_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
 from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
 from facade_core.plan.facades import MIN_FREE_SHARE
@@ -115,7 +116,7 @@ def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
     return count, texels
 
 
-def _edges(ring: shapely.LinearRing) -> np.ndarray:
+def _edges(ring: shapely.LinearRing) -> ObjectArray:
     points = shapely.get_coordinates(ring)
     return shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
 

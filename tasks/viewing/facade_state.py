@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.block.corrections import Corrections
-from tasks.viewing.reading import MADE_OF, View
+from tasks.viewing.run_view import MADE_OF, View
 
 
 def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]:

@@ -15,17 +15,19 @@ from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import paint_exemplar_set
 
 
-def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, OccluderBoxes]) -> list[LabelledFacade]:
+def relabel_occluders(
+    name: str, facades: Iterable[LabelledFacade], detections: Mapping[str, OccluderBoxes]
+) -> list[LabelledFacade]:
     """The facades of a set with another occluder map, by what a detector says of the photos "set/name"."""
     told = []
     for facade in facades:
-        found, doubtful = looked.get(f"{name}/{facade.name}", (None, ()))
+        found, doubtful = detections.get(f"{name}/{facade.name}", (None, ()))
         occluder = occluders_from_labels(facade.image, facade.labels, facade.possible, found, doubtful)
         told.append(dataclasses.replace(facade, occluder=occluder))
     return told
 
 
-def painted(number: int, *, seed: int) -> list[LabelledFacade]:
+def paint_labelled_facades(number: int, *, seed: int) -> list[LabelledFacade]:
     """Facades painted with their truth; trees, cars and lamps stand before a fourth of them."""
     return [
         LabelledFacade(

@@ -21,7 +21,7 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
-from tasks.city.account import BLOCKS, Ended, tileset_of
+from tasks.city.city_log import BLOCKS, Ended, tileset_of
 from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
