@@ -23,7 +23,7 @@ from PIL import Image, ImageDraw
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models.glb import read_glb_header
 from facade_core.export.models.textured_mesh import local_frame
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import published
 
 METRES = (3.0, 15.0, 40.0)
@@ -135,7 +135,7 @@ def main() -> None:
         folders = {}
         for name, textures in (("unique", None), ("factored", "factored")):
             start = time.monotonic()
-            made = export(options.out, "glb", Path(scratch) / name, textures=textures, lit=None if textures else False)
+            made = export_run(options.out, "glb", Path(scratch) / name, textures=textures, lit=None if textures else False)
             seconds = time.monotonic() - start
             folders[name] = Path(str(made.path))
             told[name] = measure(folders[name] / "block.glb")

@@ -25,8 +25,8 @@ from facade_core.core.types import Sun
 from facade_core.export.models.textured_mesh import local_frame, to_y_up
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.street.lighting.sun import sun_direction
-from tasks.export.formats import export
-from tasks.export.lighting import lighting
+from tasks.export.formats import export_run
+from tasks.export.lighting import relighting_inputs
 from tasks.publish.opened import published
 
 HERE = Path(__file__).resolve().parent
@@ -49,13 +49,13 @@ def main() -> None:
     with published(asked.out) as found:
         view = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))[asked.view]
         frame = local_frame(found.plan.scene.mesh)
-        sun = lighting(found).sun or NOON
+        sun = relighting_inputs(found).sun or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
     seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": to_y_up(sun_direction(sun)[None])[0].tolist()}
     seen |= {"width": SIZE[0], "height": SIZE[1]}
     told: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as scratch:
-        folder = asked.glb or Path(str(export(asked.out, "glb", Path(scratch) / "glb").path))
+        folder = asked.glb or Path(str(export_run(asked.out, "glb", Path(scratch) / "glb").path))
         told["glb_mb"] = round((folder / "block.glb").stat().st_size / 1e6, 1)
         places = {"pages": HERE, "model": folder, "three": PACKAGES / "three"}
         with served(**places) as address, sync_playwright() as playwright, chromium(playwright) as browser:

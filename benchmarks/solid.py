@@ -41,9 +41,9 @@ def main() -> None:
 
 
 def _exported(out: Path, style: str, to: Path) -> Path:
-    from tasks.export.formats import export
+    from tasks.export.formats import export_run
 
-    return Path(str(export(out, style, to).files[0]))
+    return Path(str(export_run(out, style, to).files[0]))
 
 
 def of_model(given: Path, folder: Path) -> Path:

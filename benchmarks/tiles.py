@@ -27,7 +27,7 @@ from PIL import Image
 
 from facade_core.export.models.glb import COMPONENT_DTYPES, read_glb_header
 from facade_core.geometry.charts import ChartKind
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import published
 
 MIPMAPS = 4 / 3
@@ -135,7 +135,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         for textures in arguments.textures if arguments.of else ():
             start = time.monotonic()
-            made = export(
+            made = export_run(
                 arguments.of,
                 "3dtiles",
                 Path(scratch) / textures,

@@ -29,8 +29,8 @@ from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from flows.markdown import escape_markdown, escape_row, markdown_code
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
-from tasks.city.block_process import TIME_IS_UP
-from tasks.city.city_log import Account, Ended
+from tasks.city.block_process import DEADLINE_EXIT_CODE
+from tasks.city.city_log import BlockResult, CityLog
 from tasks.engine.progress import add_listener
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal
@@ -196,7 +196,7 @@ def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
 
 
 @_ignore_server_errors()
-def publish_block_table(account: Account) -> None:
+def publish_block_table(account: CityLog) -> None:
     """Create a table of the current state of a city's blocks, failed and pending ones first."""
     rows = [
         {
@@ -220,8 +220,8 @@ def publish_block_table(account: Account) -> None:
     )
 
 
-def _block_state(outcome: Ended) -> str:
-    names = {None: "due", 0: "done", 1: "done in part", TIME_IS_UP: "left"}
+def _block_state(outcome: BlockResult) -> str:
+    names = {None: "due", 0: "done", 1: "done in part", DEADLINE_EXIT_CODE: "left"}
     return names.get(outcome.code, "failed")
 
 

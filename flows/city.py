@@ -26,10 +26,17 @@ from flows.city_options import CityOptions, next_time_of_day
 from flows.console import print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
-from tasks.city.block_process import TIME_IS_UP, run_block
-from tasks.city.city_log import Account, Ended, known, write_ended, write_over_of, write_summary
-from tasks.city.city_products import write_over
-from tasks.city.source_digests import version
+from tasks.city.block_process import DEADLINE_EXIT_CODE, run_block
+from tasks.city.city_log import (
+    BlockResult,
+    CityLog,
+    prepare_city,
+    write_block_result,
+    write_city_summary,
+    write_products_digest,
+)
+from tasks.city.city_products import write_city_products
+from tasks.city.source_digests import block_code_version
 
 MAX_CONCURRENT_BLOCKS = 64
 
@@ -113,13 +120,13 @@ def _run_city(
     options: CityOptions,
     scheduled: datetime,
     submit: Submit,
-    show: Callable[[Account], None],
+    show: Callable[[CityLog], None],
 ) -> dict[str, Any]:
     started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out):
-        account, files = known(city_file, out)
-        due = account.due(out, tiles=options.tiles)
+        account, files = prepare_city(city_file, out)
+        due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {estimate['hours']:.2g} h" if due else ""
         print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
@@ -137,7 +144,7 @@ def _run_city(
                     options.block_arguments(),
                     before,
                     digest,
-                    version(),
+                    block_code_version(),
                     ends,
                     options.tiles,
                 )
@@ -147,26 +154,26 @@ def _run_city(
                 break
             name, future = ended.get()
             running -= 1
-            outcome: Ended = future.result()
-            account = account.ended(name, outcome)
+            outcome: BlockResult = future.result()
+            account = account.with_result(name, outcome)
             require_lock(out)
-            write_ended(out, name, outcome)
+            write_block_result(out, name, outcome)
             print_status(f"block {name}: {_describe_block_outcome(outcome)}; {len(waiting) + running} to go")
             if time.monotonic() >= next_update:
                 account, took = _write_city_products(out, account, show)
                 next_update = time.monotonic() + took / MAX_PRODUCT_TIME_SHARE
         account, _ = _write_city_products(out, account, show)
-        left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
+        left = [name for name in account.blocks if name in waiting or account.blocks[name].code == DEADLINE_EXIT_CODE]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - started, 2)
         spent = sum(account.blocks[name].processor for name in due if name not in waiting) / 3600
         taken = {"hours_taken": summary["seconds"] / 3600, "processor_hours_taken": spent}
         summary["estimate"] = estimate | {name: float(f"{value:.3g}") for name, value in taken.items()}
-        write_summary(out, summary)
+        write_city_summary(out, summary)
     return summary
 
 
-def _write_city_products(out: Folder, account: Account, show: Callable[[Account], None]) -> tuple[Account, float]:
+def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog], None]) -> tuple[CityLog, float]:
     """Report the blocks' state; write the city's products unless they match the newest snapshots.
 
     Returns the account with the snapshots of the products, and the seconds that this took.
@@ -174,13 +181,13 @@ def _write_city_products(out: Folder, account: Account, show: Callable[[Account]
     started = time.monotonic()
     show(account)
     require_lock(out)
-    if account.over != (snapshots := account.snapshots()) and write_over(out, list(account.blocks), print_status):
+    if account.over != (snapshots := account.products_digest()) and write_city_products(out, list(account.blocks), print_status):
         account = replace(account, over=snapshots)
-        write_over_of(out, account)
+        write_products_digest(out, account)
     return account, time.monotonic() - started
 
 
-def _describe_block_outcome(outcome: Ended) -> str:
+def _describe_block_outcome(outcome: BlockResult) -> str:
     if outcome.code in (0, 1):
         failed = f"; {outcome.reason}" if outcome.code else ""
         return f"done in {outcome.seconds:.0f} s, {outcome.summary.get('facades_done', 0)} facades{failed}"

@@ -35,13 +35,13 @@ from benchmarks.timing import bytes_in
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan_tables import read_plan
-from tasks.city.block_counts import Counts, counts_of
+from tasks.city.block_counts import BlockCounts, count_from_map
 from tasks.city.block_process import run_block
 from tasks.city.blocks import read_city
-from tasks.city.city_log import BLOCKS, Ended
+from tasks.city.city_log import BLOCKS, BlockResult
 from tasks.city.cost import COEFFICIENTS
 from tasks.engine.store.commits import read_newest_journal
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 
 FITTED = (
     "1x1@3:128",
@@ -80,7 +80,7 @@ def by_stages(folder: Path, name: str) -> Ran:
     with _commits(folder / "out" / "store") as commits:
         took = measured(folder / "out", block_file, None, 1, [])["seconds"]
     begun = time.process_time()
-    export(folder / "out", "3dtiles")
+    export_run(folder / "out", "3dtiles")
     seconds = dict.fromkeys((*OF_SECONDS, EXPORT), 0.0) | {EXPORT: time.process_time() - begun}
     del seconds[COMMAND]
     for named, of in took.items():
@@ -100,14 +100,14 @@ def by_command(folder: Path, name: str) -> Ran:
     out = folder / BLOCKS / "one"
     out.parent.mkdir(parents=True)
     with _commits(out / "store") as commits:
-        ended = run_block.fn(folder, "one", block_file, ["--workers", "1"], Ended(), "", "", None, tiles=True)
+        ended = run_block.fn(folder, "one", block_file, ["--workers", "1"], BlockResult(), "", "", None, tiles=True)
     if ended.code:
         raise SystemExit(f"{name}: {ended.reason}")
     return _ran(name, density, block_file, out, {COMMAND: ended.processor}, max(commits))
 
 
 def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mapping[str, float], commits: int) -> Ran:
-    told = counts_of(read_block(block_file))
+    told = count_from_map(read_block(block_file))
 
     def count(stage: str, start: str = "") -> int:
         return sum(one is not None and one["unit"].startswith(start) for one in read_newest_journal(out / "store", stage))
@@ -115,7 +115,7 @@ def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mappin
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
     placement = plan.scene.placement
     texels = float((placement.width.astype(float) * placement.height)[plan.in_core].sum())
-    had = Counts(
+    had = BlockCounts(
         facades=count("facades"),
         viewpoints=count("viewpoints"),
         ground=count("surfaces", "ground-"),
@@ -180,7 +180,7 @@ def main() -> None:
 def _run(folder: Path, asked: argparse.Namespace) -> dict[str, Ran]:
     """Each block that is not kept, as it is wanted."""
     kept: dict[str, Any] = json.loads(asked.keep.read_text("utf-8")) if asked.keep and asked.keep.is_file() else {}
-    ran = {key: Ran(**one | {w: Counts(**one[w]) for w in ("told", "had")}) for key, one in kept.items()}
+    ran = {key: Ran(**one | {w: BlockCounts(**one[w]) for w in ("told", "had")}) for key, one in kept.items()}
     wanted = [f"stages {one}" for one in asked.blocks]
     wanted += [f"command {one}" for one in (*asked.command, *asked.check)]
     for number, key in enumerate(one for one in wanted if one not in ran):

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.timing import figures
-from tasks.city.block_counts import NOTHING, Counts
-from tasks.city.cost import WHAT, Cost, cost_of
+from tasks.city.block_counts import NO_COUNTS, BlockCounts
+from tasks.city.cost import COUNT_NAMES, CostModel, parse_cost_model
 
 # What a stage's seconds are laid to; COURSE is what is beside units in this process, COMMAND what the command takes beside it.
 COURSE, EXPORT, COMMAND = "course", "export", "command"
@@ -42,8 +42,8 @@ class Ran:
 
     name: str
     density: float
-    told: Counts
-    had: Counts
+    told: BlockCounts
+    had: BlockCounts
     seconds: Mapping[str, float]
     bytes: Mapping[str, float]
     commits: Mapping[str, float] = field(default_factory=dict)
@@ -57,12 +57,12 @@ def fit(
     machine: str = "",
     error: Mapping[str, float] | None = None,
     error_planned: Mapping[str, float] | None = None,
-) -> Cost:
+) -> CostModel:
     """The model of some blocks, run on a machine of these words; error: by what it was off where it was checked, error_planned:
     likewise, with facades and texels by the plan."""
     whole = [block for block in blocks if block.commits]  # not those of which the command's part is known alone
-    told, had = (sum((getattr(block, name) for block in whole), NOTHING) for name in ("told", "had"))
-    return cost_of(
+    told, had = (sum((getattr(block, name) for block in whole), NO_COUNTS) for name in ("told", "had"))
+    return parse_cost_model(
         {
             "fitted": {
                 "on": datetime.now(UTC).strftime("%Y-%m-%d"),
@@ -73,7 +73,7 @@ def fit(
                 "error": dict(error or {}),
                 "error_planned": dict(error_planned or {}),
             },
-            "counted": {name: figures(getattr(had, name) / max(getattr(told, name), 1e-9)) for name in WHAT},
+            "counted": {name: figures(getattr(had, name) / max(getattr(told, name), 1e-9)) for name in COUNT_NAMES},
             "seconds": _laid(blocks, "seconds", OF_SECONDS),
             "bytes": _laid(blocks, "bytes", OF_BYTES),
             "commits": _laid(blocks, "commits", OF_COMMITS),
@@ -86,7 +86,7 @@ def _laid(blocks: Sequence[Ran], what: str, of: Mapping[str, Sequence[str]]) -> 
     and a block that is off by a tenth the same whatever its size."""
     from scipy.optimize import nnls
 
-    total = dict.fromkeys(WHAT, 0.0)
+    total = dict.fromkeys(COUNT_NAMES, 0.0)
     for part, names in of.items():
         held = [block for block in blocks if part in getattr(block, what)]
         if not held:
@@ -100,10 +100,10 @@ def _laid(blocks: Sequence[Ran], what: str, of: Mapping[str, Sequence[str]]) -> 
     return {name: figures(one) for name, one in total.items()}
 
 
-def of_it(cost: Cost, block: Ran, *, planned: bool = False) -> dict[str, dict[str, float]]:
+def of_it(cost: CostModel, block: Ran, *, planned: bool = False) -> dict[str, dict[str, float]]:
     """What the model says of a block by its map, beside what it had and took by the command; planned: with the facades and
     texels that its plan has."""
-    said = block.told.times(cost.counted)
+    said = block.told.multiply(cost.counted)
     if planned:
         said = replace(said, facades=block.had.facades, megatexels=block.had.megatexels)
     pairs = {
@@ -111,7 +111,7 @@ def of_it(cost: Cost, block: Ran, *, planned: bool = False) -> dict[str, dict[st
         for name in ("facades", "viewpoints", "ground", "megatexels")
     }
     for what in ("seconds", "bytes", "commits"):
-        pairs[what] = sum(asdict(said.times(getattr(cost, what))).values()), block.all_of(what)
+        pairs[what] = sum(asdict(said.multiply(getattr(cost, what))).values()), block.all_of(what)
     return {
         name: {"said": figures(one), "took": figures(took), "of_it": figures(one / took)}
         for name, (one, took) in pairs.items()

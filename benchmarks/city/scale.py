@@ -17,9 +17,9 @@ import yaml
 
 from benchmarks.city.blocks import write_block
 from benchmarks.timing import figures
-from tasks.city.block_counts import NOTHING
+from tasks.city.block_counts import NO_COUNTS
 from tasks.city.blocks import read_city
-from tasks.city.cost import shipped
+from tasks.city.cost import load_cost_model
 
 SIZES = (10_000, 1_000_000, 100_000_000)
 
@@ -32,10 +32,10 @@ def measure(texels: float, night: float) -> dict[str, Any]:
         keys["texture"]["texels_per_metre"] = texels
         file.write_text(yaml.safe_dump(keys))
         blocks = read_city(file, Path(name) / "out").blocks
-    cost = shipped()
-    total = sum((block.told.times(cost.counted) for block in blocks), NOTHING)
+    cost = load_cost_model()
+    total = sum((block.told.multiply(cost.counted) for block in blocks), NO_COUNTS)
     seconds, size, commits = (
-        sum(asdict(total.times(one)).values()) for one in (cost.seconds, cost.bytes, cost.commits)
+        sum(asdict(total.multiply(one)).values()) for one in (cost.seconds, cost.bytes, cost.commits)
     )
     found: dict[str, Any] = {"helsinki": {name: round(value) for name, value in asdict(total).items()}}
     for facades in SIZES:

@@ -40,7 +40,7 @@ from benchmarks.city.runs import Look, look_at
 from benchmarks.process_usage import add_used
 from benchmarks.timing import bytes_in, figures
 from flows.city_options import CityOptions
-from tasks.city.city_log import BLOCKS, read_account
+from tasks.city.city_log import BLOCKS, read_city_log
 
 # Seconds between two looks.
 LOOK_S = 2.0
@@ -117,14 +117,14 @@ def _watch(
 
 def digests(out: Path) -> dict[str, str]:
     """The `atlas_digest` of each block that is done."""
-    blocks = read_account(out).blocks.items()
+    blocks = read_city_log(out).blocks.items()
     return {name: ended.summary["atlas_digest"] for name, ended in blocks if ended.code in (0, 1)}
 
 
 def undisturbed(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """Figures of a run from nothing."""
     life = live(city, out, asked)
-    account = read_account(out)
+    account = read_city_log(out)
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     facades = summary["facades_done"]
     return {
@@ -152,7 +152,7 @@ def killed(city: Path, out: Path, asked: CityOptions, kills: int, lasted: float,
     lives, done = [], []
     for after in [*(lasted * random.uniform(*LIFE, kills)), None]:
         lives.append(live(city, out, asked, after))
-        done.append([name for name, ended in read_account(out).blocks.items() if ended.code in (0, 1)])
+        done.append([name for name, ended in read_city_log(out).blocks.items() if ended.code in (0, 1)])
     whole = Life(
         lives[-1].code,
         sum(one.seconds for one in lives),
@@ -171,9 +171,9 @@ def killed(city: Path, out: Path, asked: CityOptions, kills: int, lasted: float,
 
 def again(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """Figures of a run with nothing to do, or with what changed since."""
-    before = read_account(out).blocks
+    before = read_city_log(out).blocks
     life = live(city, out, asked)
-    after = read_account(out).blocks
+    after = read_city_log(out).blocks
     done = [name for name in after if after[name] != before[name]]
     units = {name: after[name].summary.get("units_done") for name in done}
     return {**_of(life), "blocks_done": done, "units_done": units}
@@ -280,7 +280,7 @@ def _look(held: Mapping[str, Any]) -> Look:
 
 def _one_photo(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """A photo of one facade of the smallest block that has a street."""
-    summaries = {name: ended.summary for name, ended in read_account(out).blocks.items()}
+    summaries = {name: ended.summary for name, ended in read_city_log(out).blocks.items()}
     block = min((n for n in summaries if summaries[n].get("viewpoints")), key=lambda n: summaries[n]["facades_done"])
     facade = add_photo(city, out / BLOCKS / block)
     return {"facade": facade, "of": block} | again(city, out, asked)

@@ -18,7 +18,7 @@ from benchmarks.clients.browser import Opened, in_cesium, in_three
 from benchmarks.clients.validators import gltf_issues
 from benchmarks.programs import Absent, chromium
 from benchmarks.solid import validated
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import published
 
 COLUMNS = (
@@ -45,7 +45,7 @@ class Exports:
         place = self.folder / "-".join([style, *(f"{name}-{value}" for name, value in options.items())])
         if not place.is_dir():
             print(f"exporting {place.name}", file=sys.stderr)
-            export(self.out, style, place, **options)
+            export_run(self.out, style, place, **options)
         return place
 
     def main(self, style: str, **options: Any) -> Path:

@@ -96,17 +96,17 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
     import tempfile
 
     from catalogs.block.reader import read_block
-    from tasks.city.block_counts import planned_of
+    from tasks.city.block_counts import count_from_plan
     from tasks.city.blocks import read_city
-    from tasks.city.city_log import Account
+    from tasks.city.city_log import CityLog
 
     with tempfile.TemporaryDirectory() as folder:
         found = read_city(city_file, Path(folder))
         planned = {}
         with click.progressbar(found.blocks, label="planning", file=sys.stderr) as blocks:
             for block in blocks:  # an unreadable block is skipped here; its run reports the error
-                planned[block.name] = planned_of(read_block(block.file)) if block.digest else {}
-    account = Account("").of(found, "")
+                planned[block.name] = count_from_plan(read_block(block.file)) if block.digest else {}
+    account = CityLog("").for_city(found, "")
     estimate = account.estimate(list(account.blocks), workers, at_once, planned)
     if as_json:
         click.echo(json.dumps(estimate))
@@ -180,9 +180,9 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> di
     """
     from catalogs.published.folders import local_folder
     from flows.server.startup import ServerDown, prefect_server
-    from tasks.city.city_log import known
+    from tasks.city.city_log import prepare_city
 
-    if not known(city_file, out)[0].due(out, tiles=options.tiles):
+    if not prepare_city(city_file, out)[0].pending_blocks(out, tiles=options.tiles):
         from flows.city import run_city_without_server
 
         return run_city_without_server(city_file, out, options)

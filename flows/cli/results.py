@@ -168,7 +168,7 @@ def export(
       streetloom export out/demo --format gpkg --to demo.gpkg
     """
     from flows.console import show_progress
-    from tasks.export.formats import export as write
+    from tasks.export.formats import export_run as write
 
     with show_progress(quiet=not sys.stderr.isatty()):
         done = write(

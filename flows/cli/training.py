@@ -97,7 +97,7 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
     from flows.console import show_progress
-    from tasks.training.corrected_facades import read_corrected_facades, layout_record
+    from tasks.training.corrected_facades import layout_record, read_corrected_facades
     from tasks.training.layout import train_layout
 
     with show_progress(quiet=False):

@@ -15,11 +15,11 @@ from facade_core.plan.facades import MIN_FREE_SHARE
 from tasks.stages.ingest.planning import make_plan
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
-GROUND_M, AROUND_M = 32.0, 22.0
+GROUND_CELL_M, GROUND_MARGIN_M = 32.0, 22.0
 
 
 @dataclass(frozen=True)
-class Counts:
+class BlockCounts:
     """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), millions of texels,
     blocks, millions of pixels of panoramas."""
 
@@ -31,17 +31,17 @@ class Counts:
     blocks: float = 1.0
     megapixels: float = 0.0
 
-    def __add__(self, other: Counts) -> Counts:
-        return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+    def __add__(self, other: BlockCounts) -> BlockCounts:
+        return BlockCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
-    def times(self, factors: Counts) -> Counts:
-        return Counts(*(getattr(self, f.name) * getattr(factors, f.name) for f in fields(self)))
-
-
-NOTHING = Counts(0, 0, 0, 0, 0, 0)
+    def multiply(self, factors: BlockCounts) -> BlockCounts:
+        return BlockCounts(*(getattr(self, f.name) * getattr(factors, f.name) for f in fields(self)))
 
 
-def counts_of(block: Block) -> Counts:
+NO_COUNTS = BlockCounts(0, 0, 0, 0, 0, 0)
+
+
+def count_from_map(block: Block) -> BlockCounts:
     """What a block, or a part of a city, has of its own by its outlines and lines."""
     part = block.part
     own = {b.id for b in block.buildings} if part is None else set(part.buildings)
@@ -50,13 +50,13 @@ def counts_of(block: Block) -> Counts:
     lines = [street.line for street in block.streets if street.id in walked]
     spacing, width = block.texture.viewpoint_spacing, block.texture.panorama_width
     viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
-    cells = _ground(block, own, walked)
+    cells = _ground_cells(block, own, walked)
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
-    density = _Density(block)
-    texels = sum(density.texels(shapely.box(x, y, x + GROUND_M, y + GROUND_M)) * GROUND_M**2 for x, y in cells)
+    density = _TexelDensity(block)
+    texels = sum(density.texels_per_m2(shapely.box(x, y, x + GROUND_CELL_M, y + GROUND_CELL_M)) * GROUND_CELL_M**2 for x, y in cells)
     texels += sum(building.footprint.area for building in mine) * density.coarsest**2  # roofs are seen from no street
-    free, of_walls = _walls(block, mine, density)
-    return Counts(
+    free, of_walls = _count_walls(block, mine, density)
+    return BlockCounts(
         facades=free,
         viewpoints=viewpoints,
         ground=len(cells),
@@ -66,7 +66,7 @@ def counts_of(block: Block) -> Counts:
     )
 
 
-def planned_of(block: Block) -> dict[str, float]:
+def count_from_plan(block: Block) -> dict[str, float]:
     """The same as far as the plan of its run knows it, which is made here: seconds where the map takes a hundredth of one."""
     plan = make_plan(block)
     placement = plan.scene.placement
@@ -74,7 +74,7 @@ def planned_of(block: Block) -> dict[str, float]:
     return {"facades": len(plan.facades), "megatexels": float(texels) / 1e6}
 
 
-class _Density:
+class _TexelDensity:
     """Texels by how near a street comes (`geometry.texel_density`), whatever stands between and whichever way a wall
     looks."""
 
@@ -83,7 +83,7 @@ class _Density:
         self.coarsest = min_texel_density(self._full)
         self._streets = shapely.STRtree([street.line for street in block.streets])
 
-    def texels(self, shape: shapely.Geometry) -> float:
+    def texels_per_m2(self, shape: shapely.Geometry) -> float:
         """Of a square metre of what is over some place on the map."""
         halved = 2
         if len(near := self._streets.query(shape, "dwithin", distance=HALF_DENSITY_M)):
@@ -91,7 +91,7 @@ class _Density:
         return max(self._full / 2**halved, self.coarsest) ** 2
 
 
-def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
+def _count_walls(block: Block, mine: list, density: _TexelDensity) -> tuple[int, float]:
     """The walls of some buildings that stand free of others, by their outlines, and the texels of all of their walls."""
     outlines = [building.footprint for building in block.buildings]
     tree, count, texels = shapely.STRtree(outlines), 0, 0.0
@@ -111,7 +111,7 @@ def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
             texels += (
                 metres
                 * building.height
-                * (density.texels(edge) if free > MAX_PARTY_WALL_SHARE else density.coarsest**2)
+                * (density.texels_per_m2(edge) if free > MAX_PARTY_WALL_SHARE else density.coarsest**2)
             )
     return count, texels
 
@@ -121,16 +121,16 @@ def _edges(ring: shapely.LinearRing) -> ObjectArray:
     return shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
 
 
-def _ground(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:
+def _ground_cells(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:
     """The south-western corners of the cells of the ground's grid to whose middle something of the block's own is nearest."""
     shapes = [*(b.footprint for b in block.buildings), *(s.line for s in block.streets)]
     own = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
     low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[own]), (2, 2))
     reach = block.texture.visibility_range
-    first, last = (np.floor((low - reach) / GROUND_M).astype(int), np.ceil((high + reach) / GROUND_M).astype(int))
-    x, y = (np.arange(a, b) * GROUND_M + GROUND_M / 2 for a, b in zip(first, last, strict=True))
+    first, last = (np.floor((low - reach) / GROUND_CELL_M).astype(int), np.ceil((high + reach) / GROUND_CELL_M).astype(int))
+    x, y = (np.arange(a, b) * GROUND_CELL_M + GROUND_CELL_M / 2 for a, b in zip(first, last, strict=True))
     middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     cell, near = shapely.STRtree(shapes).query_nearest(
-        shapely.points(middles), max_distance=max(reach, AROUND_M), all_matches=False
+        shapely.points(middles), max_distance=max(reach, GROUND_MARGIN_M), all_matches=False
     )
-    return [(x, y) for x, y in (middles[cell[own[near]]] - GROUND_M / 2).tolist()]
+    return [(x, y) for x, y in (middles[cell[own[near]]] - GROUND_CELL_M / 2).tolist()]

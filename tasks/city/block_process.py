@@ -21,15 +21,15 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
-from tasks.city.city_log import BLOCKS, Ended, tileset_of
+from tasks.city.city_log import BLOCKS, BlockResult, block_tileset
 from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
 
 # How a block ends, by sysexits.h, whose time is up, and one that the machine fails: both are run again.
-TIME_IS_UP, MACHINE = 75, 70
+DEADLINE_EXIT_CODE, MACHINE_EXIT_CODE = 75, 70
 # A block whose time is up has so long to end, seconds: it ends at once, as every unit is committed whole.
-PATIENCE_S = 30.0
+TERMINATION_TIMEOUT_S = 30.0
 # Of a block's summary, what says nothing of what was made.
 _LEFT_OUT = ("outputs", "failures", "out", "seconds")
 
@@ -40,12 +40,12 @@ def run_block(
     name: str,
     block_file: Path,
     options: Sequence[str],
-    before: Ended,
+    before: BlockResult,
     digest: str,
     version: str,
-    ends: float | None,
+    deadline: float | None,
     tiles: bool,
-) -> Ended:
+) -> BlockResult:
     """Run a block of the city in folder `out` and say how it ended: by what it is of (digest, version), as is asked for. What
     keeps it from being run is one of the ways.
 
@@ -54,51 +54,51 @@ def run_block(
     """
     begun = time.time()
     try:
-        ended = _run(out / BLOCKS / name, block_file, options, before, ends, tiles)
+        ended = _run_and_export(out / BLOCKS / name, block_file, options, before, deadline, tiles)
     except Exception as error:  # no process more, no memory: the others go on
         log.debug("block %s could not be run", name, exc_info=True)
-        ended = Ended(MACHINE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
+        ended = BlockResult(MACHINE_EXIT_CODE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
     return replace(ended, digest=digest, version=version, seconds=round(time.time() - begun, 1))
 
 
-def _run(
-    folder: Folder, block_file: Path, options: Sequence[str], before: Ended, ends: float | None, tiles: bool
-) -> Ended:
-    ran = _called(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
-    code, processor = ran.code, ran.processor
+def _run_and_export(
+    folder: Folder, block_file: Path, options: Sequence[str], before: BlockResult, ends: float | None, tiles: bool
+) -> BlockResult:
+    ran = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
+    code, processor = ran.code, ran.processor_s
     try:
-        summary: dict[str, Any] = json.loads(ran.printed.strip().splitlines()[-1])
+        summary: dict[str, Any] = json.loads(ran.output.strip().splitlines()[-1])
     except (IndexError, ValueError):
         summary = {}
     failures = [f"{one['unit']}: {one['reason']}" for one in summary.get("failures", ())]
-    reason = "" if code == 0 else _reason(failures, ran.said)
+    reason = "" if code == 0 else _failure_reason(failures, ran.last_line)
     published = find_current_snapshot(folder)
     snapshot = published.id if published else ""
-    tiled = before.tiles if snapshot and before.tiles == snapshot and tileset_of(folder, snapshot).is_file() else ""
+    tiled = before.tiles if snapshot and before.tiles == snapshot and block_tileset(folder, snapshot).is_file() else ""
     if code in (0, 1) and tiles and snapshot and not tiled:
-        exported = _called(["export", str(folder), "--format", "3dtiles"], ends)
-        processor += exported.processor
+        exported = _run_command(["export", str(folder), "--format", "3dtiles"], ends)
+        processor += exported.processor_s
         if exported.code:
-            code = TIME_IS_UP if exported.code == TIME_IS_UP else MACHINE
-            reason = f"3D Tiles: {exported.said}"
+            code = DEADLINE_EXIT_CODE if exported.code == DEADLINE_EXIT_CODE else MACHINE_EXIT_CODE
+            reason = f"3D Tiles: {exported.last_line}"
         else:
             tiled = snapshot
     told = {key: value for key, value in summary.items() if key not in _LEFT_OUT}
-    return Ended(code=code, snapshot=snapshot, tiles=tiled, summary=told, reason=reason, processor=round(processor, 1))
+    return BlockResult(code=code, snapshot=snapshot, tiles=tiled, summary=told, reason=reason, processor=round(processor, 1))
 
 
 @dataclass(frozen=True)
-class Called:
+class CommandResult:
     """How a command ended: its code, the last line of what it said, what it printed, and processor seconds of it and of all
     processes that it waited for."""
 
     code: int
-    said: str
-    printed: str
-    processor: float
+    last_line: str
+    output: str
+    processor_s: float
 
 
-def _called(arguments: Sequence[str], ends: float | None) -> Called:
+def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
     """The command line with some arguments."""
     with tempfile.TemporaryFile() as printed, tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
@@ -113,17 +113,17 @@ def _called(arguments: Sequence[str], ends: float | None) -> Called:
             in_time = _has_ended(handle, None if ends is None else max(ends - time.time(), 0.0))
             if not in_time:
                 signal.pidfd_send_signal(handle, signal.SIGTERM)
-                if not _has_ended(handle, PATIENCE_S):
+                if not _has_ended(handle, TERMINATION_TIMEOUT_S):
                     signal.pidfd_send_signal(handle, signal.SIGKILL)
             _, status, used = os.wait4(process.pid, 0)
         finally:
             os.close(handle)
         code = process.returncode = os.waitstatus_to_exitcode(status)
-        output, lines = _text(printed), [line.removeprefix("streetloom: ") for line in _text(said).strip().splitlines()]
+        output, lines = _read_text(printed), [line.removeprefix("streetloom: ") for line in _read_text(said).strip().splitlines()]
     processor = used.ru_utime + used.ru_stime
     if not in_time:
-        return Called(TIME_IS_UP, "its time was up; what is done is kept", output, processor)
-    return Called(code if code >= 0 else 128 - code, lines[-1] if lines else "", output, processor)
+        return CommandResult(DEADLINE_EXIT_CODE, "its time was up; what is done is kept", output, processor)
+    return CommandResult(code if code >= 0 else 128 - code, lines[-1] if lines else "", output, processor)
 
 
 def _has_ended(handle: int, seconds: float | None) -> bool:
@@ -131,12 +131,12 @@ def _has_ended(handle: int, seconds: float | None) -> bool:
     return bool(select.select([handle], [], [], seconds)[0])
 
 
-def _text(file: IO[bytes]) -> str:
+def _read_text(file: IO[bytes]) -> str:
     file.seek(0)
     return file.read().decode(errors="replace")
 
 
-def _reason(failures: Sequence[str], said: str) -> str:
+def _failure_reason(failures: Sequence[str], said: str) -> str:
     if not failures:
         return said
     return failures[0] if len(failures) == 1 else f"{failures[0]}; and {len(failures) - 1} more"

@@ -26,8 +26,8 @@ from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.plan.exemplar_inputs import walls_from_outlines
 from facade_core.plan.exemplar_style import choice_order
-from tasks.city.block_counts import NOTHING, Counts, counts_of
-from tasks.city.source_digests import source_of_block
+from tasks.city.block_counts import NO_COUNTS, BlockCounts, count_from_map
+from tasks.city.source_digests import block_source_digest
 
 # Keys of a block file that name paths, dotted.
 _PATHS = (
@@ -45,7 +45,7 @@ class CityBlock:
     name: str
     file: Path
     digest: str
-    told: Counts = NOTHING
+    told: BlockCounts = NO_COUNTS
     source: str = ""
 
 
@@ -84,7 +84,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
         write_extract(folder / extract, part_values(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
         block = set_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
-        blocks.append(CityBlock(cut.name, block_file, block.digest, counts_of(block)))
+        blocks.append(CityBlock(cut.name, block_file, block.digest, count_from_map(block)))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
     return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))
 
@@ -145,14 +145,14 @@ def _of_files(path: Path, values: Mapping[str, Any], named: str, before: Mapping
 
 def _of_file(block_file: Path, before: CityBlock | None) -> CityBlock:
     """A block file of the user's; what is wrong with one its run will say."""
-    source = source_of_block(block_file)
+    source = block_source_digest(block_file)
     if before is not None and source and before.source == source:
         return replace(before, file=block_file)
     try:
         block = read_block(block_file)
     except BlockFileError:
         return CityBlock(block_file.stem, block_file, "")
-    return CityBlock(block_file.stem, block_file, block.digest, counts_of(block), source)
+    return CityBlock(block_file.stem, block_file, block.digest, count_from_map(block), source)
 
 
 def _moved(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:

@@ -19,14 +19,14 @@ from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
-from tasks.city.city_log import BLOCKS, tileset_of
+from tasks.city.city_log import BLOCKS, block_tileset
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"
 # The overview is written where it has no more bytes than this; viewers can take those of the blocks one by one.
-OVERVIEW_BYTES = 512_000_000
+MAX_OVERVIEW_BYTES = 512_000_000
 
 
-def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -> bool:
+def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str], None]) -> bool:
     """Write out/catalog.json, out/items/, out/tileset.json and out/overview.glb of the blocks that have published, each in one
     step.
 
@@ -39,7 +39,7 @@ def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -
     steps: list[tuple[str, Callable[[], object]]] = [
         (CATALOG, lambda: write_catalog(out, on_left_out=lambda line: None)),
         (JOINED, lambda: merge_run_items(out, runs)),
-        (TILESET, lambda: _write_tileset(out, [tileset_of(snapshot.out, snapshot.id) for _, snapshot in published])),
+        (TILESET, lambda: _write_tileset(out, [block_tileset(snapshot.out, snapshot.id) for _, snapshot in published])),
         (OVERVIEW, lambda: _write_overview(out, [snapshot for _, snapshot in published], note)),
     ]
     whole = True
@@ -55,10 +55,10 @@ def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -
 def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
     """A root over the tilesets of blocks, those that there are: each is loaded when it is in sight."""
     children, spheres = [], []
-    for path, tileset in zip(paths, map_concurrently(_tileset, paths, out), strict=True):
+    for path, tileset in zip(paths, map_concurrently(_read_tileset, paths, out), strict=True):
         if tileset is None:
             continue
-        sphere = _sphere(tileset["root"])
+        sphere = _bounding_sphere(tileset["root"])
         spheres.append(sphere)
         children.append(
             {
@@ -82,7 +82,7 @@ def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
     write_atomically(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
 
 
-def _tileset(path: Folder) -> dict[str, Any] | None:
+def _read_tileset(path: Folder) -> dict[str, Any] | None:
     """A block's tileset; None where it has none."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
@@ -90,7 +90,7 @@ def _tileset(path: Folder) -> dict[str, Any] | None:
         return None
 
 
-def _sphere(root: dict[str, Any]) -> np.ndarray:
+def _bounding_sphere(root: dict[str, Any]) -> np.ndarray:
     """The sphere around a tileset's root, (x, y, z, radius), metres on the earth: its box under its transform, which turns and
     moves."""
     box = np.array(root["boundingVolume"]["box"], float)
@@ -103,11 +103,11 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
     """The overviews of all blocks as one model, around the first one's origin."""
     sizes = map_concurrently(lambda snapshot: file_size(snapshot.overview), snapshots, out)
     files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]
-    if sum(filter(None, sizes)) > OVERVIEW_BYTES:
+    if sum(filter(None, sizes)) > MAX_OVERVIEW_BYTES:
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
     with tempfile.TemporaryDirectory(dir=local_folder(out), prefix=f".{OVERVIEW}.") as name:
-        parts = [read_glb_file(file) for file in map_concurrently(lambda file: _at_hand(file, Path(name)), files, out)]
+        parts = [read_glb_file(file) for file in map_concurrently(lambda file: _local_copy(file, Path(name)), files, out)]
         extras = [part.document["scenes"][0]["extras"] for part in parts]
         if parts:
             model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
@@ -116,7 +116,7 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
                 object_store.upload_object((out / OVERVIEW).path, model)
 
 
-def _at_hand(file: Folder, folder: Path) -> Path:
+def _local_copy(file: Folder, folder: Path) -> Path:
     """A block's overview as a file of this machine: one that is in a bucket is brought into a folder."""
     if isinstance(file, Path):
         return file

@@ -16,7 +16,7 @@ from tasks.engine.stage_code import code_version
 from tasks.stages.order import CODE_STAGES
 
 
-def source_digest(path: Path) -> str:
+def city_source_digest(path: Path) -> str:
     """The sha256 of a city file, of what people corrected, and of all files that it names, those beside them with the same stem
     included, as some formats are of several; empty where it names block files, of which each names others.
 
@@ -27,11 +27,11 @@ def source_digest(path: Path) -> str:
     return "" if isinstance(asked, str) else _digest(values, asked.block_keys, asked.tile_indexes, path)
 
 
-def source_of_block(path: Path) -> str:
+def block_source_digest(path: Path) -> str:
     """The same of a block file, with the code that reads it; empty where it cannot be used."""
     try:
         values = read_yaml(path)
-        return f"{_digest(values, check_keys(values), (), path)} {version()}"
+        return f"{_digest(values, check_keys(values), (), path)} {block_code_version()}"
     except (ValueError, OSError):
         return ""
 
@@ -43,23 +43,23 @@ def _digest(values: object, keys: BlockKeys, more: tuple[Path, ...], path: Path)
         *more,
         *(one for paths in resolve_paths(keys, path).values() for one in paths),
     ]
-    files = sorted({file for one in named for file in _files_of(one)})
+    files = sorted({file for one in named for file in _find_files(one)})
     digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())
     for file in files:
         digest.update(f"{file.name} {file_digest(file)}\n".encode())
     return digest.hexdigest()
 
 
-def _files_of(path: Path) -> list[Path]:
+def _find_files(path: Path) -> list[Path]:
     if path.is_dir():
         return [one for one in path.rglob("*") if one.is_file()]
-    return [one for one in path.parent.glob(f"{_plain(path.stem)}*") if one.is_file()] or [path]
+    return [one for one in path.parent.glob(f"{_escape_glob(path.stem)}*") if one.is_file()] or [path]
 
 
-def _plain(stem: str) -> str:
+def _escape_glob(stem: str) -> str:
     return "".join(f"[{sign}]" if sign in "*?[" else sign for sign in stem)
 
 
-def version() -> str:
+def block_code_version() -> str:
     """The version of the code by which blocks are run."""
     return code_version(CODE_STAGES)

@@ -199,9 +199,9 @@ class Told:
     @cached_property
     def _measured(self) -> dict[str, float]:
         """How high each building is in exports of CityJSON."""
-        from tasks.export.city import measured_heights
+        from tasks.export.city import exported_heights
 
-        return measured_heights(self.found)
+        return exported_heights(self.found)
 
     def _same(self, id: str, what: str, value: Any, stands: Any) -> bool:
         if stands is None:

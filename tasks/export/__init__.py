@@ -1,1 +1,1 @@
-"""What was published, in the formats that others open."""
+"""Export of published results to other formats."""

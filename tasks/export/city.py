@@ -1,4 +1,4 @@
-"""CityJSON 2.0 of a published block: whole, as a stream, and with openings."""
+"""CityJSON 2.0 of a published block: a document, a stream of features, or LoD3 with openings."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.models import with_ground
+from tasks.export.models import add_ground
 from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.bodies.building_models import BuildingModel
 
-TEXTURES = "textures"
+TEXTURE_FOLDER = "textures"
 # What a building is of, as it was stated or corrected, by the names of attributes.
-MADE_OF = {
+APPEARANCE_ATTRIBUTES = {
     "wallMaterial": "wall_material",
     "wallColour": "wall_colour",
     "roofMaterial": "roof_material",
@@ -32,30 +32,66 @@ MADE_OF = {
 
 
 def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.city.json with its textures beside it."""
+    """Write BLOCK.city.json and its textures.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     return _write_document(found, buildings, folder, f"{found.block}.city.json", openings=False)
 
 
 def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.lod3.city.json: the windows and doors of completed facades cut out of their walls."""
+    """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     return _write_document(found, buildings, folder, f"{found.block}.lod3.city.json", openings=True)
 
 
 def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.city.jsonl: a header, then a feature per line, with textures beside it."""
+    """Write BLOCK.city.jsonl, a header and one feature a line, and its textures.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
     url, notes = _reference_system(found)
-    origin = origin_of(found)
-    images, objects = _objects(found, buildings, folder, openings=False)
+    origin = model_origin(found)
+    images, objects = _list_features(found, buildings, folder, openings=False)
     name = f"{found.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
-        file.write(_line(empty_document(found.block, origin, url, found.attribution)))
+        file.write(_json_line(empty_document(found.block, origin, url, found.attribution)))
         for id, make in objects:
             pool = VertexPool(origin)
             made = make(pool)
             feature = {"type": "CityJSONFeature", "id": id, "CityObjects": made} | pool.tables(images)
-            file.write(_line(feature))
+            file.write(_json_line(feature))
     return [name], notes
 
 
@@ -65,36 +101,36 @@ def _write_document(
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
     url, notes = _reference_system(found)
-    pool = VertexPool(origin_of(found))
-    images, objects = _objects(found, buildings, folder, openings=openings)
+    pool = VertexPool(model_origin(found))
+    images, objects = _list_features(found, buildings, folder, openings=openings)
     city = empty_document(found.block, pool.origin, url, found.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()
-    (folder / name).write_text(_line(city), encoding="utf-8")
+    (folder / name).write_text(_json_line(city), encoding="utf-8")
     return [name], notes
 
 
-def _line(value: dict[str, Any]) -> str:
+def _json_line(value: dict[str, Any]) -> str:
     return escape_invisible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
 
 
-def _objects(
+def _list_features(
     found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
-    """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
+    """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.cityjson import build_geometry
     from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts
 
     source = found.textured
-    shown = with_ground(found, buildings)
+    shown = add_ground(found, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
     pages = len(drawn.layout.pages)
     begin_stage("export", pages + len(shown))
-    images = [f"{TEXTURES}/{page:04}.jpg" for page in range(pages)]
-    (folder / TEXTURES).mkdir()
+    images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(pages)]
+    (folder / TEXTURE_FOLDER).mkdir()
     for page, image in enumerate(images):
         (folder / image).write_bytes(encode_page(drawn, page))
         report_progress("export", 1)
@@ -103,7 +139,7 @@ def _objects(
     taken = set(found.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        made = building_objects(found, drawn, triangles[index], index, layouts, pool, taken)
+        made = city_objects(found, drawn, triangles[index], index, layouts, pool, taken)
         report_progress("export", 1)
         return made
 
@@ -114,15 +150,15 @@ def _objects(
         for index in buildings.tolist():
             yield found.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
-            for number, faces in enumerate(ground_faces(drawn, triangles[-1], origin_of(found))):
-                id = _free(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
+            for number, faces in enumerate(ground_faces(drawn, triangles[-1], model_origin(found))):
+                id = _unused_id(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
                 yield id, partial(terrain, id, faces)
             report_progress("export", 1)
 
     return images, features()
 
 
-def building_objects(
+def city_objects(
     found: Published,
     drawn: Any,
     triangles: np.ndarray,
@@ -131,17 +167,30 @@ def building_objects(
     pool: Any,
     taken: set[str],
 ) -> dict[str, Any]:
-    """A building and its installations by id: a Solid where its surfaces close, and what stands out of it."""
+    """Build the city objects of a building and of its installations by id.
+
+    The building is a Solid if its surfaces close.
+
+    Parameters
+    ----------
+    found : published block.
+    drawn : charts packed on texture pages.
+    triangles : (n,) triangles of the building.
+    index : index of the building.
+    layouts : elements by chart, metres; empty for a model without openings.
+    pool : vertex pool of the document.
+    taken : ids in use; new ids are added.
+    """
     from facade_core.export.city_models.cityjson import build_geometry
 
-    made = model_of(found, drawn, triangles, index, layouts, pool.origin)
+    made = building_model(found, drawn, triangles, index, layouts, pool.origin)
     opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
     name, lod = found.names[index], "3" if opened else "2"
 
     def geometry(part: Any) -> list[dict[str, Any]]:
         return [build_geometry(part.faces, part.surfaces, pool, lod, "Solid" if part.is_solid else "MultiSurface")]
 
-    attributes = attributes_of(found, index, made.body)
+    attributes = building_attributes(found, index, made.body)
     attributes[EXPORTED_HEIGHT_ATTRIBUTE] = attributes["measuredHeight"]
     for surface in made.body.surfaces:
         if "facade" in surface:
@@ -153,7 +202,7 @@ def building_objects(
         wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in made.ledges]
     installations: dict[str, Any] = {}
     for number, (kind, attributes, part) in enumerate(wanted):
-        installations[_free(f"{name}-{kind}-{number}", taken)] = {
+        installations[_unused_id(f"{name}-{kind}-{number}", taken)] = {
             "type": "BuildingInstallation",
             **({"attributes": attributes} if attributes else {}),
             "parents": [name],
@@ -163,12 +212,12 @@ def building_objects(
 
 
 def is_facade(found: Published, facade: str) -> bool:
-    """Whether a wall is a facade still, and nobody said that it is none."""
+    """Report whether a wall is still a facade, and is not corrected to be none."""
     record = found.records[found.plan.facades.id.index(facade)]
     return record is None or record.get("facade") is not False
 
 
-def model_of(
+def building_model(
     found: Published,
     drawn: Any,
     triangles: np.ndarray,
@@ -176,7 +225,17 @@ def model_of(
     layouts: Mapping[int, list[Element]],
     origin: np.ndarray,
 ) -> BuildingModel:
-    """A building as faces on the grid around `origin` (3,), with the openings and balconies of `layouts`."""
+    """Build a building's faces, with the openings and balconies of `layouts`.
+
+    Parameters
+    ----------
+    found : published block.
+    drawn : charts packed on texture pages.
+    triangles : (n,) triangles of the building.
+    index : index of the building.
+    layouts : elements by chart, metres.
+    origin : (3,) origin of the vertex grid, world metres.
+    """
     from facade_core.export.bodies.building_models import build_building_model
 
     assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
@@ -184,52 +243,54 @@ def model_of(
     return build_building_model(drawn, triangles, facades, layouts, origin, has_assumed_roof=assumed)
 
 
-def _free(id: str, taken: set[str]) -> str:
-    """An id that no building has: this one, or with so many dashes behind it."""
+def _unused_id(id: str, taken: set[str]) -> str:
+    """Append dashes to an id until no building has it."""
     while id in taken:
         id += "-"
     return id
 
 
-def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
-    """What the plan and the finished facades say of a building, by CityJSON's own names where it has some; its height is that
-    of the highest place of its roof over its lowest corner, chimneys and what else stands beside its body left out."""
+def building_attributes(found: Published, building: int, body: Any) -> dict[str, Any]:
+    """Collect a building's attributes from the plan and the finished facades, with CityJSON names.
+
+    The measured height ends at the highest point of the roof, without chimneys and other attachments.
+    """
     row = {name: column[building] for name, column in found.buildings.items()}
     facades = [found.records[i] for i in found.rectified(np.array([building]))]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
-        "measuredHeight": round(_rise(body), 3),
+        "measuredHeight": round(_height_range(body), 3),
         "heightSource": row["height_source"],
         **({"storeysAboveGround": levels} if levels else {}),
         **({"partOf": row["part_of"]} if row.get("part_of") else {}),
-        **_roof(row),
-        **{name: row[what] for name, what in MADE_OF.items() if row.get(what)},
+        **_roof_attributes(row),
+        **{name: row[what] for name, what in APPEARANCE_ATTRIBUTES.items() if row.get(what)},
         "facades": len(facades),
         **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},
     }
 
 
-def measured_heights(found: Published) -> dict[str, float]:
-    """The height of each building by its id, as exports state it."""
+def exported_heights(found: Published) -> dict[str, float]:
+    """Compute the measured height of each building by id, as exports state it."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import pack_charts
 
     source, buildings = found.textured, found.choose(())
-    drawn = pack_charts(source, source.select_charts(with_ground(found, buildings)))
+    drawn = pack_charts(source, source.select_charts(add_ground(found, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
-    bodies = {b: model_of(found, drawn, triangles[b], b, {}, origin_of(found)).body for b in buildings.tolist()}
-    return {found.names[b]: round(_rise(body), 3) for b, body in bodies.items()}
+    bodies = {b: building_model(found, drawn, triangles[b], b, {}, model_origin(found)).body for b in buildings.tolist()}
+    return {found.names[b]: round(_height_range(body), 3) for b, body in bodies.items()}
 
 
-def _rise(body: Any) -> float:
-    """Metres from the lowest to the highest corner of a building's faces."""
+def _height_range(body: Any) -> float:
+    """Compute the metres between the lowest and the highest corner of a building's faces."""
     heights = np.concatenate([ring[:, 2] for face in body.faces for ring in face.rings])
     return float(np.ptp(heights))
 
 
-def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
-    """What there is to say of a building's roof: of a model, and in an older store, nothing."""
+def _roof_attributes(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Collect the attributes of a building's roof; older stores have none."""
     if not row.get("roof_shape"):
         return {}
     height, confidence = (round(float(row[name]), 3) for name in ("roof_height", "roof_confidence"))
@@ -238,7 +299,7 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
-    """The elements of the finished facades of some buildings by their charts, in metres, with the ledges that pictures show."""
+    """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
     from facade_core.export.bodies.ledges import detect_ledges
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
@@ -258,12 +319,13 @@ def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[El
     return layouts
 
 
-def origin_of(found: Published) -> np.ndarray:
+def model_origin(found: Published) -> np.ndarray:
+    """Return the origin (3,) of a model's local frame, world metres."""
     return np.floor(found.plan.scene.mesh.vertices.min(axis=0))
 
 
 def _reference_system(found: Published) -> tuple[str | None, list[str]]:
-    """The URL of the block's CRS; None with a note where no authority knows it."""
+    """Return the URL of the block's CRS; None and a note if it has no authority code."""
     from pyproj import CRS
 
     authority = CRS.from_user_input(found.crs).to_authority()

@@ -1,4 +1,4 @@
-"""CityGML 2.0 of a published block: the solids of `lod3` with their textures, for what reads no CityJSON."""
+"""CityGML 2.0 of a published block, with textures: the solids of `lod3` for readers without CityJSON."""
 
 from __future__ import annotations
 
@@ -11,28 +11,40 @@ import numpy as np
 from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
-from tasks.export.models import with_ground
+from tasks.export.city import TEXTURE_FOLDER, building_attributes, building_model, facade_layouts, model_origin
+from tasks.export.models import add_ground
 from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
 # What CityGML has elements for, by the name of the attribute; all else is a generic attribute.
-OWN = ("name", "roofType", "measuredHeight", "storeysAboveGround")
+CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 
 
 def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
+    """Write BLOCK.gml and its textures: LoD3 for buildings with openings, else LoD2.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.core.grouping import group_rows
     from facade_core.export.city_models.citygml import open_city_model, xml_id
     from facade_core.export.models.textured_mesh import encode_page, pack_charts
 
-    source, shown = found.textured, with_ground(found, buildings)
+    source, shown = found.textured, add_ground(found, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
-    images = [f"{TEXTURES}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
+    images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + len(shown))
-    (folder / TEXTURES).mkdir()
+    (folder / TEXTURE_FOLDER).mkdir()
     for page, image in enumerate(images):
         (folder / image).write_bytes(encode_page(drawn, page))
         report_progress("export", 1)
@@ -72,8 +84,8 @@ def _building(
     )
     from facade_core.export.city_models.cityjson import VertexPool
 
-    origin = origin_of(found)
-    made = model_of(found, drawn, triangles, index, layouts, origin)
+    origin = model_origin(found)
+    made = building_model(found, drawn, triangles, index, layouts, origin)
     lod = "3" if any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces) else "2"
     textured = PolygonWriter(id, VertexPool(origin))
     bounds, ids = boundary_surfaces(textured, made.body.faces, made.body.surfaces, lod)
@@ -86,13 +98,13 @@ def _building(
         installations.append(
             (textured.prefix, kind, said, boundary_surfaces(textured, part.faces, part.surfaces, lod)[0])
         )
-    said = attributes_of(found, index, made.body)
+    said = building_attributes(found, index, made.body)
     member = _member()
     building = add_element(member, "bldg:Building", gml_id=id)
     if "name" in said:
         add_element(building, "gml:name", escape_invisible(said["name"]))
     for key, value in {"id": found.names[index], **said}.items():
-        if key not in OWN:
+        if key not in CITYGML_ATTRIBUTES:
             add_attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
     textured.add_appearance(building, images)
     if "roofType" in said:
@@ -118,13 +130,13 @@ def _building(
 
 
 def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
-    """The ground's pieces, each a relief of one triangulated surface."""
+    """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.citygml import PolygonWriter, add_element
     from facade_core.export.city_models.cityjson import VertexPool
     from facade_core.export.models.textured_mesh import GROUND_NODE
 
-    origin, members = origin_of(found), []
+    origin, members = model_origin(found), []
     for number, faces in enumerate(ground_faces(drawn, triangles, origin)):
         id = f"{GROUND_NODE}-{number}"
         while id in taken:

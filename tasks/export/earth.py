@@ -1,4 +1,4 @@
-"""Where tiles of a published block stand on the earth."""
+"""Georeference of a published block's 3D Tiles."""
 
 from __future__ import annotations
 
@@ -12,8 +12,20 @@ if TYPE_CHECKING:
     from facade_core.export.tiles.earth import EarthFrame
 
 
-def on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
-    """The frame of a block's tiles around a point (3,), what their tileset says of it, and notes."""
+def place_on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
+    """Compute the earth frame of a block's tiles.
+
+    Parameters
+    ----------
+    found : published block.
+    origin : (3,) origin of the tiles, world metres.
+
+    Returns
+    -------
+    frame : transform to earth-centred coordinates.
+    extras : facts for the tileset.
+    notes : remarks for the user.
+    """
     from facade_core.export.tiles.earth import earth_frame
 
     separation = found.group.attrs.get("geoid_separation")

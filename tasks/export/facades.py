@@ -1,4 +1,4 @@
-"""Facades of a published block: annotated pictures, and the catalogue as a GeoPackage."""
+"""Facades of a published block as annotated pictures, and the catalogue as a GeoPackage."""
 
 from __future__ import annotations
 
@@ -18,31 +18,55 @@ if TYPE_CHECKING:
 
 
 def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """annotations.json and images/ID.png: facades rectified and without what stood before them, with their elements."""
+    """Write annotations.json and images/ID.png: rectified facades without occluders, with their elements.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.export.pictures.annotations import coco_document
 
     (folder / "images").mkdir()
-    facades = list(_annotated(found, buildings, folder, "images/"))
+    facades = list(_annotate_facades(found, buildings, folder, "images/"))
     value = coco_document(facades, f"Facades of {found.block}, elements of the completed facades", found.attribution)
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    return ["annotations.json"], _left_out(found, buildings, len(facades))
+    return ["annotations.json"], _note_missing(found, buildings, len(facades))
 
 
 def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """ID.png and ID.json for every facade; the ones to open first are the ID.json."""
+    """Write ID.png and ID.json for every facade.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : the ID.json files.
+    notes : remarks for the user.
+    """
     from facade_core.export.pictures.annotations import labelme_document
 
-    facades = list(_annotated(found, buildings, folder, ""))
+    facades = list(_annotate_facades(found, buildings, folder, ""))
     names = [f"{file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
         (folder / name).write_text(
             json.dumps(labelme_document(facade, found.attribution), indent=2, allow_nan=False) + "\n"
         )
-    return names, _left_out(found, buildings, len(facades))
+    return names, _note_missing(found, buildings, len(facades))
 
 
-def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
-    """Every finished facade, its picture written into the folder."""
+def _annotate_facades(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
+    """Write the picture of every finished facade and yield its annotations."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
@@ -64,7 +88,7 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
         report_progress("export", 1)
 
 
-def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str]:
+def _note_missing(found: Published, buildings: np.ndarray, written: int) -> list[str]:
     missing = int(np.isin(found.plan.facades.building, buildings).sum()) - written
     if not missing:
         return []
@@ -72,11 +96,23 @@ def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str
 
 
 # What a building is of, as it was stated or corrected.
-MADE_OF = ("wall_material", "wall_colour", "roof_material", "roof_colour")
+APPEARANCE_COLUMNS = ("wall_material", "wall_colour", "roof_material", "roof_colour")
 
 
 def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets."""
+    """Write BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     import shapely
 
     from catalogs.published.geopackage import LayerContent, write_layers
@@ -108,13 +144,13 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
                     "id": name,
                     "name": table["name"][b] or None,
                     "height_m": float(table["height"][b]),
-                    **_levels(found, of_building[b]),
+                    **_height_columns(found, of_building[b]),
                     "height_source": table["height_source"][b],
                     "levels": int(table["levels"][b]) or None,
                     "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
                     "roof_height_m": float(table["roof_height"][b]) if "roof_height" in table else None,
                     "roof_confidence": float(table["roof_confidence"][b]) if "roof_confidence" in table else None,
-                    **{what: table[what][b] or None for what in MADE_OF if what in table},
+                    **{what: table[what][b] or None for what in APPEARANCE_COLUMNS if what in table},
                     "geometry": outlines[b],
                 }
                 for b, name in found.names.items()
@@ -132,8 +168,8 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     return [name], []
 
 
-def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
-    """How high a building's lowest and highest corners lie, chimneys and parapets among them, in the block's heights."""
+def _height_columns(found: Published, triangles: np.ndarray) -> dict[str, float]:
+    """Compute the lowest and highest z of a building, with chimneys and parapets, in the block's heights."""
     from facade_core.export.bodies.map_surfaces import height_range
 
     low, high = height_range(found.textured, triangles)
@@ -141,7 +177,7 @@ def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
 
 
 def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[str, Any]]:
-    """The surfaces of one kind of some buildings (-1: the ground) as rows: outlines with heights, slope and area."""
+    """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
     from facade_core.export.bodies.map_surfaces import surface_polygons
 
     source = found.textured

@@ -1,4 +1,4 @@
-"""A published block as a factored model: what `facade_core.factored` makes of its facades, and the rest on pages."""
+"""Factored models of a published block: walls from `facade_core.export.factored`, other charts on pages."""
 
 from __future__ import annotations
 
@@ -10,25 +10,37 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tasks.engine.progress import report_progress
-from tasks.export.earth import on_earth
-from tasks.export.factored_walls import laid
-from tasks.export.features import features_of
+from tasks.export.earth import place_on_earth
+from tasks.export.factored_walls import build_factored_walls
+from tasks.export.features import build_feature_table
 from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.factored.texture_packing import PackedTextures
     from facade_core.export.factored.wall_geometry import WallPieces
 
-FIGURES = "figures.json"
+STATISTICS_FILE = "figures.json"
 # Coarse tiles above factored ones have this share of the texels of those above unique texels.
-COARSE_SHARE = 0.5
+COARSE_TEXEL_SHARE = 0.5
 
 
 def write_factored(
     found: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
 ) -> tuple[list[str], list[str]]:
-    """block.glb with a node a building, whose facades are factored; figures.json, what it comes to. shown: the
-    buildings, and -1 for the ground."""
+    """Write block.glb with factored facades and a node for each building, and figures.json.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    shown : the buildings, and -1 for the ground.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.core.grouping import RowIndex
     from facade_core.export.factored.glb import encode_factored_glb
     from facade_core.export.factored.parts import build_parts, merge_pieces, pack_unfactored_charts
@@ -39,7 +51,7 @@ def write_factored(
 
     start = time.monotonic()
     source = found.textured
-    made = laid(found, buildings, [NEAR_DETAIL], 1)
+    made = build_factored_walls(found, buildings, [NEAR_DETAIL], 1)
     pieces_of = made.details[0]
     whole = merge_pieces(pieces_of.values())
     pictures = pack_textures(whole, made.libraries)
@@ -57,12 +69,12 @@ def write_factored(
         encoded,
         [*pictures.is_repeated, *[False] * len(pages)],
         used,
-        features_of(found),
+        build_feature_table(found),
         extras={"origin": frame.origin.tolist(), "crs": found.crs},
         copyright=found.attribution.line,
     )
     (folder / "block.glb").write_bytes(data)
-    told = _figures(pictures, whole, texture_memory_bytes(pages)) | {
+    told = _texture_statistics(pictures, whole, texture_memory_bytes(pages)) | {
         "bytes": len(data),
         "picture_bytes": sum(map(len, encoded)),
         "triangles": sum(len(part.triangles) for own in parts.values() for part in own.values()),
@@ -71,7 +83,7 @@ def write_factored(
         "facades": len(made.charts),
         "seconds": round(time.monotonic() - start, 1),
     }
-    (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
+    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
     report_progress("export", 1)
     return ["block.glb"], made.notes
 
@@ -79,8 +91,22 @@ def write_factored(
 def write_factored_tiles(
     found: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
 ) -> tuple[list[str], list[str]]:
-    """tileset.json and its tiles, whose leaves are factored: near, and from farther off with the fewest types of the
-    variations; beside them their pictures, which they share. shown: the buildings, and -1 for the ground."""
+    """Write tileset.json and tiles with factored leaves, which share picture files.
+
+    A leaf has a near detail, and a far detail with the fewest element types.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    shown : the buildings, and -1 for the ground.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from dataclasses import replace
 
     from facade_core.export.factored.parts import merge_pieces
@@ -96,12 +122,12 @@ def write_factored_tiles(
     start = time.monotonic()
     whole = found.textured
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
-    frame, extras, notes = on_earth(found, local_frame(source.mesh).origin)
+    frame, extras, notes = place_on_earth(found, local_frame(source.mesh).origin)
     cells = build_quadtree(source)
-    made = laid(found, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
+    made = build_factored_walls(found, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
     far, near = made.details
     every = merge_pieces([*far.values(), *near.values()])
-    pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), features_of(found)
+    pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), build_feature_table(found)
     shells = build_shells(
         source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1)
     )
@@ -142,7 +168,7 @@ def write_factored_tiles(
         features,
         used,
         write,
-        scale=COARSE_SHARE,
+        scale=COARSE_TEXEL_SHARE,
         extras=extras,
         attribution=found.attribution,
         levels=leaves.detail_levels,
@@ -151,7 +177,7 @@ def write_factored_tiles(
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     coarse = tiled.page_texels * used.bytes_per_texel * MIPMAP_FACTOR
-    told = _figures(pictures, merge_pieces(near.values()), leaves.texture_bytes) | {
+    told = _texture_statistics(pictures, merge_pieces(near.values()), leaves.texture_bytes) | {
         "texture_mb_of_coarse_tiles": round(coarse / 1e6, 1),
         "texture_mb": round((texture_memory_bytes(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),
         "bytes": tiled.bytes + picture_bytes,
@@ -163,12 +189,12 @@ def write_factored_tiles(
         "facades": len(made.charts),
         "seconds": round(time.monotonic() - start, 1),
     }
-    (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
+    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
     return ["tileset.json"], [*notes, *made.notes]
 
 
-def _figures(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, Any]:
-    """What pictures come to on a graphics card, and what elements keep of theirs."""
+def _texture_statistics(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, Any]:
+    """Summarise graphics memory by kind of picture, and the texel density of elements."""
     from facade_core.export.factored.texture_packing import texture_memory_bytes
 
     grains = texture_memory_bytes(

@@ -1,4 +1,4 @@
-"""The facades of a published block as factored walls: their planes, their libraries, and what is laid of both."""
+"""Facades of a published block as factored walls, instances of elements from shared libraries."""
 
 from __future__ import annotations
 
@@ -22,12 +22,20 @@ if TYPE_CHECKING:
     from facade_core.export.factored.wall_geometry import WallDetail, WallPieces
 
 # A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
-SAME = 4.0
+MAX_GREY_DIFFERENCE = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
-    """charts of the facades that are laid; libraries; by detail what was laid of each building; notes for the reader."""
+class FactoredWalls:
+    """Factored walls of some buildings.
+
+    Attributes
+    ----------
+    charts : (n,) charts of the factored facades.
+    libraries : facade libraries.
+    details : wall pieces by building, for each detail.
+    notes : remarks for the user.
+    """
 
     charts: np.ndarray
     libraries: list[FacadeLibrary]
@@ -35,33 +43,41 @@ class Laid:
     notes: list[str]
 
 
-def laid(found: Published, buildings: np.ndarray, details: Sequence[WallDetail], more: int) -> Laid:
-    """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
+def build_factored_walls(found: Published, buildings: np.ndarray, details: Sequence[WallDetail], other_units: int) -> FactoredWalls:
+    """Build the facades of some buildings from libraries, at each of some details.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    details : details to build.
+    other_units : units of progress after this step.
+    """
     from facade_core.core.grouping import group_rows
     from facade_core.export.factored.wall_decomposition import WallDecomposition
     from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
     source = found.textured
-    planes = _planes(found, buildings)
-    libraries, of, notes = _libraries(found, list(planes))
-    begin_stage("export", len(planes) + more)
+    planes = _planar_walls(found, buildings)
+    libraries, of, notes = _build_libraries(found, list(planes))
+    begin_stage("export", len(planes) + other_units)
     of_building = group_rows(source.charts.building[source.mesh.chart])
     by_detail: list[dict[int, WallPieces]] = [{} for _ in details]
     for index, own in planes.items():
         building = int(found.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        seen = WallDecomposition(_facade(found, index), libraries[of[index]])
+        seen = WallDecomposition(_read_facade(found, index), libraries[of[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             build_wall(
                 seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, WallPieces())
             )
         report_progress("export", 1)
     charts = np.array(sorted(int(found.plan.facades.chart[index]) for index in planes), np.int64)
-    return Laid(charts, libraries, by_detail, notes)
+    return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
-    """The facades with a finished layout whose walls are plane: their polygons."""
+def _planar_walls(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
+    """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
     from facade_core.export.factored.wall_geometry import WallPolygon, is_planar
@@ -81,28 +97,27 @@ def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     return planes
 
 
-def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
-    """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
-    whose."""
+def _build_libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
+    """Build a library for each exemplar in use and for each photographed facade; map facades to them."""
     from facade_core.export.factored.library import build_library
     from facade_core.export.pictures.stage_pictures import read_chart_raster
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
-    given = _given(found)
+    given = _original_exemplars(found)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
     of: dict[int, int] = {}
     coarse = 0
     placement = found.plan.scene.placement
-    begin_stage("libraries", len({_source(found, index) for index in facades}))
+    begin_stage("libraries", len({_facade_source(found, index) for index in facades}))
     for index in facades:
-        source = _source(found, index)
+        source = _facade_source(found, index)
         if source not in number:
             if source in exemplars:
                 k = exemplars[source]
                 image, labels = (found.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
-                fine = _fine(given.get(source), image)
+                fine = _read_original(given.get(source), image)
                 coarse += fine is None
                 density = 1 / float(found.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
                 made = build_library(image, labels, elements(labels), density, fine, seed=k)
@@ -127,14 +142,14 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLib
     return libraries, of, notes
 
 
-def _source(found: Published, index: int) -> str:
+def _facade_source(found: Published, index: int) -> str:
     record = found.records[index]
     assert record is not None  # it has a layout
     return str(record["source"])
 
 
-def _given(found: Published) -> dict[str, Path]:
-    """The exemplars by name as they were given, where they still are."""
+def _original_exemplars(found: Published) -> dict[str, Path]:
+    """Find the original exemplar files that still exist, by name."""
     path = read_source(found.snapshot.out)
     if path is None:
         return {}
@@ -144,9 +159,11 @@ def _given(found: Published) -> dict[str, Path]:
         return {}
 
 
-def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
-    """A given exemplar with all its pixels; None where it is not what was stored, or has no more. What hid a facade, or is
-    private, was made anew before it was stored: such an exemplar is not taken."""
+def _read_original(path: Path | None, image: np.ndarray) -> np.ndarray | None:
+    """Read an exemplar at full resolution; None if it differs from the stored picture or is not larger.
+
+    A stored picture differs if occluders or private areas were replaced in it.
+    """
     from facade_core.core.resizing import resize_image
 
     if path is None:
@@ -158,10 +175,10 @@ def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
     if fine.shape[0] <= image.shape[0]:
         return None
     off = np.abs(resize_image(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
-    return fine if float(np.percentile(off, 99.5)) <= SAME else None
+    return fine if float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE else None
 
 
-def _facade(found: Published, index: int) -> FactoredFacade:
+def _read_facade(found: Published, index: int) -> FactoredFacade:
     from facade_core.export.factored.wall_decomposition import FactoredFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 

@@ -1,4 +1,4 @@
-"""The parts of a published block as models answer for them: facades by the catalogue, others by their building."""
+"""Feature table of a published block's model: facades from the catalogue, other parts from their building."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from facade_core.geometry.charts import CHART_KINDS
 from tasks.publish.opened import Published
 
 # The foot line is in the model already.
-LEFT_OUT = ("geometry",)
+OMITTED_COLUMNS = ("geometry",)
 # Columns that say of a building's other parts what they say of its facades; the sums over its facades that it has itself.
-OF_BUILDING = (
+BUILDING_COLUMNS = (
     "block",
     "building",
     "part_of",
@@ -27,14 +27,14 @@ OF_BUILDING = (
     "roof_confidence",
     "code_version",
 )
-SUMS = ("windows", "doors", "balconies", "shops", "windows_seen", "doors_seen", "balconies_seen", "shops_seen")
+SUMMED_COLUMNS = ("windows", "doors", "balconies", "shops", "windows_seen", "doors_seen", "balconies_seen", "shops_seen")
 
 
-def features_of(found: Published) -> FeatureTable:
-    """A row for every facade, every other surface of a building, every piece of ground and every building."""
+def build_feature_table(found: Published) -> FeatureTable:
+    """Build a row for each facade, other building surface, ground tile and building."""
     charts, plan = found.plan.scene.charts, found.plan
     rows: list[dict[str, Any]] = []
-    catalogue = _catalogue(found)
+    catalogue = _read_facade_rows(found)
     facade_at = dict(zip(plan.facades.chart.tolist(), plan.facades.id, strict=True))
     of_chart, of_owner = (np.full(len(charts), -1, np.int64) for _ in range(2))
 
@@ -56,7 +56,7 @@ def features_of(found: Published) -> FeatureTable:
             of_chart[chart] = of_owner[chart] = add(piece)
             continue
         if building not in building_rows:
-            building_rows[building] = add(_building(found, building, facades_of.get(found.names[building], [])))
+            building_rows[building] = add(_building_row(found, building, facades_of.get(found.names[building], [])))
         of_owner[chart] = building_rows[building]
         if chart in facade_at and facade_at[chart] in catalogue:
             of_chart[chart] = add(catalogue[facade_at[chart]])
@@ -66,19 +66,19 @@ def features_of(found: Published) -> FeatureTable:
             whole = rows[building_rows[building]]
             number = counts[building, kind] = counts.get((building, kind), -1) + 1
             part = {"id": f"{found.names[building]}-{CHART_KINDS[kind]}-{number}", "kind": CHART_KINDS[kind]}
-            of_chart[chart] = add({name: whole.get(name) for name in OF_BUILDING} | part)
+            of_chart[chart] = add({name: whole.get(name) for name in BUILDING_COLUMNS} | part)
             shared[building, surface] = int(of_chart[chart])
     return FeatureTable(
-        tuple(map(_property, (column for column in COLUMNS if column.name not in LEFT_OUT))), rows, of_chart, of_owner
+        tuple(map(_property, (column for column in COLUMNS if column.name not in OMITTED_COLUMNS))), rows, of_chart, of_owner
     )
 
 
-def _catalogue(found: Published) -> dict[str, dict[str, Any]]:
-    """The rows of facades by their ids; of a column that the version which published them had not, None."""
+def _read_facade_rows(found: Published) -> dict[str, dict[str, Any]]:
+    """Read the rows of facades by id; columns that an older version did not publish are None."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    names = [column.name for column in COLUMNS if column.name not in LEFT_OUT]
+    names = [column.name for column in COLUMNS if column.name not in OMITTED_COLUMNS]
     try:
         held = pq.ParquetFile(io.BytesIO(found.snapshot.items.read_bytes()))
         table = held.read(columns=[name for name in names if name in held.schema_arrow.names])
@@ -91,12 +91,12 @@ def _catalogue(found: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows}
 
 
-def building_rows(found: Published) -> dict[int, dict[str, Any]]:
-    """What each building says of itself, by the catalogue's columns."""
+def list_building_rows(found: Published) -> dict[int, dict[str, Any]]:
+    """Return the row of each building by index, with the catalogue's columns."""
     of: dict[str, list[dict[str, Any]]] = {}
-    for row in _catalogue(found).values():
+    for row in _read_facade_rows(found).values():
         of.setdefault(row["building"], []).append(row)
-    return {building: _building(found, building, of.get(name, [])) for building, name in found.names.items()}
+    return {building: _building_row(found, building, of.get(name, [])) for building, name in found.names.items()}
 
 
 def _property(column: ItemColumn) -> MetadataProperty:
@@ -105,12 +105,12 @@ def _property(column: ItemColumn) -> MetadataProperty:
     return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)
 
 
-def _building(found: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
-    """A building's own row: what the plan says of it, and what its facades come to together."""
+def _building_row(found: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
+    """Compose the row of a building from the plan and from sums over its facades."""
     table = {name: column[building] for name, column in found.buildings.items()}
     qualities = sorted({quality for row in facades for quality in str(row["quality"] or "").split(", ") if quality})
     floors = [row["floors"] for row in facades if row["floors"] is not None]
-    sums = {name: sum(values) for name in SUMS if (values := [row[name] for row in facades if row[name] is not None])}
+    sums = {name: sum(values) for name in SUMMED_COLUMNS if (values := [row[name] for row in facades if row[name] is not None])}
     return {
         "id": found.names[building],
         "kind": "building",

@@ -1,4 +1,4 @@
-"""Export what a run published into the formats that others open."""
+"""Export of published results into a folder, a file or a bucket, atomically."""
 
 from __future__ import annotations
 
@@ -25,8 +25,15 @@ HIDDEN_MARKER = ".export.json"
 
 
 @dataclass(frozen=True)
-class Exported:
-    """An export: its folder, or its one file; the files to open first; what the reader should know, one line each."""
+class ExportResult:
+    """Finished export.
+
+    Attributes
+    ----------
+    path : its folder, or its single file.
+    files : files to open first.
+    notes : remarks for the user, one line each.
+    """
 
     path: Folder
     files: tuple[Folder, ...]
@@ -64,7 +71,7 @@ def _writers() -> dict[str, Writer]:
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd")
 
 # Of which formats options are, factored ones apart.
-OF_OPTION = {
+FORMATS_BY_OPTION = {
     "textures": ("3dtiles", f"{FACTORED} 3dtiles", f"{FACTORED} glb"),
     "max_texture_mb": ("3dtiles",),
     "lit": ("glb", "3dtiles", "usd"),
@@ -72,7 +79,7 @@ OF_OPTION = {
 }
 
 
-def export(
+def export_run(
     out: Folder | str,
     format: str,
     to: Path | str | None = None,
@@ -82,17 +89,29 @@ def export(
     max_texture_mb: float | None = None,
     lit: bool | None = None,
     night: bool = False,
-) -> Exported:
-    """Write what the run in `out` published as `format` (one of FORMATS), all of it or the `buildings` named by id.
+) -> ExportResult:
+    """Export the published results of a run.
 
-    The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
-    replaced unless something in it was added or changed since. Where it ends in .gpkg, that format is written as this one
-    new file. Of a run in a bucket that is exported whole it is OUT/exports/FORMAT/SNAPSHOT where it is None; the marker
-    arrives last, and of earlier exports the newest stays, as somebody may read it. textures: of 3dtiles how its pictures are
-    encoded (jpeg where it is None, webp, ktx2); of glb and 3dtiles FACTORED, a model of few pictures, which is unlit.
-    max_texture_mb is of 3dtiles alone: what the pictures of a view may take of a graphics card (where it is None, 300, of ktx2
-    120; infinity: all of them as they are). lit and night are of glb, 3dtiles and usd: whether materials take light, and
-    windows give it. Raises InputError in one line with the remedy.
+    The target appears whole or not at all. An earlier export of the format is replaced unless a file in it was added or
+    changed since.
+
+    A bucket receives OUT/exports/FORMAT/SNAPSHOT. The marker arrives last, and the newest earlier export stays for its
+    readers.
+
+    Parameters
+    ----------
+    out : folder of the run.
+    format : one of FORMATS.
+    to : target folder; None: OUT/exports/FORMAT. A path that ends in .gpkg is one new file.
+    buildings : ids of buildings; empty: all.
+    textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED: an unlit model of few pictures, for glb too.
+    max_texture_mb : 3dtiles only: graphics memory of a view, MB; None: 300, for ktx2 120; infinity: full resolution.
+    lit : glb, 3dtiles and usd: materials react to light.
+    night : glb, 3dtiles and usd: windows emit light.
+
+    Raises
+    ------
+    InputError : one line with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
@@ -100,8 +119,8 @@ def export(
     options = {name: value for name, value in asked.items() if value is not None}
     made = f"{FACTORED} {format}" if textures == FACTORED else format
     for name in options:
-        if made not in OF_OPTION[name]:
-            whose = " and ".join(OF_OPTION[name])
+        if made not in FORMATS_BY_OPTION[name]:
+            whose = " and ".join(FORMATS_BY_OPTION[name])
             raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {made}")
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
@@ -115,8 +134,8 @@ def export(
         return _export(found, format, None if to is None else Path(to), buildings, as_file, options)
 
 
-def marker_of(format: str) -> str:
-    """The name of the file that says of an export what it was made of."""
+def marker_name(format: str) -> str:
+    """Return the name of an export's marker file, which lists its sources and digests."""
     return HIDDEN_MARKER if format == "labelme" else MARKER
 
 
@@ -127,7 +146,7 @@ def _export(
     buildings: Sequence[str],
     as_file: bool,
     options: Mapping[str, Any],
-) -> Exported:
+) -> ExportResult:
     chosen = found.choose(buildings)
     target = Path(str(found.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
@@ -138,15 +157,15 @@ def _export(
         main, notes = _writers()[format](found, chosen, temporary, **options)
         if as_file:
             os.replace(temporary / main[0], target)
-            return Exported(target, (target,), tuple(notes))
+            return ExportResult(target, (target,), tuple(notes))
         about: dict[str, Any] = {
             "format": format,
             "block": found.block,
             "snapshot": found.snapshot.id,
             "crs": found.crs,
         }
-        about |= {"notes": notes, "files": main, "digests": _digests(temporary)}
-        (temporary / marker_of(format)).write_text(json.dumps(about, indent=1) + "\n")
+        about |= {"notes": notes, "files": main, "digests": _file_digests(temporary)}
+        (temporary / marker_name(format)).write_text(json.dumps(about, indent=1) + "\n")
         if target.exists():
             shutil.rmtree(target)
         os.replace(temporary, target)
@@ -154,10 +173,10 @@ def _export(
         raise InputError(f"{target}: cannot be written ({error.strerror}); name another place with --to") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    return Exported(target, tuple(target / name for name in main), tuple(notes))
+    return ExportResult(target, tuple(target / name for name in main), tuple(notes))
 
 
-def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> Exported:
+def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> ExportResult:
     here = local_folder(place) / "exports" / format
     try:
         with published(place) as found:
@@ -166,21 +185,21 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
         map_concurrently(
             lambda name: object_store.upload_object(join_path(target, name).path, join_path(here, name)),
-            [n for n in names if n != marker_of(format)],
+            [n for n in names if n != marker_name(format)],
             target,
         )
-        object_store.upload_object((target / marker_of(format)).path, here / marker_of(format))
+        object_store.upload_object((target / marker_name(format)).path, here / marker_name(format))
     finally:
         shutil.rmtree(here, ignore_errors=True)
-    _forget_exports(target)
+    _remove_old_exports(target)
     files = tuple(
         join_path(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path)
     )
-    return Exported(target, files, written.notes)
+    return ExportResult(target, files, written.notes)
 
 
-def _forget_exports(newest: S3Folder) -> None:
-    """Remove what lies beside the newest export of a format in a bucket, but for the one before it."""
+def _remove_old_exports(newest: S3Folder) -> None:
+    """Remove exports of a format from a bucket, except the newest and the one before it."""
     beside = {name: one for name, one in object_store.list_objects(newest.parent.path).items() if "/" in name}
     whole = {
         name.partition("/")[0]: one.written
@@ -197,7 +216,7 @@ def _check_target(target: Path, format: str, as_file: bool) -> None:
         if target.exists() or target.is_symlink():
             raise InputError(f"{target}: is there already; remove it, or name a new file with --to")
     elif target.is_dir():
-        if any(target.iterdir()) and (why := _not_ours(target, format)):
+        if any(target.iterdir()) and (why := _foreign_content(target, format)):
             raise InputError(f"{target}: {why}; name a new or empty folder with --to")
     elif target.exists():
         raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
@@ -221,8 +240,8 @@ def _check_target(target: Path, format: str, as_file: bool) -> None:
         )
 
 
-def _not_ours(folder: Path, format: str) -> str | None:
-    """Why a folder must not be replaced, None where it is an export of the format as it was written."""
+def _foreign_content(folder: Path, format: str) -> str | None:
+    """Explain why a folder must not be replaced; None if it is an unchanged export of the format."""
     try:
         hidden = folder / HIDDEN_MARKER
         about = json.loads((hidden if hidden.is_file() else folder / MARKER).read_text())
@@ -231,13 +250,13 @@ def _not_ours(folder: Path, format: str) -> str | None:
             return f"holds an export of {about['format']}"
     except (OSError, ValueError, KeyError, TypeError):
         return "holds other files than an export"
-    now = _digests(folder)
+    now = _file_digests(folder)
     touched = sorted(name for name in digests.keys() | now.keys() if digests.get(name) != now.get(name))
     return f"{touched[0]} was added or changed since the export" if touched else None
 
 
-def _digests(folder: Path) -> dict[str, str]:
-    """A digest of every file below a folder, but for the marker."""
+def _file_digests(folder: Path) -> dict[str, str]:
+    """Compute a digest of every file below a folder except the marker."""
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and path not in (folder / MARKER, folder / HIDDEN_MARKER):

@@ -1,4 +1,4 @@
-"""What lighting of a published block's models needs, as its store has it."""
+"""Inputs of relighting, read from a published block's store."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from tasks.publish.opened import Published
 from tasks.stages.shared.materials import material_field, stored_material_field
 
 
-def lighting(found: Published) -> RelightingInputs:
-    """Of a block; stores that were written before they noted their sun have none, and keep its light in their colours."""
+def relighting_inputs(found: Published) -> RelightingInputs:
+    """Read the inputs of relighting.
+
+    Stores from before the sun was recorded have none; the light of their colours stays.
+    """
     plan, group = found.plan, found.group
     placement = plan.scene.placement
     # a network's colours are not those of materials, but what it was shown is made of the same
@@ -45,8 +48,8 @@ def lighting(found: Published) -> RelightingInputs:
     )
 
 
-def mostly_photographed(found: Published) -> bool:
-    """Whether most of what a block shows of its buildings is texture of the source's own."""
+def is_mostly_photographed(found: Published) -> bool:
+    """Report whether most texels of a block's buildings are textures of the source model."""
     plan = found.plan
     own = plan.in_core & (plan.scene.charts.building >= 0)
     texels = plan.texel_counts()

@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.features import file_stem
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.earth import on_earth
+from tasks.export.earth import place_on_earth
 from tasks.publish.opened import Published
 
 if TYPE_CHECKING:
@@ -19,32 +19,43 @@ if TYPE_CHECKING:
     from facade_core.export.models.textured_mesh import TexturedMesh
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
-TEXTURES = "jpeg"
+DEFAULT_ENCODING = "jpeg"
 # What --textures says of a model whose facades are of types and tiling materials.
 FACTORED = "factored"
 # Beside a tileset: what all of its tiles take together.
-FIGURES = "figures.json"
+STATISTICS_FILE = "figures.json"
 
 
-def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[TexturedMesh, list[str]]:
-    """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
-    for of what is not lit."""
+def select_lighting(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[TexturedMesh, list[str]]:
+    """Return the mesh of a block, relit if requested, and notes.
+
+    Parameters
+    ----------
+    found : published block.
+    lit : True: relight; False: keep colours; None: decide by `lit_by_default` and the share of photographs.
+    night : night emission is requested.
+    lit_by_default : the format is lit by default.
+
+    Raises
+    ------
+    InputError : a night model of unlit materials.
+    """
     from facade_core.export.lighting.relighting import relight
-    from tasks.export.lighting import lighting, mostly_photographed
+    from tasks.export.lighting import is_mostly_photographed, relighting_inputs
 
     asked = lit
     if lit is None:
-        lit = (lit_by_default or night) and (night or not mostly_photographed(found))
+        lit = (lit_by_default or night) and (night or not is_mostly_photographed(found))
     if not lit:
         if night:
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
         return found.textured, [whose] if asked is None and lit_by_default else []
-    return relight(found.textured, lighting(found)), []
+    return relight(found.textured, relighting_inputs(found)), []
 
 
-def with_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
-    """The buildings, and the ground (-1) where they are all there are."""
+def add_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
+    """Append the ground (-1) if the buildings are all of the block's."""
     return np.append(buildings, -1) if len(buildings) == len(found.choose(())) else buildings
 
 
@@ -57,18 +68,32 @@ def write_models(
     lit: bool | None = None,
     night: bool = False,
 ) -> tuple[list[str], list[str]]:
-    """block.glb with a node per building, and buildings/ID.glb each, all in the block's local frame (extras: origin, crs); with
-    any `textures` block.glb alone, factored."""
+    """Write block.glb with a node for each building, and buildings/ID.glb, in the block's local frame.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+    textures : FACTORED writes block.glb alone, factored; None: unique texels.
+    lit : relight materials; see `select_lighting`.
+    night : start with night emission.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     if textures is not None:
         from tasks.export.factored import write_factored
 
-        return write_factored(found, buildings, with_ground(found, buildings), folder)
+        return write_factored(found, buildings, add_ground(found, buildings), folder)
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.glb import encode_glb
     from facade_core.export.models.gltf_materials import encode_textures
     from facade_core.export.models.textured_mesh import build_nodes, draw_page_images, local_frame, pack_charts
 
-    source, notes = shown(found, lit, night, lit_by_default=True)
+    source, notes = select_lighting(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": found.crs}
     (folder / "buildings").mkdir()
@@ -86,7 +111,7 @@ def write_models(
 
     for building in buildings.tolist():
         write(folder / "buildings" / f"{file_stem(found.names[building])}.glb", np.array([building]))
-    write(folder / "block.glb", with_ground(found, buildings))
+    write(folder / "block.glb", add_ground(found, buildings))
     return ["block.glb"], notes
 
 
@@ -95,16 +120,32 @@ def write_3dtiles(
     buildings: np.ndarray,
     folder: Path,
     *,
-    textures: str = TEXTURES,
+    textures: str = DEFAULT_ENCODING,
     max_texture_mb: float | None = None,
     lit: bool | None = None,
     night: bool = False,
 ) -> tuple[list[str], list[str]]:
-    """tileset.json and its tiles, on the earth, whose parts answer with the catalogue's columns."""
+    """Write tileset.json and its georeferenced tiles, with the catalogue's columns as metadata.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+    textures : encoding of the pictures, or FACTORED.
+    max_texture_mb : graphics memory of a view, MB; None: default of the encoding.
+    lit : relight materials; see `select_lighting`.
+    night : bake night emission.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     if textures == FACTORED:
         from tasks.export.factored import write_factored_tiles
 
-        return write_factored_tiles(found, buildings, with_ground(found, buildings), folder)
+        return write_factored_tiles(found, buildings, add_ground(found, buildings), folder)
     from dataclasses import replace
 
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
@@ -113,14 +154,14 @@ def write_3dtiles(
     from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.tileset import count_tiles, view_scale, write_tileset
-    from tasks.export.features import features_of
+    from tasks.export.features import build_feature_table
 
     encoded = texture_encoder(textures)
-    source, notes = shown(found, lit, night, lit_by_default=False)
-    chosen = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
+    source, notes = select_lighting(found, lit, night, lit_by_default=False)
+    chosen = np.isin(source.charts.building[source.mesh.chart], add_ground(found, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = found.plan.scene.spec.texels_per_metre
-    frame, extras, said = on_earth(found, local_frame(source.mesh).origin)
+    frame, extras, said = place_on_earth(found, local_frame(source.mesh).origin)
     notes += said
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
@@ -145,7 +186,7 @@ def write_3dtiles(
         cells,
         shells,
         frame,
-        features_of(found),
+        build_feature_table(found),
         encoded,
         write,
         scale=scale,
@@ -163,5 +204,5 @@ def write_3dtiles(
         "texels_used": round(tiled.used_texels / max(tiled.page_texels, 1), 4),
         "scale": round(scale, 4),
     }
-    (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
+    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
     return ["tileset.json"], notes

@@ -1,4 +1,4 @@
-"""Facades of a published block as Cloud Optimized GeoTIFFs in the planes of their walls, with a STAC Item each."""
+"""Cloud Optimized GeoTIFFs of a published block's facades in their wall planes, each with a STAC Item."""
 
 from __future__ import annotations
 
@@ -21,18 +21,30 @@ if TYPE_CHECKING:
     from facade_core.export.bodies.wall_plane import WallPlane
 
 # Of the file's tiles, texels: those of a facade are few.
-BLOCK = 256
+TILE_TEXELS = 256
 
 
 def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """ID.tif for every facade that has surfaces, textured or not, and ID.json, a STAC Item, beside it."""
+    """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.export.bodies.wall_plane import wall_plane
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades, source = found.plan.facades, found.textured
     drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
-    rows = _rows(found)
+    rows = _read_facade_rows(found)
     begin_stage("export", len(chosen))
     names = []
     for index in chosen:
@@ -49,8 +61,8 @@ def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     return names, []
 
 
-def _rows(found: Published) -> dict[str, dict[str, Any]]:
-    """The catalogue's rows of facades by id; foot lines in WGS 84."""
+def _read_facade_rows(found: Published) -> dict[str, dict[str, Any]]:
+    """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
     import geopandas as gpd
 
     try:
@@ -84,7 +96,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
         "transform": Affine(*plane.transform),
         "compress": "DEFLATE",
         "predictor": "YES",
-        "blocksize": BLOCK,
+        "blocksize": TILE_TEXELS,
         "num_threads": 1,
     }
     with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(path, "w", **profile) as file:
@@ -104,7 +116,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
 def _item(
     found: Published, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
-    """The facade's Item: its foot line on the earth, its raster's frame by the projection extension, its pose in the world."""
+    """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
     import pystac
     import shapely
 

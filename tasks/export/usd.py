@@ -1,4 +1,4 @@
-"""OpenUSD of a published block: a stage for each building, one that references them, and all of it as one package."""
+"""OpenUSD of a published block: a stage for each building, a stage of references, and a package."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from catalogs.features import file_stem
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.features import building_rows
-from tasks.export.models import shown, with_ground
+from tasks.export.features import list_building_rows
+from tasks.export.models import add_ground, select_lighting
 from tasks.publish.opened import Published
 
 # 1980-01-02 in any time zone, the first day that a package can state, seconds.
-CHANGED_S = 315_619_200
+PACKAGE_TIME_S = 315_619_200
 # Names of texture files by the fields of MaterialTextures.
 TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emissive": "glow"}
 
@@ -24,7 +24,21 @@ TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emi
 def write_usd(
     found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
 ) -> tuple[list[str], list[str]]:
-    """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
+    """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
+
+    Parameters
+    ----------
+    found : published block.
+    buildings : (n,) indices of buildings.
+    folder : target folder.
+    lit : relight materials; see `select_lighting`.
+    night : night emission.
+
+    Returns
+    -------
+    files : files to open first.
+    notes : remarks for the user.
+    """
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.gltf_materials import DAY, NIGHT, encode_textures
     from facade_core.export.models.textured_mesh import (
@@ -44,8 +58,8 @@ def write_usd(
     )
 
     import_usd()
-    source, notes = shown(found, lit, night, lit_by_default=True)
-    drawn = pack_charts(source, source.select_charts(with_ground(found, buildings)))
+    source, notes = select_lighting(found, lit, night, lit_by_default=True)
+    drawn = pack_charts(source, source.select_charts(add_ground(found, buildings)))
     frame = ZUpFrame(local_frame(found.plan.scene.mesh).origin)
     nodes, _ = build_nodes([drawn], found.names, frame)
     begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
@@ -63,7 +77,7 @@ def write_usd(
         pages.append(TextureFiles(**{field: f"../{file}" for field, file in files.items()}))
         report_progress("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
-    rows = {found.names[index]: row for index, row in building_rows(found).items()}
+    rows = {found.names[index]: row for index, row in list_building_rows(found).items()}
     parts: dict[str, str] = {}
     for node in nodes:
         parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
@@ -81,7 +95,7 @@ def write_usd(
     write_usd_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line, time)
     packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
     for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
-        os.utime(folder / name, (CHANGED_S, CHANGED_S))
+        os.utime(folder / name, (PACKAGE_TIME_S, PACKAGE_TIME_S))
     write_usd_package(folder, packed, folder / f"{stem}.usdz")
     report_progress("export", 1)
     return [f"{stem}.usda", f"{stem}.usdz"], notes

@@ -31,10 +31,10 @@ from tasks.training.parser import stage_progress
 # Texels are only counted in the renderings, not shown: few are enough.
 TEXELS_PER_METRE = 4.0
 # Viewpoints that are rendered one after another, and how often in each block.
-RUN, RUNS = 4, 16
-PROCEDURAL = 8
+VIEWPOINTS_PER_RUN, RUNS_PER_BLOCK = 4, 16
+PROCEDURAL_STREETS = 8
 # Every so-manieth run of renderings is for judging; of panoramas where none is named for it, one part of so many.
-EVERY = 5
+VALIDATION_STRIDE = 5
 
 
 @dataclass(frozen=True)
@@ -155,24 +155,24 @@ def read_panorama_sets(
 def _assign_validation(count: int) -> list[bool | None]:
     """Which of some pictures in the order of their names judge: the last fifth, a stretch of a street as cameras number them;
     None of those before that, as many as a half of it, which show the same walls."""
-    judging = -(-count // EVERY)
+    judging = -(-count // VALIDATION_STRIDE)
     between = judging // 2
     return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
 def render_training_views(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
     """Renderings to learn from and to judge by, of runs of viewpoints in the streets of blocks and of procedural streets."""
-    begin_stage("renderings", RUNS * len(blocks) + PROCEDURAL)
+    begin_stage("renderings", RUNS_PER_BLOCK * len(blocks) + PROCEDURAL_STREETS)
     runs: list[list[TrainingRendering]] = []
-    for number in range(PROCEDURAL):
+    for number in range(PROCEDURAL_STREETS):
         runs.append(render_procedural_street(seed=100 * seed + number, furnished=number % 2 == 0))
         report_progress("renderings", 1)
     for path in blocks:
-        for run in render_block_runs(read_block(path), RUNS, seed=seed):
+        for run in render_block_runs(read_block(path), RUNS_PER_BLOCK, seed=seed):
             runs.append(run)
             report_progress("renderings", 1)
-    learnt = [view for number, run in enumerate(runs) if number % EVERY for view in run]
-    judged = [view for number, run in enumerate(runs) if number % EVERY == 0 for view in run]
+    learnt = [view for number, run in enumerate(runs) if number % VALIDATION_STRIDE for view in run]
+    judged = [view for number, run in enumerate(runs) if number % VALIDATION_STRIDE == 0 for view in run]
     return learnt, judged
 
 
@@ -207,13 +207,13 @@ def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[T
     starts = []
     for street in range(len(plan.streets)):
         viewpoints = plan.street_viewpoints(street)
-        for first in range(0, len(viewpoints) - RUN + 1, RUN):
-            starts.append((int(shown[[v.id for v in viewpoints[first : first + RUN]]].min()), street, first))
+        for first in range(0, len(viewpoints) - VIEWPOINTS_PER_RUN + 1, VIEWPOINTS_PER_RUN):
+            starts.append((int(shown[[v.id for v in viewpoints[first : first + VIEWPOINTS_PER_RUN]]].min()), street, first))
     # of the better half, so that open places are left out, but not always the narrowest streets
     better = sorted(starts, reverse=True)[: max(count, len(starts) // 2)]
     for number in rng.permutation(len(better))[:count].tolist():
         _, street, first = better[number]
-        viewpoints = plan.street_viewpoints(street)[first : first + RUN]
+        viewpoints = plan.street_viewpoints(street)[first : first + VIEWPOINTS_PER_RUN]
         height = float(viewpoints[0].position[2]) - texture.viewpoint_height
         line = plan.streets[street].line
         furniture = None

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from benchmarks.programs import Absent
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 
 Exported = Callable[..., Path]
 
@@ -43,7 +43,7 @@ def exported(undisturbed: tuple[Path, dict[str, Any]], common: Path) -> Exported
             fcntl.flock(lock, fcntl.LOCK_EX)
             folder = common / "exports" / name
             if not folder.is_dir():
-                export(undisturbed[0], style, folder, **options)
+                export_run(undisturbed[0], style, folder, **options)
             return folder
 
     return one

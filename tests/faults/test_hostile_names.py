@@ -28,7 +28,7 @@ from flows import artifacts, console
 from flows.cli import commands as cli
 from flows.markdown import escape_markdown, markdown_code
 from tasks.engine.outcome import log_units
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tests.exports import EACH
 from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 
@@ -169,7 +169,7 @@ def names_in(format: str, folder: Path) -> set[str]:
 @pytest.mark.parametrize("format", EACH)
 def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> None:
     target = made.top / "exports" / format
-    export(made.out, format, target)
+    export_run(made.out, format, target)
     found = names_in(format, target)
     if format == "labelme":
         assert len(found) == (items(made).kind == "facade").sum()

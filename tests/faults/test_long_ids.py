@@ -9,7 +9,7 @@ import pytest
 from catalogs.features import file_stem
 from catalogs.query.execution import query
 from tasks.engine.run import Run
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tests.faults.conftest import LONG
 
 
@@ -29,5 +29,5 @@ def test_a_building_and_a_street_with_such_an_id_are_published_and_exported(
     names = [path.name for path in (out / "published").rglob("*")]
     assert sum(name.startswith(LONG[:80]) for name in names) >= 2
     assert LONG in query(out)["building"].tolist()
-    done = export(out, style, tmp_path / ("all.gpkg" if style == "gpkg" else style), ())
+    done = export_run(out, style, tmp_path / ("all.gpkg" if style == "gpkg" else style), ())
     assert done.files

@@ -14,10 +14,10 @@ from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from tasks.city.blocks import read_city
-from tasks.city.city_log import known
+from tasks.city.city_log import prepare_city
 from tasks.corrections.correction_import import Taker, import_corrections
 from tasks.engine.store.status import record_source
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
 
@@ -36,7 +36,7 @@ def town(folder: Path, metres: int = 300, houses: dict[str, tuple[float, ...]] =
 def made(city: Path, *names: str) -> dict[str, Path]:
     """The blocks of a city, textured and published: all, or some; their files by name."""
     out = city.parent / "out"
-    files = known(city, out)[1]
+    files = prepare_city(city, out)[1]
     for name in names or files:
         done = texture(files[name], out / "blocks" / name)
         record_source(out / "blocks" / name, files[name])
@@ -52,7 +52,7 @@ def said(folder: Path, *corrections: dict[str, Any]) -> Path:
 def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_path: Path) -> None:
     city, out = town(tmp_path), tmp_path / "out"
     files = made(city)
-    before = known(city, out)[0].digests
+    before = prepare_city(city, out)[0].digests
     assert len(before) == 2
     of = {b: name for name in files for b in read_block(files[name]).part.buildings}  # type: ignore[union-attr]
     store = tmp_path / "town.corrections.jsonl"
@@ -67,14 +67,14 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
     )
     assert (done.files, done.facades, done.buildings) == ((store,), 1, 1)
     assert done.command == f"streetloom city {city} --out {out}"
-    after = known(city, out)[0].digests
+    after = prepare_city(city, out)[0].digests
     assert [name for name in before if before[name] != after[name]] == [of["h1"]] == [of["h2"]]
     made(city, of["h1"])
     assert set(query(out, where="corrected = 1")["building"]) == {"h1", "h2"}
     assert set(query(out, where="building = 'h1'")["height_m"]) == {9.5}
     assert read_block(files[of["h1"]]).digest == after[of["h1"]], "its run reads what the city was cut with"
     for name in files:
-        given = export(out / "blocks" / name, "cityjson", tmp_path / f"exported-{name}").path
+        given = export_run(out / "blocks" / name, "cityjson", tmp_path / f"exported-{name}").path
         assert not import_corrections(out, next(given.glob("*.city.json")), who="ben").files
 
     # of a block by itself, as the viewer does, it goes to the same file

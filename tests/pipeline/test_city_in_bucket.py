@@ -30,8 +30,8 @@ from flows.city import run_city_without_server
 from flows.city_options import CityOptions
 from flows.cli.commands import command_line
 from tasks.city import block_process
-from tasks.city.block_process import TIME_IS_UP
-from tasks.export.formats import export
+from tasks.city.block_process import DEADLINE_EXIT_CODE
+from tasks.export.formats import export_run
 from tests.bucket import KEY, SECRET, served
 from tests.pipeline.runs import ROOT, environment, working_in
 from tests.pipeline.stages import VIEW_SIZE, write_block
@@ -42,19 +42,19 @@ from tests.pipeline.test_cluster import finish, machines, wait_until
 pytestmark = pytest.mark.timeout(2400)
 
 # What runs a block as it is typed.
-TYPED = block_process._called
+TYPED = block_process._run_command
 
 
-def called(arguments: Sequence[str], ends: float | None) -> block_process.Called:
+def called(arguments: Sequence[str], ends: float | None) -> block_process.CommandResult:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
             summary = run_block_without_server(Path(arguments[1]), folder_at(arguments[3]), workers=1)
         except InputError as error:
-            return block_process.Called(2, str(error), "", 0.0)
-        return block_process.Called(0, "", json.dumps(summary, default=str), 0.0)
-    export(folder_at(arguments[1]), arguments[3])
-    return block_process.Called(0, "", "", 0.0)
+            return block_process.CommandResult(2, str(error), "", 0.0)
+        return block_process.CommandResult(0, "", json.dumps(summary, default=str), 0.0)
+    export_run(folder_at(arguments[1]), arguments[3])
+    return block_process.CommandResult(0, "", "", 0.0)
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3F
     file.write_text(yaml.safe_dump(keys))
     with served("city") as address, pytest.MonkeyPatch.context() as patch:
         patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
-        patch.setattr(block_process, "_called", called)
+        patch.setattr(block_process, "_run_command", called)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         out = S3Folder(f"{address.removeprefix('s3://')}/town")
         here, there = textured(file, base / "out"), textured(file, out)
@@ -157,7 +157,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
 ) -> None:
     file, out, _, first = cities
     base, killed = file.parent, S3Folder(f"{out.parent.path}/killed")
-    monkeypatch.setattr(block_process, "_called", TYPED)
+    monkeypatch.setattr(block_process, "_run_command", TYPED)
 
     # a night that begins when it is to be over, by the flow
     late = SimpleNamespace(scheduled_start_time=datetime(2026, 3, 1, 1, 0, tzinfo=UTC))
@@ -174,7 +174,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
         patch.setattr(flows_of_cities, "next_time_of_day", lambda until, since: datetime.now() + timedelta(seconds=2))
         stopped = textured(file, killed, until="06:00")
     assert sorted(stopped["left"]) == sorted(names), stopped["failures"]
-    assert [one["code"] for one in stopped["failures"]] == [TIME_IS_UP]
+    assert [one["code"] for one in stopped["failures"]] == [DEADLINE_EXIT_CODE]
 
     process = typed(file, killed, "--workers", "1")
     while not (begun := [name for name in names if len(done(killed / "blocks" / name)) > 2]):

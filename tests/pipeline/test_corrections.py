@@ -19,7 +19,7 @@ from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections.correction_import import Taker, import_corrections
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_source, record_source
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.training.corrected_facades import read_corrected_facades
 from tasks.viewing.facade_state import standing
 from tasks.viewing.run_view import Reader
@@ -61,7 +61,7 @@ GIVEN = {
 
 
 def given(folder: Path, format: str, to: str) -> Path:
-    return export(folder / "out", format, folder / to).path / GIVEN[format]
+    return export_run(folder / "out", format, folder / to).path / GIVEN[format]
 
 
 def test_what_was_corrected_is_done_again_exported_and_taken_back_as_it_stands(folder: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_copy_of_a_run_with_its_block_is_corrected_by_itself(tmp_path: Path) -
 
 
 def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:
-    written = export(folder / "out", "coco", folder / "exported").path / "annotations.json"
+    written = export_run(folder / "out", "coco", folder / "exported").path / "annotations.json"
     document = json.loads(written.read_text())
     image = next(one for one in document["images"] if one["facade"] == "b-2")
     ours = [one for one in document["annotations"] if one["image_id"] == image["id"]]
@@ -194,7 +194,7 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     )
     assert set(query(folder / "out", where="corrected = 1")["id"]) == {"b-2"}
     assert import_corrections(folder / "out", written, who="anna").facades == 0, "it stands as it was said"
-    newly = export(folder / "out", "coco", folder / "anew").path / "annotations.json"
+    newly = export_run(folder / "out", "coco", folder / "anew").path / "annotations.json"
     assert import_corrections(folder / "out", newly, who="anna").facades == 0, "and is exported so"
     assert texture(folder / "in" / "block.yaml", tmp_path / "fresh").said is None
     assert digests_of(tmp_path / "fresh") == digests_of(folder / "out")
@@ -261,7 +261,7 @@ def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path
 
 
 def test_tables_of_buildings_and_of_facades_correct_heights_and_what_is_none(folder: Path) -> None:
-    file = next(export(folder / "out", "gpkg", folder / "exported").path.glob("*.gpkg"))
+    file = next(export_run(folder / "out", "gpkg", folder / "exported").path.glob("*.gpkg"))
     table = geopandas.read_file(file, layer="buildings")
     table.loc[table["id"] == "a", "height_m"] = 8.5
     table.to_file(file, layer="buildings")

@@ -7,28 +7,28 @@ from dataclasses import asdict, replace
 import pytest
 
 from benchmarks.city.laying import COMMAND, COURSE, Ran, errors, fit, of_it
-from tasks.city.block_counts import Counts
-from tasks.city.cost import Cost, shipped
+from tasks.city.block_counts import BlockCounts
+from tasks.city.cost import CostModel, load_cost_model
 
-MODEL = Cost(
+MODEL = CostModel(
     fitted={},
-    counted=Counts(1.0, 1.0, 2.0, 1.0, 1.0, megapixels=1.0),
-    seconds=Counts(0.8, 0.5, 0.2, 0.4, 0.25, blocks=30.0, megapixels=1.5),
-    bytes=Counts(0.0, 1e5, 0.0, 0.0, 2e6, blocks=0.0, megapixels=3e5),
-    commits=Counts(1.5, 0.5, 0.0, 0.0, 0.0, blocks=3.0),
+    counted=BlockCounts(1.0, 1.0, 2.0, 1.0, 1.0, megapixels=1.0),
+    seconds=BlockCounts(0.8, 0.5, 0.2, 0.4, 0.25, blocks=30.0, megapixels=1.5),
+    bytes=BlockCounts(0.0, 1e5, 0.0, 0.0, 2e6, blocks=0.0, megapixels=3e5),
+    commits=BlockCounts(1.5, 0.5, 0.0, 0.0, 0.0, blocks=3.0),
 )
 TOLD = [
-    Counts(
+    BlockCounts(
         40 + 17 * n % 60, 10 + 23 * n % 50, 5 + 7 * n % 11, 4 + n % 3, 3.0 + 5 * n % 13, megapixels=1.0 + 11 * n % 17
     )
     for n in range(12)
 ]
 
 
-def ran(told: Counts) -> Ran:
+def ran(told: BlockCounts) -> Ran:
     """A block as the model has it, its seconds by the stages in which they are spent."""
-    had = told.times(MODEL.counted)
-    spent = asdict(had.times(MODEL.seconds))
+    had = told.multiply(MODEL.counted)
+    spent = asdict(had.multiply(MODEL.seconds))
     seconds = {
         "exemplars": spent["exemplars"],
         "facades": spent["facades"] + spent["megatexels"],
@@ -36,7 +36,7 @@ def ran(told: Counts) -> Ran:
         "surfaces": spent["ground"],
         COURSE: spent["blocks"],
     }
-    size, commits = (sum(asdict(had.times(one)).values()) for one in (MODEL.bytes, MODEL.commits))
+    size, commits = (sum(asdict(had.multiply(one)).values()) for one in (MODEL.bytes, MODEL.commits))
     return Ran("", 32.0, told, had, seconds, {"store": size}, {"commits": commits})
 
 
@@ -82,10 +82,10 @@ def test_more_workers_leave_what_they_wait_for() -> None:
 def test_no_more_blocks_than_there_are_go_at_a_time() -> None:
     one, four, many = (MODEL.estimate(TOLD, 2, at_once)["hours"] for at_once in (1, 4, 10_000))
     assert one / 4 == pytest.approx(four, rel=0.01)
-    assert many >= max(MODEL.seconds_of(told.times(MODEL.counted), 2) for told in TOLD) / 3600 * 0.99
+    assert many >= max(MODEL.clock_seconds(told.multiply(MODEL.counted), 2) for told in TOLD) / 3600 * 0.99
 
 
 def test_the_model_that_is_shipped_can_be_read() -> None:
-    assert shipped().estimate(TOLD, 2)["hours"] > 0
-    assert {"on", "machine", "error"} <= shipped().fitted.keys()
-    assert {"seconds", "bytes", "commits"} == shipped().fitted["error"].keys()
+    assert load_cost_model().estimate(TOLD, 2)["hours"] > 0
+    assert {"on", "machine", "error"} <= load_cost_model().fitted.keys()
+    assert {"seconds", "bytes", "commits"} == load_cost_model().fitted["error"].keys()

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from tasks.city import block_process
-from tasks.city.block_process import MACHINE, TIME_IS_UP, run_block
-from tasks.city.city_log import Ended
+from tasks.city.block_process import DEADLINE_EXIT_CODE, MACHINE_EXIT_CODE, run_block
+from tasks.city.city_log import BlockResult
 
 
-def ended(folder: Path, ends: float | None = None) -> Ended:
-    return run_block.fn(folder, "a", folder / "none.yaml", ["--workers", "1"], Ended(), "d", "v", ends, tiles=True)
+def ended(folder: Path, ends: float | None = None) -> BlockResult:
+    return run_block.fn(folder, "a", folder / "none.yaml", ["--workers", "1"], BlockResult(), "d", "v", ends, tiles=True)
 
 
 def test_what_a_block_says_is_why_it_failed(tmp_path: Path) -> None:
@@ -31,12 +31,12 @@ def test_a_block_that_cannot_be_run_stops_no_other(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(subprocess, "Popen", full)
     how = ended(tmp_path)
-    assert (how.code, how.reason, how.digest) == (MACHINE, "could not be run: no process more", "d")
+    assert (how.code, how.reason, how.digest) == (MACHINE_EXIT_CODE, "could not be run: no process more", "d")
 
 
 def test_a_block_whose_time_is_up_is_ended(tmp_path: Path) -> None:
     begun = time.time()
     how = ended(tmp_path, begun + 0.05)
-    assert how.code == TIME_IS_UP
+    assert how.code == DEADLINE_EXIT_CODE
     assert how.reason == "its time was up; what is done is kept"
-    assert time.time() - begun < block_process.PATIENCE_S
+    assert time.time() - begun < block_process.TERMINATION_TIMEOUT_S

@@ -18,7 +18,7 @@ from PIL import Image
 
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
-from tasks.examples.new_block import SquareArea, MapFiles, write_new_block
+from tasks.examples.new_block import MapFiles, SquareArea, write_new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)
 

@@ -15,7 +15,7 @@ from lxml import etree
 from PIL import Image
 
 from facade_core.export.models.glb import read_glb_header
-from tasks.export.formats import FORMATS, export
+from tasks.export.formats import FORMATS, export_run
 from tasks.publish.opened import Published
 from tests.exports import EACH
 
@@ -130,7 +130,7 @@ def test_each_format_is_asked() -> None:
 def test_a_format_names_the_licence_of_the_map(found: Published, undisturbed: Run, tmp_path: Path, style: str) -> None:
     name = found.names[int(found.plan.facades.building[found.rectified(found.choose(()))[0]])]
     line = found.attribution.line
-    folder = export(undisturbed[0], style, tmp_path / style, [name]).path
+    folder = export_run(undisturbed[0], style, tmp_path / style, [name]).path
     said = list(NAMED[style](Path(str(folder))))
     assert line.startswith(MAP)
     assert said

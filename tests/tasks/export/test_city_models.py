@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.solid import validated
 from catalogs.readers.cityjson.buildings import read_cityjson
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
@@ -61,7 +61,7 @@ def watertight(shell: list[list[list[int]]]) -> None:
 
 
 def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
+    path = export_run(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     city = json.loads(path.read_text())
     cityjson_is_sound(city)
     for name, thing in city["CityObjects"].items():
@@ -84,7 +84,7 @@ def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run,
 
 
 def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "lod3", tmp_path / "lod3").files[0]
+    path = export_run(undisturbed[0], "lod3", tmp_path / "lod3").files[0]
     city = json.loads(path.read_text())
     cityjson_is_sound(city)
     windows: dict[str, int] = {}
@@ -105,7 +105,7 @@ def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: R
 def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, style: str) -> None:
     if not VALIDATOR.is_file():
         pytest.skip(f"{VALIDATOR} is not there: solids are not validated by it")
-    path = export(undisturbed[0], style, tmp_path / style).files[0]
+    path = export_run(undisturbed[0], style, tmp_path / style).files[0]
     valid, errors = validated(path, VALIDATOR)
     assert not errors
     assert set(json.loads(path.read_text())["CityObjects"]) == set(valid)
@@ -113,12 +113,12 @@ def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, sty
 
 
 def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> None:
-    one, other = (export(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other"))
+    one, other = (export_run(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other"))
     assert one == other
 
 
 def test_a_stream_is_a_header_and_features_that_stand_alone(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
+    path = export_run(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
     header, *features = map(json.loads, path.read_text().splitlines())
     assert header["CityObjects"] == {}
     assert header["vertices"] == []
@@ -151,7 +151,7 @@ print(json.dumps({"textures": textures, "merged": parts[0].j}))
 
 
 def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
+    path = export_run(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     first, second = (found.names[b] for b in found.choose(())[:2].tolist())
     command = [sys.executable, "-c", CJIO, str(path), first, second]
     done = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout)

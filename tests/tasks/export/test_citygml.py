@@ -12,7 +12,7 @@ import pytest
 from lxml import etree
 
 from catalogs.readers.citygml.buildings import read_citygml
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
@@ -20,7 +20,7 @@ Run = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def path(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(str(export(undisturbed[0], "citygml", tmp_path_factory.mktemp("export") / "gml").files[0]))
+    return Path(str(export_run(undisturbed[0], "citygml", tmp_path_factory.mktemp("export") / "gml").files[0]))
 
 
 def test_it_fits_the_schemas_of_citygml_2_and_they_do_check(path: Path, tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_it_is_read_back_where_it_was(found: Published, path: Path) -> None:
 def test_it_says_what_the_city_json_of_lod3_says(
     found: Published, undisturbed: Run, path: Path, tmp_path: Path
 ) -> None:
-    city = json.loads(export(undisturbed[0], "lod3", tmp_path / "lod3").files[0].read_text())
+    city = json.loads(export_run(undisturbed[0], "lod3", tmp_path / "lod3").files[0].read_text())
     buildings = {one.get("{http://www.opengis.net/gml}id"): one for one in etree.parse(path).iterfind(".//{*}Building")}
     theirs = {id: one for id, one in city["CityObjects"].items() if one["type"] == "Building"}
     assert buildings.keys() == theirs.keys()

@@ -23,7 +23,7 @@ from catalogs.published.items import COLUMNS
 from facade_core.core.errors import InputError, StoreError
 from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line
-from tasks.export.formats import FORMATS, _writers, export, marker_of
+from tasks.export.formats import FORMATS, _writers, export_run, marker_name
 from tasks.export.models import write_3dtiles
 from tasks.publish.opened import Published
 from tests.exports import HERE
@@ -41,7 +41,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     for style in HERE:
         done = runner.invoke(command_line, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
         assert done.exit_code == 0, done.output
-        about = json.loads((tmp_path / style / marker_of(style)).read_text())
+        about = json.loads((tmp_path / style / marker_name(style)).read_text())
         assert about["snapshot"] == (undisturbed[0] / "current").read_text().strip()
         told = done.stdout.split()
         files = [str(tmp_path / style / name) for name in about["files"]]
@@ -58,7 +58,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
 def test_models_stand_where_the_block_does_and_look_like_its_atlas(
     found: Published, undisturbed: Run, tmp_path: Path
 ) -> None:
-    one = export(undisturbed[0], "glb", tmp_path / "all", lit=False).path
+    one = export_run(undisturbed[0], "glb", tmp_path / "all", lit=False).path
     model = trimesh.load(one / "block.glb")
     assert set(model.graph.nodes_geometry) == {*(found.names[b] for b in found.choose(()).tolist()), "ground"}
     assert len(list((one / "buildings").glob("*.glb"))) == len(found.choose(()))
@@ -88,7 +88,7 @@ def test_models_take_light_where_they_are_not_told_otherwise(
     building = [found.names[int(found.choose(())[0])]]
     made = {}
     for name, options in {"lit": {}, "again": {}, "night": {"night": True}, "unlit": {"lit": False}}.items():
-        folder = export(undisturbed[0], "glb", tmp_path / name, building, **options).path  # type: ignore[arg-type]
+        folder = export_run(undisturbed[0], "glb", tmp_path / name, building, **options).path  # type: ignore[arg-type]
         with (folder / "block.glb").open("rb") as file:  # type: ignore[operator]
             made[name] = (read_glb_header(file)[0], (folder / "block.glb").read_bytes())  # type: ignore[operator]
     assert made["lit"][1] == made["again"][1]
@@ -97,22 +97,22 @@ def test_models_take_light_where_they_are_not_told_otherwise(
     assert "emissiveTexture" in made["night"][0]["materials"][0]
     assert "emissiveTexture" not in made["lit"][0]["materials"][0]
     assert len(made["unlit"][1]) < len(made["lit"][1])
-    tiles = export(undisturbed[0], "3dtiles", tmp_path / "tiles", building, night=True).path
+    tiles = export_run(undisturbed[0], "3dtiles", tmp_path / "tiles", building, night=True).path
     with (tiles / "tiles" / "full.glb").open("rb") as file:  # type: ignore[operator]
         said = read_glb_header(file)[0]
     assert "KHR_materials_variants" not in said["extensionsUsed"]
     assert any("emissiveTexture" in one for one in said["materials"])
     with pytest.raises(InputError, match="--night"):
-        export(undisturbed[0], "glb", tmp_path / "none", lit=False, night=True)
+        export_run(undisturbed[0], "glb", tmp_path / "none", lit=False, night=True)
     with pytest.raises(InputError, match="--lit: is of glb and 3dtiles"):
-        export(undisturbed[0], "lod3", tmp_path / "none", lit=True)
+        export_run(undisturbed[0], "lod3", tmp_path / "none", lit=True)
 
 
 def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_path: Path) -> None:
     attribution = found.attribution
     assert {source.key for source in attribution.sources} >= {"buildings.path", "streets.path"}
     assert attribution.line.endswith(attribution.production_date or "?")
-    made = export(undisturbed[0], "glb", tmp_path / "glb").path
+    made = export_run(undisturbed[0], "glb", tmp_path / "glb").path
     for file in (made / "block.glb", next((made / "buildings").glob("*.glb"))):
         with file.open("rb") as opened:
             assert read_glb_header(opened)[0]["asset"]["copyright"] == attribution.line
@@ -124,7 +124,7 @@ def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_
 
 
 def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "3dtiles", tmp_path / "tiles").files[0]
+    path = export_run(undisturbed[0], "3dtiles", tmp_path / "tiles").files[0]
     tileset = json.loads(path.read_text())
     matrix = np.array(tileset["root"]["transform"]).reshape(4, 4).T
     longitude, latitude, _ = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*matrix[:3, 3])
@@ -153,7 +153,7 @@ def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(foun
 @pytest.mark.parametrize("style", ["3dtiles", "cityjsonseq", "gpkg"])
 def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Published, tmp_path: Path, style: str) -> None:
     name = found.names[int(found.choose(())[-1])]
-    one, two = (export(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
+    one, two = (export_run(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
     files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
     assert len(files) > 1
     for file in files:
@@ -161,7 +161,7 @@ def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Publish
 
 
 def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    path = export(undisturbed[0], "coco", tmp_path / "coco").files[0]
+    path = export_run(undisturbed[0], "coco", tmp_path / "coco").files[0]
     coco = json.loads(path.read_text())
     images = {image["id"]: image for image in coco["images"]}
     assert {image["facade"] for image in images.values()} == {
@@ -177,7 +177,7 @@ def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, t
         assert x + width <= image["width"] + 0.02
         assert y + height <= image["height"] + 0.02
         assert annotation["area"] == pytest.approx(width * height, rel=0.02)
-    done = export(undisturbed[0], "labelme", tmp_path / "labelme")
+    done = export_run(undisturbed[0], "labelme", tmp_path / "labelme")
     labelme = done.path
     index = json.loads((labelme / ".export.json").read_text())["files"]
     assert index == [file.name for file in done.files]
@@ -195,7 +195,7 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
     found: Published, undisturbed: Run, tmp_path: Path
 ) -> None:
     building = found.names[int(found.plan.facades.building[0])]
-    path = export(undisturbed[0], "gpkg", tmp_path / "one.gpkg", [building]).path
+    path = export_run(undisturbed[0], "gpkg", tmp_path / "one.gpkg", [building]).path
     assert path.is_file()
     assert {name for name, _ in pyogrio.list_layers(path)} == {
         "facades",
@@ -228,43 +228,43 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
 
 def test_one_building_alone_has_no_ground(found: Published, undisturbed: Run, tmp_path: Path) -> None:
     name = found.names[int(found.choose(())[0])]
-    one = export(undisturbed[0], "glb", tmp_path / "one", [name])
+    one = export_run(undisturbed[0], "glb", tmp_path / "one", [name])
     assert list(trimesh.load(one.files[0]).graph.nodes_geometry) == [name]
     with pytest.raises(InputError, match=f"--building {name}x: .* did you mean {name}"):
-        export(undisturbed[0], "glb", tmp_path / "two", [name + "x"])
+        export_run(undisturbed[0], "glb", tmp_path / "two", [name + "x"])
     with pytest.raises(InputError, match=f"--building {name}-1: that is a facade; --building {name} is its building"):
-        export(undisturbed[0], "glb", tmp_path / "two", [name + "-1"])
+        export_run(undisturbed[0], "glb", tmp_path / "two", [name + "-1"])
     assert not (tmp_path / "two").exists()
 
 
 def test_an_export_is_replaced_and_other_folders_are_not(undisturbed: Run, tmp_path: Path) -> None:
     for _ in range(2):
-        export(undisturbed[0], "coco", tmp_path / "again")
+        export_run(undisturbed[0], "coco", tmp_path / "again")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     with pytest.raises(InputError, match="holds other files"):
-        export(undisturbed[0], "coco", tmp_path / "mine")
+        export_run(undisturbed[0], "coco", tmp_path / "mine")
     with pytest.raises(InputError, match="is a folder"):
-        export(undisturbed[0], "glb", tmp_path / "block.glb")
+        export_run(undisturbed[0], "glb", tmp_path / "block.glb")
     with pytest.raises(InputError, match="--textures: is of 3dtiles"):
-        export(undisturbed[0], "glb", textures="webp")
+        export_run(undisturbed[0], "glb", textures="webp")
     with pytest.raises(InputError, match="choose glb"):
-        export(undisturbed[0], "obj")
+        export_run(undisturbed[0], "obj")
     with pytest.raises(InputError, match="holds an export of coco"):
-        export(undisturbed[0], "labelme", tmp_path / "again")
+        export_run(undisturbed[0], "labelme", tmp_path / "again")
     (tmp_path / "again" / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"notes\.txt was added or changed"):
-        export(undisturbed[0], "coco", tmp_path / "again")
+        export_run(undisturbed[0], "coco", tmp_path / "again")
     (tmp_path / "layers.gpkg").write_text("not yours")
     with pytest.raises(InputError, match="is there already"):
-        export(undisturbed[0], "gpkg", tmp_path / "layers.gpkg")
+        export_run(undisturbed[0], "gpkg", tmp_path / "layers.gpkg")
     assert (tmp_path / "layers.gpkg").read_text() == "not yours"
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
 
 
 def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing is published there"):
-        export(tmp_path, "glb")
+        export_run(tmp_path, "glb")
     broken = tmp_path / "broken"
     snapshot = (undisturbed[0] / "current").read_text().strip()
     shutil.copytree(undisturbed[0] / "store", broken / "store")
@@ -281,11 +281,11 @@ def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path
     with pytest.raises(
         InputError, match=r"\.jpg cannot be read as a picture; `streetloom run BLOCK\.yaml --out .*` publishes"
     ):
-        export(broken, "glb", tmp_path / "glb")
+        export_run(broken, "glb", tmp_path / "glb")
     assert not (tmp_path / "glb").exists()
     for other in ("0" * 20, "short"):
         (broken / "published" / other).mkdir()
         (broken / "published" / other / "items.parquet").touch()
         (broken / "current").write_text(other)
         with pytest.raises(StoreError, match=f"does not hold snapshot {other}"):
-            export(broken, "glb")
+            export_run(broken, "glb")

@@ -12,15 +12,15 @@ import trimesh
 
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import read_glb_header
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
 
 
 def test_a_factored_model_has_few_pictures_and_answers(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    whole = export(undisturbed[0], "glb", tmp_path / "whole").path
-    made = export(undisturbed[0], "glb", tmp_path / "factored", textures="factored").path
+    whole = export_run(undisturbed[0], "glb", tmp_path / "whole").path
+    made = export_run(undisturbed[0], "glb", tmp_path / "factored", textures="factored").path
     assert [path.name for path in sorted(Path(str(made)).iterdir())] == ["block.glb", "export.json", "figures.json"]
     with (made / "block.glb").open("rb") as file:
         document, _ = read_glb_header(file)
@@ -39,13 +39,13 @@ def test_a_factored_model_has_few_pictures_and_answers(found: Published, undistu
         InputError,
         match="--textures: is of 3dtiles and factored 3dtiles and factored glb; leave it out with factored usd",
     ):
-        export(undisturbed[0], "usd", textures="factored")
+        export_run(undisturbed[0], "usd", textures="factored")
     with pytest.raises(InputError, match="--lit: is of glb and 3dtiles and usd; leave it out with factored glb"):
-        export(undisturbed[0], "glb", textures="factored", lit=True)
+        export_run(undisturbed[0], "glb", textures="factored", lit=True)
 
 
 def test_factored_tiles_share_pictures_and_have_a_flat_level_of_fewer_types(undisturbed: Run, tmp_path: Path) -> None:
-    made = Path(str(export(undisturbed[0], "3dtiles", tmp_path / "tiles", textures="factored").path))
+    made = Path(str(export_run(undisturbed[0], "3dtiles", tmp_path / "tiles", textures="factored").path))
     tiles: dict[str, tuple[float, str | None]] = {}
 
     def walk(tile: dict[str, Any], folder: Path) -> None:
@@ -89,8 +89,8 @@ def test_factored_tiles_share_pictures_and_have_a_flat_level_of_fewer_types(undi
     }
     told = json.loads((made / "figures.json").read_text())
     assert told["types_from_far"] < told["types"]
-    again = Path(str(export(undisturbed[0], "3dtiles", tmp_path / "again", textures="factored").path))
+    again = Path(str(export_run(undisturbed[0], "3dtiles", tmp_path / "again", textures="factored").path))
     for path in (made / "tiles").iterdir():
         assert path.read_bytes() == (again / "tiles" / path.name).read_bytes()
     with pytest.raises(InputError, match="--max-texture-mb: is of 3dtiles; leave it out with factored 3dtiles"):
-        export(undisturbed[0], "3dtiles", textures="factored", max_texture_mb=100)
+        export_run(undisturbed[0], "3dtiles", textures="factored", max_texture_mb=100)

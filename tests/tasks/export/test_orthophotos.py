@@ -13,7 +13,7 @@ import rasterio
 
 from catalogs.features import file_stem
 from facade_core.export.pictures.stage_pictures import read_chart_raster
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
@@ -21,7 +21,7 @@ Run = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(str(export(undisturbed[0], "cog", tmp_path_factory.mktemp("export") / "cog").path))
+    return Path(str(export_run(undisturbed[0], "cog", tmp_path_factory.mktemp("export") / "cog").path))
 
 
 def test_every_facade_is_a_picture_of_its_texels_without_loss(found: Published, folder: Path) -> None:

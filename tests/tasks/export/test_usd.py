@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tasks.export.formats import export
+from tasks.export.formats import export_run
 from tasks.publish.opened import Published
 
 pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
@@ -18,7 +18,7 @@ Run = tuple[Path, dict[str, Any]]
 
 @pytest.fixture(scope="module")
 def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(str(export(undisturbed[0], "usd", tmp_path_factory.mktemp("export") / "usd").path))
+    return Path(str(export_run(undisturbed[0], "usd", tmp_path_factory.mktemp("export") / "usd").path))
 
 
 def errors_of(stage: Any) -> list[str]:
@@ -106,15 +106,15 @@ def test_windows_shine_by_night_alone_and_one_choice_says_so_for_all(
     block.SetVariantSelection("night")
     assert shining(stage) > 1
     assert errors_of(stage) == []
-    night = export(undisturbed[0], "usd", tmp_path / "night", night=True)
+    night = export_run(undisturbed[0], "usd", tmp_path / "night", night=True)
     assert shining(Usd.Stage.Open(str(night.files[0]))) == shining(stage)
-    unlit = export(undisturbed[0], "usd", tmp_path / "unlit", lit=False)
+    unlit = export_run(undisturbed[0], "usd", tmp_path / "unlit", lit=False)
     assert not list(Path(str(unlit.path)).glob("textures/*normal*"))
     assert errors_of(Usd.Stage.Open(str(unlit.files[0]))) == []
 
 
 def test_the_same_snapshot_gives_the_same_stages(undisturbed: Run, found: Published, tmp_path: Path) -> None:
     name = found.names[int(found.choose(())[-1])]
-    one, two = (export(undisturbed[0], "usd", tmp_path / side, [name]).path for side in "ab")
+    one, two = (export_run(undisturbed[0], "usd", tmp_path / side, [name]).path for side in "ab")
     for file in sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file()):
         assert (one / file).read_bytes() == (two / file).read_bytes(), file

@@ -11,7 +11,13 @@ from facade_core.core.errors import InputError, ModelError
 from facade_core.street.translator import training
 from facade_core.street.translator.training import SMALL_RECIPE
 from tasks.engine.store.status import record_source
-from tasks.training.translator import TrainingSplit, list_pictures, read_panorama_sets, read_run_panoramas, train_translator
+from tasks.training.translator import (
+    TrainingSplit,
+    list_pictures,
+    read_panorama_sets,
+    read_run_panoramas,
+    train_translator,
+)
 
 BLOCKS = Path(__file__).parents[3] / "catalogs" / "examples" / "blocks"
 
