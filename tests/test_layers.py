@@ -33,8 +33,7 @@ STOREYS = {
     "tasks": (
         ("engine",),
         ("stages",),
-        ("published",),
-        ("stages.publish",),
+        ("publish",),
         (
             "city",
             "doctor",

@@ -33,7 +33,7 @@ def measure(texels: float, night: float) -> dict[str, Any]:
         file.write_text(yaml.safe_dump(keys))
         blocks = read_city(file, Path(name) / "out").blocks
     cost = load_cost_model()
-    total = sum((block.told.multiply(cost.counted) for block in blocks), NO_COUNTS)
+    total = sum((block.counts.multiply(cost.counted) for block in blocks), NO_COUNTS)
     seconds, size, commits = (
         sum(asdict(total.multiply(one)).values()) for one in (cost.seconds, cost.bytes, cost.commits)
     )

@@ -271,18 +271,18 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import Editor
-        from tasks.corrections.correction_import import block_of
+        from tasks.corrections.correction_import import find_block_file
         from tasks.matching.match_table import TABLE
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
     for run in runs.values():
-        block_of(run)  # corrections are stored next to the block file
+        find_block_file(run)  # corrections are stored next to the block file
     if edit and len(runs) < 2:
-        folder = block_of(out).parent
+        folder = find_block_file(out).parent
         if photos is not None and not (folder / TABLE).is_file():
             raise InputError(
-                f"{folder / TABLE}: there is no such table; write it: streetloom match {block_of(out)} {photos}"
+                f"{folder / TABLE}: there is no such table; write it: streetloom match {find_block_file(out)} {photos}"
             )
 
     def ready(address: str, seen_by: str | None) -> None:

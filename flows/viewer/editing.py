@@ -19,8 +19,8 @@ from facade_core.core.errors import FacadeError, StoreError
 from facade_core.core.labels import ELEMENT_CLASSES
 from flows.viewer.background_run import BackgroundRun
 from flows.viewer.guard import edit_refusal
-from tasks.corrections.correction_import import Taker, block_of
-from tasks.corrections.drawable_values import words
+from tasks.corrections.correction_import import CorrectionImporter, find_block_file
+from tasks.corrections.drawable_values import drawable_values
 from tasks.engine.store.status import read_source
 from tasks.viewing.facade_state import standing
 from tasks.viewing.run_view import Reader
@@ -49,14 +49,14 @@ class Editor:
 
 def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     """Return the routes for corrections; the middleware has rejected requests of other sites."""
-    redo, taker = BackgroundRun(reader.out), Taker(reader.out)
+    redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
         block = read_source(reader.out)
         return {
             "who": editor.who,
             "labels": ELEMENT_CLASSES,
-            "words": words(),
+            "words": drawable_values(),
             "kept": str(corrections_file(block)) if block else "",
             "redo": redo.status(),
             "photos": editor.photos is not None,
@@ -64,7 +64,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
 
     def facade_state(id: str) -> dict[str, Any]:
         view = reader.view()
-        return standing(view, view.number(id), read_corrections(block_of(reader.out)))
+        return standing(view, view.number(id), read_corrections(find_block_file(reader.out)))
 
     def facade(request: Request) -> dict[str, Any]:
         return facade_state(request.query_params.get("id", ""))
@@ -74,11 +74,11 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
         if "facade" in body and body.get("stood") != facade_state(str(body["facade"]))["corrected"]:
             raise ValueError("it was corrected meanwhile, as is told below; save again to put yours in its place")
-        result = taker.take(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
+        result = taker.add(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
         return {"saved": result.facades + result.buildings, "said": result.lines()[0], "notes": result.notes}
 
     def start(body: Any) -> dict[str, Any]:
-        redo.start(block_of(reader.out))
+        redo.start(find_block_file(reader.out))
         return redo.status()
 
     return [

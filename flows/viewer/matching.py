@@ -12,7 +12,7 @@ from starlette.routing import Route
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
-from tasks.corrections.correction_import import block_of
+from tasks.corrections.correction_import import find_block_file
 from tasks.matching.match_table import TABLE, Decision, Match, alone, decided, read_table, write_table
 from tasks.matching.photo_import import take, taking
 from tasks.viewing.pictures import encode
@@ -29,11 +29,11 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     """
 
     def all_matches() -> dict[str, Any]:
-        return {"photos": [_match_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
+        return {"photos": [_match_row(match) for match in read_table(find_block_file(reader.out).parent / TABLE).matches()]}
 
     def picture(request: Request) -> Response:
         name = request.query_params.get("name", "")
-        if not any(match.photo == name for match in read_table(block_of(reader.out).parent / TABLE).matches()):
+        if not any(match.photo == name for match in read_table(find_block_file(reader.out).parent / TABLE).matches()):
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")
@@ -41,7 +41,7 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
         return Response(encode(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def save(body: Any) -> dict[str, Any]:
-        block = block_of(reader.out)
+        block = find_block_file(reader.out)
         path = block.parent / TABLE
         with alone(path):
             decisions = _parse_decisions(body)

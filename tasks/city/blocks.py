@@ -45,7 +45,7 @@ class CityBlock:
     name: str
     file: Path
     digest: str
-    told: BlockCounts = NO_COUNTS
+    counts: BlockCounts = NO_COUNTS
     source: str = ""
 
 
@@ -64,9 +64,9 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     before: blocks that are files of the user's, as they were read last: those of the same source are not read again.
     Raises BlockFileError, as for a block file; InputError where its folder of block files holds none.
     """
-    values, asked = _asked(path)
+    values, asked = _read_city_keys(path)
     if isinstance(asked, str):
-        return _of_files(path, values, asked, before or {})
+        return _city_from_files(path, values, asked, before or {})
     keys = asked.keys
     file = BlockFile(path)
     folder = out / "input"
@@ -74,22 +74,22 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     adopt_corrections(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
-    cuts = cut_whole(whole, asked.metres)
-    rest, city = _moved(asked.values, path.parent, folder), os.path.relpath(path, folder)
+    cuts = partition_index(whole, asked.metres)
+    rest, city = _rebase_paths(asked.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
-    for chosen, cut in zip(chosen_of(whole, cuts), cuts, strict=True):
+    for chosen, cut in zip(select_parts(whole, cuts), cuts, strict=True):
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
-        named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract, "city": city}}
+        named = rest | {"name": _block_name(keys.name, cut.name), "part": {"path": extract, "city": city}}
         part = whole.extract_part(chosen)
         write_extract(folder / extract, part_values(part, whole.block))
-        _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
+        _write_if_changed(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
         block = set_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
         blocks.append(CityBlock(cut.name, block_file, block.digest, count_from_map(block)))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
-    return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))
+    return City(keys.name, tuple(blocks), faults + tuple(_unused_corrections(whole, corrections)))
 
 
-def _lost(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
+def _unused_corrections(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
     """Corrections of what is in no block of a city: they are kept, and wait."""
     block = whole.block
     for id, owner in correction_owners(corrections, block.buildings, block.crs).items():
@@ -97,12 +97,12 @@ def _lost(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str
             yield "correction", id, "corrected, and not in the city as it is: kept and not used"
 
 
-def _named(city: str, block: str) -> str:
+def _block_name(city: str, block: str) -> str:
     """The name of a block of a city, no longer than a name may be."""
     return f"{city[: MAX_NAME_LENGTH - 1 - len(block)]}-{block}"
 
 
-def cut_whole(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
+def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
     """A city cut into blocks of so many metres a side."""
     texture = whole.block.texture
     reach = halo_radius(
@@ -111,7 +111,7 @@ def cut_whole(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
     return partition_city(whole.block.buildings, whole.segments, block_size=metres, halo=reach)
 
 
-def chosen_of(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
+def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
     """What is of each block of a city: with the buildings beyond, on which the choice of exemplars stands."""
     block = whole.block
     walls = walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
@@ -126,7 +126,7 @@ def chosen_of(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelect
         yield PartSelection(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
-def _asked(path: Path) -> tuple[Mapping[str, Any], Any]:
+def _read_city_keys(path: Path) -> tuple[Mapping[str, Any], Any]:
     try:
         values = read_yaml(path)
         return values, check_city(values, path)
@@ -134,16 +134,16 @@ def _asked(path: Path) -> tuple[Mapping[str, Any], Any]:
         raise BlockFileError(f"{path}: {error}") from error
 
 
-def _of_files(path: Path, values: Mapping[str, Any], named: str, before: Mapping[str, CityBlock]) -> City:
+def _city_from_files(path: Path, values: Mapping[str, Any], named: str, before: Mapping[str, CityBlock]) -> City:
     folder = path.parent / Path(named).expanduser()
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
     if not files:
         raise InputError(f"{path}: blocks.path: {folder} holds no block file (*.yaml); name a folder that does")
     name = str(values.get("name", path.stem))
-    return City(name, tuple(_of_file(file, before.get(file.stem)) for file in files), ())
+    return City(name, tuple(_read_user_block(file, before.get(file.stem)) for file in files), ())
 
 
-def _of_file(block_file: Path, before: CityBlock | None) -> CityBlock:
+def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
     """A block file of the user's; what is wrong with one its run will say."""
     source = block_source_digest(block_file)
     if before is not None and source and before.source == source:
@@ -155,7 +155,7 @@ def _of_file(block_file: Path, before: CityBlock | None) -> CityBlock:
     return CityBlock(block_file.stem, block_file, block.digest, count_from_map(block), source)
 
 
-def _moved(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:
+def _rebase_paths(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:
     """The keys of a block file in another folder: relative paths lead where they led."""
 
     def moved(text: str) -> str:
@@ -171,7 +171,7 @@ def _moved(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any
     return walk(values, "")
 
 
-def _write(path: Path, text: str) -> None:
+def _write_if_changed(path: Path, text: str) -> None:
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         temporary = path.with_suffix(".tmp")
         temporary.write_text(text, encoding="utf-8")

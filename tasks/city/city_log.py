@@ -83,7 +83,7 @@ class CityLog:
         """The same of a city as it was read now."""
         kept = {block.name: self.blocks.get(block.name, BlockResult()) for block in city.blocks}
         digests = {block.name: block.digest for block in city.blocks}
-        told = {block.name: asdict(block.told) for block in city.blocks}
+        told = {block.name: asdict(block.counts) for block in city.blocks}
         sources = {block.name: block.source for block in city.blocks if block.source}
         return CityLog(city.name, source, kept, digests, city.set_aside, told, sources, self.over)
 

@@ -1,5 +1,5 @@
 """Taking back what people corrected."""
 
-from tasks.corrections.correction_import import Imported, Taker, block_of, import_corrections
+from tasks.corrections.correction_import import ImportResult, CorrectionImporter, find_block_file, import_corrections
 
-__all__ = ["Imported", "Taker", "block_of", "import_corrections"]
+__all__ = ["ImportResult", "CorrectionImporter", "find_block_file", "import_corrections"]

@@ -25,38 +25,38 @@ from catalogs.readers.annotations import Annotation, MeasuredHeight
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 from facade_core.facade.correction import unmatched_elements
-from tasks.corrections.drawable_values import words
+from tasks.corrections.drawable_values import drawable_values
 from tasks.publish.opened import Published
 
 # Exports round boxes to a hundredth of a texel, the journal to a tenth: what differs by less was not moved. Heights likewise.
-MOVED, METRES = 0.6, 0.006
+MIN_SHIFT_TEXELS, HEIGHT_TOLERANCE_M = 0.6, 0.006
 # What a model's own shape says.
-OF_SHAPE = ("height", "roof_shape", "roof_height")
+MODEL_SHAPE_KINDS = ("height", "roof_shape", "roof_height")
 
 
-class Told:
+class CorrectionDiff:
     """What stands of a block now: as published, or as somebody corrected it. notes: what to look at of what was said."""
 
     def __init__(self, found: Published, before: Corrections) -> None:
         self.found = found
-        self._names = cast(dict[str, str], found.group.attrs.get("known_by_place", {}))
-        self._as_kept, self.before = before, before.rename_targets(self._names)
+        self._renamed_ids = cast(dict[str, str], found.group.attrs.get("known_by_place", {}))
+        self._stored, self.before = before, before.rename_targets(self._renamed_ids)
         self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
         self.buildings = {id: index for index, id in found.names.items()}
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
         self.notes: list[str] = []
 
-    def corrections(self, named: str, said: Sequence[Annotation], by: Correction) -> list[Correction]:
+    def compute(self, named: str, said: Sequence[Annotation], by: Correction) -> list[Correction]:
         """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
         for what cannot be."""
-        said = self._with_eaves(named, said)
-        _once(named, said)
-        found = [one for id, what, value in said if (one := self._correction(named, id, what, value, by)) is not None]
-        new = [of for one in found for of in (self._withdrawn(one) if one.value is None else [one])]
-        self._roofs(named, new)
+        said = self._replace_measured_heights(named, said)
+        _check_unique(named, said)
+        found = [one for id, what, value in said if (one := self._correction_if_changed(named, id, what, value, by)) is not None]
+        new = [of for one in found for of in (self._withdraw(one) if one.value is None else [one])]
+        self._check_roof_heights(named, new)
         return new
 
-    def _roofs(self, named: str, new: Sequence[Correction]) -> None:
+    def _check_roof_heights(self, named: str, new: Sequence[Correction]) -> None:
         """Raises InputError for a height of a roof that has none, or may have none once its shape is withdrawn."""
         shapes = {one.id: one.value for one in new if one.kind == "roof_shape"}
         heights = {one.id: one.value for one in new if one.kind == "roof_height"}
@@ -68,7 +68,7 @@ class Told:
                     f"{named}: {id}: what its roof is without the corrected shape is known after the next run; give the height "
                     "then, or a roof_shape with it"
                 )
-            if (shapes.get(id) or self._stands(id, "roof_shape")) in (None, "flat"):
+            if (shapes.get(id) or self._current_value(id, "roof_shape")) in (None, "flat"):
                 raise InputError(f"{named}: {id}: its roof is flat and has no height; give a roof_shape too")
         for id, shape in shapes.items():
             if (
@@ -81,11 +81,11 @@ class Told:
                     "take it back too"
                 )
 
-    def _with_eaves(self, named: str, said: Sequence[Annotation]) -> list[Annotation]:
+    def _replace_measured_heights(self, named: str, said: Sequence[Annotation]) -> list[Annotation]:
         """What was said, with the eaves that an edit of a measured height means in place of those that stand beside it."""
         meant = {}
         for id, _, one in said:
-            if isinstance(one, MeasuredHeight) and (eaves := self._eaves(named, id, one)) is not None:
+            if isinstance(one, MeasuredHeight) and (eaves := self._eaves_from_measured_height(named, id, one)) is not None:
                 meant[id] = eaves
         others = [
             one
@@ -94,7 +94,7 @@ class Told:
         ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
-    def _eaves(self, named: str, id: str, said: MeasuredHeight) -> float | None:
+    def _eaves_from_measured_height(self, named: str, id: str, said: MeasuredHeight) -> float | None:
         """The roof stays what it is, so the eaves move by as much as the measured height was moved since it was exported. None
         where it was not, and where the eaves were edited too, which it follows from."""
         if id not in self.buildings:
@@ -102,32 +102,32 @@ class Told:
         if not is_number(said.height):
             raise InputError(f"{named}: {id}: a measuredHeight of {str(said.height)[:40]!r} is no number; write metres")
         if not is_number(said.exported):
-            if not _near(said.height, self._measured.get(id)):
+            if not _is_near(said.height, self._measured_heights.get(id)):
                 self.notes.append(
                     f"{id}: its measured height is not taken, as the file does not say what was exported; give its eaves"
                 )
             return None
         moved = said.height - said.exported
-        if _near(moved, 0.0):
+        if _is_near(moved, 0.0):
             return None
-        published = float(self._column("height", id))
+        published = float(self._published_value("height", id))
         eaves = said.eaves if is_number(said.eaves) else published
-        if not (_near(eaves, published) or _near(eaves + moved, self._stands(id, "height"))):
+        if not (_is_near(eaves, published) or _is_near(eaves + moved, self._current_value(id, "height"))):
             return None
         return round(eaves + moved, 3)
 
-    def _correction(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
+    def _correction_if_changed(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
         """What was said, as a correction; None where nothing is another than it stands."""
         known = self.facades if what in FACADE_CORRECTION_KINDS else self.buildings
         if (
             what in BUILDING_CORRECTION_KINDS
             and id in known
             and value is not None
-            and self._same(id, what, value, self._stands(id, what))
+            and self._is_same(id, what, value, self._current_value(id, what))
         ):
             return None  # what an export wrote is never refused
         if what == "roof_height" and is_number(value) and value == 0 and id in known:  # of a flat roof exports say so
-            if self._stands(id, "roof_shape") not in (None, "flat"):
+            if self._current_value(id, "roof_shape") not in (None, "flat"):
                 self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
             return None
         try:
@@ -142,43 +142,43 @@ class Told:
         if one.value is None:
             if self.before.corrected_value(id, what) is None:
                 return None
-        elif self._same(id, what, one.value, self._stands(id, what)):
+        elif self._is_same(id, what, one.value, self._current_value(id, what)):
             return None
-        elif reason := self._impossible(one):
+        elif reason := self._rejection_reason(one):
             raise InputError(f"{named}: {id}: {reason}")
-        self._conflict(one)
-        return self._placed(one) if what in FACADE_CORRECTION_KINDS else self._standing(one)
+        self._note_conflict(one)
+        return self._locate_facade(one) if what in FACADE_CORRECTION_KINDS else self._locate_building(one)
 
-    def _withdrawn(self, one: Correction) -> list[Correction]:
+    def _withdraw(self, one: Correction) -> list[Correction]:
         """Something taken back under every id that it is said of."""
-        ids = [one.id, *(before for before, now in self._names.items() if now == one.id)]
-        return [replace(one, id=id) for id in ids if self._as_kept.corrected_value(id, one.kind) is not None]
+        ids = [one.id, *(before for before, now in self._renamed_ids.items() if now == one.id)]
+        return [replace(one, id=id) for id in ids if self._stored.corrected_value(id, one.kind) is not None]
 
-    def _impossible(self, one: Correction) -> str | None:
+    def _rejection_reason(self, one: Correction) -> str | None:
         """Why something cannot be corrected to a value; None where it can."""
         if one.kind == "exemplar" and one.value not in self.exemplars:
             return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
-        if one.value not in (known := words().get(one.kind, [one.value])):
+        if one.value not in (known := drawable_values().get(one.kind, [one.value])):
             near = get_close_matches(one.value, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
             return f"nothing is drawn of {one.kind} {one.value}; {hint}"
         if one.kind == "levels" and not one.value.is_integer():
             return f"storeys are whole, not {one.value:g}; give {math.floor(one.value)} or {math.ceil(one.value)}"
-        if one.kind in OF_SHAPE and self._column("height_source", one.id) == "model":
+        if one.kind in MODEL_SHAPE_KINDS and self._published_value("height_source", one.id) == "model":
             return f"it is a model, whose {one.kind} is as given; correct the model"
-        begins = float(self._column("raised", one.id) or 0.0) if one.kind == "height" else 0.0
+        begins = float(self._published_value("raised", one.id) or 0.0) if one.kind == "height" else 0.0
         if one.kind == "height" and one.value < begins + MIN_WALL_HEIGHT_M:
             return f"it begins {begins:g} m over the ground and cannot end at {one.value:g} m"
         return None
 
-    def _stands(self, id: str, what: str) -> Any:
+    def _current_value(self, id: str, what: str) -> Any:
         """What is said of something, or else what was published of it."""
         corrected = self.before.corrected_value(id, what)
         if corrected is not None:
             return corrected
         match what:
             case "elements":
-                return self._elements(id)
+                return self._published_elements(id)
             case "facade":
                 return True
             case "hide" | "keep":
@@ -186,51 +186,51 @@ class Told:
             case "exemplar":
                 return None
             case "levels":
-                return int(self._column("levels", id)) or None
+                return int(self._published_value("levels", id)) or None
             case _:
-                value = self._column(what, id)
+                value = self._published_value(what, id)
                 return None if value is None or value == "" or value != value else value
 
-    def _column(self, name: str, building: str) -> Any:
+    def _published_value(self, name: str, building: str) -> Any:
         """What was published of a building; None in a store of before that was kept."""
         table = self.found.buildings
         return table[name][self.buildings[building]] if name in table else None
 
     @cached_property
-    def _measured(self) -> dict[str, float]:
+    def _measured_heights(self) -> dict[str, float]:
         """How high each building is in exports of CityJSON."""
         from tasks.export.city import exported_heights
 
         return exported_heights(self.found)
 
-    def _same(self, id: str, what: str, value: Any, stands: Any) -> bool:
+    def _is_same(self, id: str, what: str, value: Any, stands: Any) -> bool:
         if stands is None:
             return False
         if what == "elements":
-            said, there = (self._drawn(id, layout) for layout in (value, stands))
+            said, there = (self._to_texels(id, layout) for layout in (value, stands))
             return len(said) == len(there) and not (
-                unmatched_elements(said, there, max_shift=MOVED) or unmatched_elements(there, said, max_shift=MOVED)
+                unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS) or unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
             )
         if what in ("height", "roof_height"):
-            return _near(value, stands)
+            return _is_near(value, stands)
         return bool(value == stands)
 
-    def _drawn(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
+    def _to_texels(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
         """Elements in shares of a wall, in its texels."""
-        height, width = self._size(facade)
+        height, width = self._raster_size(facade)
         return [Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares]
 
-    def _elements(self, facade: str) -> list[Any]:
-        height, width = self._size(facade)
+    def _published_elements(self, facade: str) -> list[Any]:
+        height, width = self._raster_size(facade)
         found = self.found.elements(self.facades[facade])
         shares = [(e.label, e.x0 / width, e.y0 / height, e.x1 / width, e.y1 / height) for e in found]
         return [(label, *(min(max(v, 0.0), 1.0) for v in box)) for label, *box in shares]
 
-    def _size(self, facade: str) -> tuple[int, int]:
+    def _raster_size(self, facade: str) -> tuple[int, int]:
         placement, chart = self.found.plan.scene.placement, int(self.found.plan.facades.chart[self.facades[facade]])
         return int(placement.height[chart]), int(placement.width[chart])
 
-    def _conflict(self, one: Correction) -> None:
+    def _note_conflict(self, one: Correction) -> None:
         stands = self.before.by_target.get(one.id, {}).get(one.kind)
         if stands is not None and stands.who != one.who:
             self.notes.append(
@@ -238,7 +238,7 @@ class Told:
                 "which counts; both are kept"
             )
 
-    def _placed(self, one: Correction) -> Correction:
+    def _locate_facade(self, one: Correction) -> Correction:
         plan, index = self.found.plan, self.facades[one.id]
         charts, chart = plan.scene.charts, int(plan.facades.chart[index])
         middle = charts.origin[chart, :2] + charts.axis_u[chart, :2] * charts.size[chart, 0] / 2
@@ -249,7 +249,7 @@ class Told:
             width=round(float(plan.facades.width[index]), 2),
         )
 
-    def _standing(self, one: Correction) -> Correction:
+    def _locate_building(self, one: Correction) -> Correction:
         """A correction of a building with a place in its outline."""
         outline = self._outlines.get(self.buildings[one.id])
         if outline is None:
@@ -265,11 +265,11 @@ class Told:
         return building_footprints(self.found.textured)
 
 
-def _near(metres: Any, others: Any) -> bool:
-    return is_number(metres) and is_number(others) and math.isclose(metres, others, rel_tol=0.0, abs_tol=METRES)
+def _is_near(metres: Any, others: Any) -> bool:
+    return is_number(metres) and is_number(others) and math.isclose(metres, others, rel_tol=0.0, abs_tol=HEIGHT_TOLERANCE_M)
 
 
-def _once(named: str, said: Sequence[Annotation]) -> None:
+def _check_unique(named: str, said: Sequence[Annotation]) -> None:
     """Raises InputError where two values are said of one thing: which was meant nobody can tell."""
     found: dict[tuple[str, str], Any] = {}
     for id, what, value in said:

@@ -27,14 +27,14 @@ from catalogs.published.runs import CITY_FILE_NAME, find_runs
 from catalogs.published.snapshot import current_snapshot
 from catalogs.readers.annotations import Annotation, facades_by_picture_name, parse_corrections, read_annotations
 from facade_core.core.errors import InputError
-from tasks.corrections.correction_diff import Told
-from tasks.corrections.unaffected_walls import unreached
+from tasks.corrections.correction_diff import CorrectionDiff
+from tasks.corrections.unaffected_walls import find_unaffected_walls
 from tasks.engine.store.status import read_source
 from tasks.publish.opened import Published, opened, published
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportResult:
     """What an import came to: the files it went to, the command that does again what depends on it, and how many facades and
     buildings were corrected, those aside of which nothing that is seen changes. notes: corrections by somebody else that newer
     ones took the place of, what is not taken, and what does not change."""
@@ -55,22 +55,22 @@ class Imported:
         ]
 
 
-def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> Imported:
+def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> ImportResult:
     """Take back corrections of what the run in `out`, or the runs of a city's blocks there, published from a file. All are
     written, or none.
 
     Raises InputError for a file that is none, ids that are not there, and values that cannot be.
     """
-    by = _by(who, why, when)
+    by = _correction_author(who, why, when)
     if (out / CITY_FILE_NAME).is_file():
-        return _import_of_city(out, path, by)
+        return _import_into_city(out, path, by)
     with published(out) as found:
         said = read_annotations(path, facades_by_picture_name(list(found.plan.facades.id)))
         run = found.snapshot.out
-        return _kept(run, [_told(run, found, said, str(path), by)])
+        return _write_diffs(run, [_diff_block(run, found, said, str(path), by)])
 
 
-class Taker:
+class CorrectionImporter:
     """Takes corrections of one run, which stays open from one to the next, until another snapshot is published; one at a
     time."""
 
@@ -79,18 +79,18 @@ class Taker:
         self._lock = threading.Lock()
         self._found: Published | None = None
 
-    def take(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> Imported:
+    def add(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> ImportResult:
         """Take corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot be. All are
         written, or none. Raises InputError as `import_corrections`."""
         with self._lock, current_snapshot(self.out).hold_for_reading() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
-            return _kept(
-                self.out, [_told(self.out, self._found, parse_corrections(corrections, named), named, _by(who, why))]
+            return _write_diffs(
+                self.out, [_diff_block(self.out, self._found, parse_corrections(corrections, named), named, _correction_author(who, why))]
             )
 
 
-def block_of(out: Folder) -> Path:
+def find_block_file(out: Folder) -> Path:
     """The block file of the run in `out`, beside which its corrections are. Raises InputError where it is gone."""
     block = read_source(out)
     if block is None or not block.is_file():
@@ -98,28 +98,28 @@ def block_of(out: Folder) -> Path:
     return block
 
 
-class _New(NamedTuple):
+class _BlockDiff(NamedTuple):
     """What is new of the block of a run; what to look at; and the buildings on which nothing that is seen changes."""
 
     block: Path
-    said: list[Correction]
+    corrections: list[Correction]
     notes: list[str]
     unchanged: frozenset[str]
 
 
-def _by(who: str, why: str, when: datetime | None = None) -> Correction:
+def _correction_author(who: str, why: str, when: datetime | None = None) -> Correction:
     return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
-def _told(out: Folder, found: Published, said: Sequence[Annotation], named: str, by: Correction) -> _New:
-    block = block_of(out)
-    told = Told(found, read_corrections(block))
-    new = told.corrections(named, said, by)
-    notes, unchanged = unreached(found, new)
-    return _New(block, new, [*told.notes, *notes], unchanged)
+def _diff_block(out: Folder, found: Published, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
+    block = find_block_file(out)
+    told = CorrectionDiff(found, read_corrections(block))
+    new = told.compute(named, said, by)
+    notes, unchanged = find_unaffected_walls(found, new)
+    return _BlockDiff(block, new, [*told.notes, *notes], unchanged)
 
 
-def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
+def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
     """Keep what is new of some blocks, whose runs are in a folder."""
     by_file: dict[Path, tuple[Path, list[Correction]]] = {}
     for block, new, *_ in of_blocks:
@@ -128,17 +128,17 @@ def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
     for block, new in by_file.values():
         add_corrections(block, new)
     every = [
-        one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
+        one for of in of_blocks for one in of.corrections if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
     ]
     facades, buildings = (
         len({one.id for one in every if one.kind in kind})
         for kind in (FACADE_CORRECTION_KINDS, BUILDING_CORRECTION_KINDS)
     )
     notes = tuple(note for of in of_blocks for note in of.notes)
-    return Imported(tuple(by_file), _command(out, of_blocks[0].block), facades, buildings, notes)
+    return ImportResult(tuple(by_file), _rerun_command(out, of_blocks[0].block), facades, buildings, notes)
 
 
-def _command(out: Folder, block: Path) -> str:
+def _rerun_command(out: Folder, block: Path) -> str:
     """What does again what is due of a block whose run, or that of its city, is in a folder."""
     home = city_or_block_file(block)
     if (out / CITY_FILE_NAME).is_file():
@@ -148,14 +148,14 @@ def _command(out: Folder, block: Path) -> str:
     return f"streetloom run {block} --out {out}"
 
 
-def _import_of_city(out: Folder, path: Path, by: Correction) -> Imported:
+def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
     """What a file says of a city goes to the blocks that it is of."""
     runs = {run.name: run.folder for run in find_runs(out)[0]}
     of: dict[str, str] = {}
     facades: list[str] = []
     for name, folder in runs.items():
         with current_snapshot(folder).hold_for_reading() as snapshot:
-            mine, houses = _ids_in(snapshot.items)
+            mine, houses = _read_ids(snapshot.items)
         facades += mine
         of |= dict.fromkeys((*mine, *houses), name)
     said = read_annotations(path, facades_by_picture_name(facades))
@@ -173,11 +173,11 @@ def _import_of_city(out: Folder, path: Path, by: Correction) -> Imported:
     found_in = []
     for name, some in by_block.items():
         with published(runs[name]) as found:
-            found_in.append(_told(runs[name], found, some, str(path), by))
-    return _kept(out, found_in) if found_in else Imported((), "", 0, 0, ())
+            found_in.append(_diff_block(runs[name], found, some, str(path), by))
+    return _write_diffs(out, found_in) if found_in else ImportResult((), "", 0, 0, ())
 
 
-def _ids_in(items: Folder) -> tuple[list[str], list[str]]:
+def _read_ids(items: Folder) -> tuple[list[str], list[str]]:
     """The facades of a catalogue, and their buildings."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -9,7 +9,7 @@ ROOF_SHAPES = ("flat", "gabled", "hipped", "half-hipped", "pyramidal", "skillion
 PLASTER = "plaster"
 
 
-def words() -> dict[str, list[str]]:
+def drawable_values() -> dict[str, list[str]]:
     """By what is corrected, the words that it may be."""
     from facade_core.street.materials.field import ROOF_MATERIAL_TAGS
 

@@ -15,7 +15,7 @@ _OF_WALLS = ("wall_material", "wall_colour")
 PLAIN = "translator"
 
 
-class Unreached(NamedTuple):
+class UnaffectedWalls(NamedTuple):
     """Of corrections that say what walls are of: a note, where walls stay as they are; and the buildings on which nothing
     changes, as all of their walls do."""
 
@@ -23,7 +23,7 @@ class Unreached(NamedTuple):
     buildings: frozenset[str]
 
 
-def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
+def find_unaffected_walls(found: Published, new: Sequence[Correction]) -> UnaffectedWalls:
     """What `new` corrections of a block do not change of what was published of it."""
     plan = found.plan
     houses = {name: index for index, name in found.names.items()}
@@ -31,7 +31,7 @@ def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
     stated = sorted({one.id for one in new if one.kind in _OF_WALLS and one.value is not None and one.id in houses})
     kept = {id: walls for id in stated if (walls := _textured(found, houses[id], none))}
     if not kept:
-        return Unreached((), frozenset())
+        return UnaffectedWalls((), frozenset())
     others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _OF_WALLS}
     whole = {
         id
@@ -44,7 +44,7 @@ def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
         f"{names}: {sum(kept.values())} walls are textured from exemplars or pictures, which no wall_material or "
         "wall_colour changes; give the building another exemplar"
     )
-    return Unreached((note,), frozenset(whole))
+    return UnaffectedWalls((note,), frozenset(whole))
 
 
 def _textured(found: Published, building: int, none: Collection[str]) -> int:

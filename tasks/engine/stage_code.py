@@ -121,9 +121,8 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
 def worker_module(stage: str, root: Path = ROOT) -> str:
     """Return the module that processes a stage's units."""
-    return next(
-        name for part in ("worker", "task") if _module_path(name := f"tasks.stages.{stage}.{part}", root) is not None
-    )
+    places = (f"tasks.stages.{stage}.worker", f"tasks.stages.{stage}.task", f"tasks.{stage}.task")
+    return next(name for name in places if _module_path(name, root) is not None)
 
 
 @cache

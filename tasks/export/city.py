@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from facade_core.export.bodies.building_models import BuildingModel
 
 TEXTURE_FOLDER = "textures"
-# What a building is of, as it was stated or corrected, by the names of attributes.
+# Columns of building materials and colours by attribute name.
 APPEARANCE_ATTRIBUTES = {
     "wallMaterial": "wall_material",
     "wallColour": "wall_colour",
@@ -31,12 +31,12 @@ APPEARANCE_ATTRIBUTES = {
 }
 
 
-def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjson(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.json and its textures.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -45,15 +45,15 @@ def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tup
     files : files to open first.
     notes : remarks for the user.
     """
-    return _write_document(found, buildings, folder, f"{found.block}.city.json", openings=False)
+    return _write_document(results, buildings, folder, f"{results.block}.city.json", openings=False)
 
 
-def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_lod3(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -62,15 +62,15 @@ def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     files : files to open first.
     notes : remarks for the user.
     """
-    return _write_document(found, buildings, folder, f"{found.block}.lod3.city.json", openings=True)
+    return _write_document(results, buildings, folder, f"{results.block}.lod3.city.json", openings=True)
 
 
-def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjsonseq(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.jsonl, a header and one feature a line, and its textures.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -81,12 +81,12 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
     """
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
-    url, notes = _reference_system(found)
-    origin = model_origin(found)
-    images, objects = _list_features(found, buildings, folder, openings=False)
-    name = f"{found.block}.city.jsonl"
+    url, notes = _reference_system(results)
+    origin = model_origin(results)
+    images, objects = _list_features(results, buildings, folder, openings=False)
+    name = f"{results.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
-        file.write(_json_line(empty_document(found.block, origin, url, found.attribution)))
+        file.write(_json_line(empty_document(results.block, origin, url, results.attribution)))
         for id, make in objects:
             pool = VertexPool(origin)
             made = make(pool)
@@ -96,14 +96,14 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
 
 
 def _write_document(
-    found: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
+    results: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
 ) -> tuple[list[str], list[str]]:
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
-    url, notes = _reference_system(found)
-    pool = VertexPool(model_origin(found))
-    images, objects = _list_features(found, buildings, folder, openings=openings)
-    city = empty_document(found.block, pool.origin, url, found.attribution)
+    url, notes = _reference_system(results)
+    pool = VertexPool(model_origin(results))
+    images, objects = _list_features(results, buildings, folder, openings=openings)
+    city = empty_document(results.block, pool.origin, url, results.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()
@@ -116,7 +116,7 @@ def _json_line(value: dict[str, Any]) -> str:
 
 
 def _list_features(
-    found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
+    results: Published, buildings: np.ndarray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
@@ -124,8 +124,8 @@ def _list_features(
     from facade_core.export.city_models.cityjson import build_geometry
     from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts
 
-    source = found.textured
-    shown = add_ground(found, buildings)
+    source = results.textured
+    shown = add_ground(results, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
     pages = len(drawn.layout.pages)
     begin_stage("export", pages + len(shown))
@@ -134,12 +134,12 @@ def _list_features(
     for page, image in enumerate(images):
         (folder / image).write_bytes(encode_page(drawn, page))
         report_progress("export", 1)
-    layouts = facade_layouts(found, buildings) if openings else {}
+    layouts = facade_layouts(results, buildings) if openings else {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
-    taken = set(found.names.values())
+    taken = set(results.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        made = city_objects(found, drawn, triangles[index], index, layouts, pool, taken)
+        made = city_objects(results, drawn, triangles[index], index, layouts, pool, taken)
         report_progress("export", 1)
         return made
 
@@ -148,9 +148,9 @@ def _list_features(
 
     def features() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
         for index in buildings.tolist():
-            yield found.names[index], partial(building, index)
+            yield results.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
-            for number, faces in enumerate(ground_faces(drawn, triangles[-1], model_origin(found))):
+            for number, faces in enumerate(ground_faces(drawn, triangles[-1], model_origin(results))):
                 id = _unused_id(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
                 yield id, partial(terrain, id, faces)
             report_progress("export", 1)
@@ -159,7 +159,7 @@ def _list_features(
 
 
 def city_objects(
-    found: Published,
+    results: Published,
     drawn: Any,
     triangles: np.ndarray,
     index: int,
@@ -173,7 +173,7 @@ def city_objects(
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     drawn : charts packed on texture pages.
     triangles : (n,) triangles of the building.
     index : index of the building.
@@ -183,18 +183,18 @@ def city_objects(
     """
     from facade_core.export.city_models.cityjson import build_geometry
 
-    made = building_model(found, drawn, triangles, index, layouts, pool.origin)
+    made = building_model(results, drawn, triangles, index, layouts, pool.origin)
     opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
-    name, lod = found.names[index], "3" if opened else "2"
+    name, lod = results.names[index], "3" if opened else "2"
 
     def geometry(part: Any) -> list[dict[str, Any]]:
         return [build_geometry(part.faces, part.surfaces, pool, lod, "Solid" if part.is_solid else "MultiSurface")]
 
-    attributes = building_attributes(found, index, made.body)
+    attributes = building_attributes(results, index, made.body)
     attributes[EXPORTED_HEIGHT_ATTRIBUTE] = attributes["measuredHeight"]
     for surface in made.body.surfaces:
         if "facade" in surface:
-            surface["isFacade"] = is_facade(found, surface["facade"])
+            surface["isFacade"] = is_facade(results, surface["facade"])
     body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
     wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.attachments]
     if layouts:
@@ -211,14 +211,14 @@ def city_objects(
     return {name: body | ({"children": list(installations)} if installations else {})} | installations
 
 
-def is_facade(found: Published, facade: str) -> bool:
+def is_facade(results: Published, facade: str) -> bool:
     """Report whether a wall is still a facade, and is not corrected to be none."""
-    record = found.records[found.plan.facades.id.index(facade)]
+    record = results.records[results.plan.facades.id.index(facade)]
     return record is None or record.get("facade") is not False
 
 
 def building_model(
-    found: Published,
+    results: Published,
     drawn: Any,
     triangles: np.ndarray,
     index: int,
@@ -229,7 +229,7 @@ def building_model(
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     drawn : charts packed on texture pages.
     triangles : (n,) triangles of the building.
     index : index of the building.
@@ -238,8 +238,10 @@ def building_model(
     """
     from facade_core.export.bodies.building_models import build_building_model
 
-    assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
-    facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
+    assumed = (
+        float(results.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in results.buildings else False
+    )
+    facades = dict(zip(results.plan.facades.chart.tolist(), results.plan.facades.id, strict=True))
     return build_building_model(drawn, triangles, facades, layouts, origin, has_assumed_roof=assumed)
 
 
@@ -250,13 +252,13 @@ def _unused_id(id: str, taken: set[str]) -> str:
     return id
 
 
-def building_attributes(found: Published, building: int, body: Any) -> dict[str, Any]:
+def building_attributes(results: Published, building: int, body: Any) -> dict[str, Any]:
     """Collect a building's attributes from the plan and the finished facades, with CityJSON names.
 
     The measured height ends at the highest point of the roof, without chimneys and other attachments.
     """
-    row = {name: column[building] for name, column in found.buildings.items()}
-    facades = [found.records[i] for i in found.rectified(np.array([building]))]
+    row = {name: column[building] for name, column in results.buildings.items()}
+    facades = [results.records[i] for i in results.rectified(np.array([building]))]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
@@ -271,16 +273,18 @@ def building_attributes(found: Published, building: int, body: Any) -> dict[str,
     }
 
 
-def exported_heights(found: Published) -> dict[str, float]:
+def exported_heights(results: Published) -> dict[str, float]:
     """Compute the measured height of each building by id, as exports state it."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import pack_charts
 
-    source, buildings = found.textured, found.choose(())
-    drawn = pack_charts(source, source.select_charts(add_ground(found, buildings)))
+    source, buildings = results.textured, results.choose(())
+    drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
-    bodies = {b: building_model(found, drawn, triangles[b], b, {}, model_origin(found)).body for b in buildings.tolist()}
-    return {found.names[b]: round(_height_range(body), 3) for b, body in bodies.items()}
+    bodies = {
+        b: building_model(results, drawn, triangles[b], b, {}, model_origin(results)).body for b in buildings.tolist()
+    }
+    return {results.names[b]: round(_height_range(body), 3) for b, body in bodies.items()}
 
 
 def _height_range(body: Any) -> float:
@@ -298,37 +302,37 @@ def _roof_attributes(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
-def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
+def facade_layouts(results: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
     from facade_core.export.bodies.ledges import detect_ledges
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    placement = found.plan.scene.placement
+    placement = results.plan.scene.placement
     layouts = {}
-    for index in found.rectified(buildings):
-        chart = int(found.plan.facades.chart[index])
+    for index in results.rectified(buildings):
+        chart = int(results.plan.facades.chart[index])
         density = float(placement.texels_per_metre[chart])
         elements = [
             replace(e, **{side: getattr(e, side) / density for side in ("x0", "y0", "x1", "y1")})
-            for e in found.elements(index)
+            for e in results.elements(index)
         ]
         seed, labels = (
-            read_chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+            read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
         )
         layouts[chart] = [*elements, *detect_ledges(seed, labels, elements, density)]
     return layouts
 
 
-def model_origin(found: Published) -> np.ndarray:
+def model_origin(results: Published) -> np.ndarray:
     """Return the origin (3,) of a model's local frame, world metres."""
-    return np.floor(found.plan.scene.mesh.vertices.min(axis=0))
+    return np.floor(results.plan.scene.mesh.vertices.min(axis=0))
 
 
-def _reference_system(found: Published) -> tuple[str | None, list[str]]:
+def _reference_system(results: Published) -> tuple[str | None, list[str]]:
     """Return the URL of the block's CRS; None and a note if it has no authority code."""
     from pyproj import CRS
 
-    authority = CRS.from_user_input(found.crs).to_authority()
+    authority = CRS.from_user_input(results.crs).to_authority()
     if authority is None:
-        return None, [f"{found.crs} has no code: the file states no referenceSystem; give it to whoever opens it"]
+        return None, [f"{results.crs} has no code: the file states no referenceSystem; give it to whoever opens it"]
     return "https://www.opengis.net/def/crs/{}/0/{}".format(*authority), []

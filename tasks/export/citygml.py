@@ -18,16 +18,16 @@ from tasks.publish.opened import Published
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-# What CityGML has elements for, by the name of the attribute; all else is a generic attribute.
+# Attributes with a CityGML element of their own; all others become generic attributes.
 CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 
 
-def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_citygml(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.gml and its textures: LoD3 for buildings with openings, else LoD2.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -40,7 +40,7 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     from facade_core.export.city_models.citygml import open_city_model, xml_id
     from facade_core.export.models.textured_mesh import encode_page, pack_charts
 
-    source, shown = found.textured, add_ground(found, buildings)
+    source, shown = results.textured, add_ground(results, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + len(shown))
@@ -49,25 +49,25 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
         (folder / image).write_bytes(encode_page(drawn, page))
         report_progress("export", 1)
     triangles = group_rows(source.charts.building[source.mesh.chart])
-    layouts = facade_layouts(found, buildings)
-    ids = {index: xml_id(found.names[index]) for index in buildings.tolist()}
+    layouts = facade_layouts(results, buildings)
+    ids = {index: xml_id(results.names[index]) for index in buildings.tolist()}
     mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
     corners = source.mesh.vertices[source.mesh.triangles[mine].ravel()]
     extent = np.array([corners.min(axis=0), corners.max(axis=0)])
-    name = f"{file_stem(found.block)}.gml"
-    with open_city_model(folder / name, found.block, found.crs, extent, found.attribution) as file:
+    name = f"{file_stem(results.block)}.gml"
+    with open_city_model(folder / name, results.block, results.crs, extent, results.attribution) as file:
         for index in buildings.tolist():
-            file.write(_building(found, drawn, triangles[index], index, ids[index], layouts, images))
+            file.write(_building(results, drawn, triangles[index], index, ids[index], layouts, images))
             report_progress("export", 1)
         if -1 in shown and -1 in triangles:
-            for element in _terrain(found, drawn, triangles[-1], set(ids.values()), images):
+            for element in _terrain(results, drawn, triangles[-1], set(ids.values()), images):
                 file.write(element)
             report_progress("export", 1)
     return [name], []
 
 
 def _building(
-    found: Published,
+    results: Published,
     drawn: Any,
     triangles: np.ndarray,
     index: int,
@@ -84,8 +84,8 @@ def _building(
     )
     from facade_core.export.city_models.cityjson import VertexPool
 
-    origin = model_origin(found)
-    made = building_model(found, drawn, triangles, index, layouts, origin)
+    origin = model_origin(results)
+    made = building_model(results, drawn, triangles, index, layouts, origin)
     lod = "3" if any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces) else "2"
     textured = PolygonWriter(id, VertexPool(origin))
     bounds, ids = boundary_surfaces(textured, made.body.faces, made.body.surfaces, lod)
@@ -98,12 +98,12 @@ def _building(
         installations.append(
             (textured.prefix, kind, said, boundary_surfaces(textured, part.faces, part.surfaces, lod)[0])
         )
-    said = building_attributes(found, index, made.body)
+    said = building_attributes(results, index, made.body)
     member = _member()
     building = add_element(member, "bldg:Building", gml_id=id)
     if "name" in said:
         add_element(building, "gml:name", escape_invisible(said["name"]))
-    for key, value in {"id": found.names[index], **said}.items():
+    for key, value in {"id": results.names[index], **said}.items():
         if key not in CITYGML_ATTRIBUTES:
             add_attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
     textured.add_appearance(building, images)
@@ -129,14 +129,16 @@ def _building(
     return member
 
 
-def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
+def _terrain(
+    results: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]
+) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.citygml import PolygonWriter, add_element
     from facade_core.export.city_models.cityjson import VertexPool
     from facade_core.export.models.textured_mesh import GROUND_NODE
 
-    origin, members = model_origin(found), []
+    origin, members = model_origin(results), []
     for number, faces in enumerate(ground_faces(drawn, triangles, origin)):
         id = f"{GROUND_NODE}-{number}"
         while id in taken:

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from facade_core.export.tiles.earth import EarthFrame
 
 
-def place_on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
+def place_on_earth(results: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
     """Compute the earth frame of a block's tiles.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     origin : (3,) origin of the tiles, world metres.
 
     Returns
@@ -28,8 +28,8 @@ def place_on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, di
     """
     from facade_core.export.tiles.earth import earth_frame
 
-    separation = found.group.attrs.get("geoid_separation")
-    extras: dict[str, Any] = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}
+    separation = results.group.attrs.get("geoid_separation")
+    extras: dict[str, Any] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
     if separation is None:
         extras["heights"] = (
             "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"
@@ -41,4 +41,4 @@ def place_on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, di
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
         notes = []
-    return earth_frame(found.crs, origin, separation or 0.0), extras, notes
+    return earth_frame(results.crs, origin, separation or 0.0), extras, notes

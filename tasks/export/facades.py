@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from facade_core.export.pictures.annotations import AnnotatedFacade
 
 
-def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_coco(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write annotations.json and images/ID.png: rectified facades without occluders, with their elements.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -34,18 +34,20 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     from facade_core.export.pictures.annotations import coco_document
 
     (folder / "images").mkdir()
-    facades = list(_annotate_facades(found, buildings, folder, "images/"))
-    value = coco_document(facades, f"Facades of {found.block}, elements of the completed facades", found.attribution)
+    facades = list(_annotate_facades(results, buildings, folder, "images/"))
+    value = coco_document(
+        facades, f"Facades of {results.block}, elements of the completed facades", results.attribution
+    )
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    return ["annotations.json"], _note_missing(found, buildings, len(facades))
+    return ["annotations.json"], _note_missing(results, buildings, len(facades))
 
 
-def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_labelme(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write ID.png and ID.json for every facade.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -56,16 +58,18 @@ def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     """
     from facade_core.export.pictures.annotations import labelme_document
 
-    facades = list(_annotate_facades(found, buildings, folder, ""))
+    facades = list(_annotate_facades(results, buildings, folder, ""))
     names = [f"{file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
         (folder / name).write_text(
-            json.dumps(labelme_document(facade, found.attribution), indent=2, allow_nan=False) + "\n"
+            json.dumps(labelme_document(facade, results.attribution), indent=2, allow_nan=False) + "\n"
         )
-    return names, _note_missing(found, buildings, len(facades))
+    return names, _note_missing(results, buildings, len(facades))
 
 
-def _annotate_facades(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
+def _annotate_facades(
+    results: Published, buildings: np.ndarray, folder: Path, within: str
+) -> Iterator[AnnotatedFacade]:
     """Write the picture of every finished facade and yield its annotations."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
@@ -73,38 +77,38 @@ def _annotate_facades(found: Published, buildings: np.ndarray, folder: Path, wit
     from facade_core.export.pictures.annotations import AnnotatedFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    facades = found.rectified(buildings)
+    facades = results.rectified(buildings)
     said = PngInfo()
-    said.add_itxt("Copyright", found.attribution.line)
+    said.add_itxt("Copyright", results.attribution.line)
     begin_stage("export", len(facades))
     for index in facades:
-        name = found.plan.facades.id[index]
-        chart = int(found.plan.facades.chart[index])
-        texture = read_chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
+        name = results.plan.facades.id[index]
+        chart = int(results.plan.facades.chart[index])
+        texture = read_chart_raster(results.group, results.plan.scene.placement, chart, "atlas/seed")
         file = f"{within}{file_stem(name)}.png"
         Image.fromarray(texture).save(folder / file, pnginfo=said)
-        metres = 1 / float(found.plan.scene.placement.texels_per_metre[chart])
-        yield AnnotatedFacade(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
+        metres = 1 / float(results.plan.scene.placement.texels_per_metre[chart])
+        yield AnnotatedFacade(name, file, texture.shape[1], texture.shape[0], metres, results.elements(index))
         report_progress("export", 1)
 
 
-def _note_missing(found: Published, buildings: np.ndarray, written: int) -> list[str]:
-    missing = int(np.isin(found.plan.facades.building, buildings).sum()) - written
+def _note_missing(results: Published, buildings: np.ndarray, written: int) -> list[str]:
+    missing = int(np.isin(results.plan.facades.building, buildings).sum()) - written
     if not missing:
         return []
     return [f"{missing} facades without a layout are left out; `streetloom query` says why"]
 
 
-# What a building is of, as it was stated or corrected.
+# Columns of building materials and colours, stated or corrected.
 APPEARANCE_COLUMNS = ("wall_material", "wall_colour", "roof_material", "roof_colour")
 
 
-def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_geopackage(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -121,30 +125,30 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     from facade_core.geometry.charts import ChartKind
     from tasks.export.city import is_facade
 
-    plan, charts = found.plan, found.plan.scene.charts
+    plan, charts = results.plan, results.plan.scene.charts
     begin_stage("export", 1)
     chart = plan.facades.chart
     across = charts.axis_u[chart] * charts.size[chart, :1]
     down = charts.axis_v[chart] * charts.size[chart, 1:]
     top = charts.origin[chart]
     walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
-    outlines = building_footprints(found.textured)
-    of_building = group_rows(charts.building[found.textured.mesh.chart])
-    table = found.buildings
-    chosen = {found.names[b] for b in buildings.tolist()}
-    name = f"{file_stem(found.block)}.gpkg"
+    outlines = building_footprints(results.textured)
+    of_building = group_rows(charts.building[results.textured.mesh.chart])
+    table = results.buildings
+    chosen = {results.names[b] for b in buildings.tolist()}
+    name = f"{file_stem(results.block)}.gpkg"
     write_layers(
         folder / name,
         LayerContent(
-            items=found.snapshot.items,
-            crs=found.crs,
+            items=results.snapshot.items,
+            crs=results.crs,
             walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
             buildings=[
                 {
                     "id": name,
                     "name": table["name"][b] or None,
                     "height_m": float(table["height"][b]),
-                    **_height_columns(found, of_building[b]),
+                    **_height_columns(results, of_building[b]),
                     "height_source": table["height_source"][b],
                     "levels": int(table["levels"][b]) or None,
                     "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
@@ -153,34 +157,34 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
                     **{what: table[what][b] or None for what in APPEARANCE_COLUMNS if what in table},
                     "geometry": outlines[b],
                 }
-                for b, name in found.names.items()
+                for b, name in results.names.items()
                 if name in chosen and b in outlines
             ],
-            roofs=_surfaces(found, ChartKind.ROOF, buildings),
-            ground=_surfaces(found, ChartKind.GROUND, np.array([-1])),
+            roofs=_surfaces(results, ChartKind.ROOF, buildings),
+            ground=_surfaces(results, ChartKind.GROUND, np.array([-1])),
             streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
             chosen=chosen,
-            no_facades=[facade for facade in plan.facades.id if not is_facade(found, facade)],
-            attribution=found.attribution.tags(),
+            no_facades=[facade for facade in plan.facades.id if not is_facade(results, facade)],
+            attribution=results.attribution.tags(),
         ),
     )
     report_progress("export", 1)
     return [name], []
 
 
-def _height_columns(found: Published, triangles: np.ndarray) -> dict[str, float]:
+def _height_columns(results: Published, triangles: np.ndarray) -> dict[str, float]:
     """Compute the lowest and highest z of a building, with chimneys and parapets, in the block's heights."""
     from facade_core.export.bodies.map_surfaces import height_range
 
-    low, high = height_range(found.textured, triangles)
+    low, high = height_range(results.textured, triangles)
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
-def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[str, Any]]:
+def _surfaces(results: Published, kind: int, buildings: np.ndarray) -> list[dict[str, Any]]:
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
     from facade_core.export.bodies.map_surfaces import surface_polygons
 
-    source = found.textured
+    source = results.textured
     charts = source.select_charts(buildings)
     charts = charts[source.charts.kind[charts] == kind]
     normal = source.charts.normals()
@@ -190,7 +194,7 @@ def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[s
         building = int(source.charts.building[chart])
         rows.append(
             {
-                **({"building": found.names[building]} if building >= 0 else {}),
+                **({"building": results.names[building]} if building >= 0 else {}),
                 "low_z": round(float(min(z)), 3),
                 "high_z": round(float(max(z)), 3),
                 "slope_deg": round(float(np.degrees(np.arccos(np.clip(normal[chart, 2], -1, 1)))), 2),

@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from facade_core.export.factored.wall_geometry import WallPieces
 
 STATISTICS_FILE = "figures.json"
-# Coarse tiles above factored ones have this share of the texels of those above unique texels.
+# Texels per metre of coarse tiles relative to those of tilesets with unique texels.
 COARSE_TEXEL_SHARE = 0.5
 
 
 def write_factored(
-    found: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
+    results: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with factored facades and a node for each building, and figures.json.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     shown : the buildings, and -1 for the ground.
     folder : target folder.
@@ -50,28 +50,28 @@ def write_factored(
     from facade_core.export.models.textured_mesh import local_frame
 
     start = time.monotonic()
-    source = found.textured
-    made = build_factored_walls(found, buildings, [NEAR_DETAIL], 1)
+    source = results.textured
+    made = build_factored_walls(results, buildings, [NEAR_DETAIL], 1)
     pieces_of = made.details[0]
     whole = merge_pieces(pieces_of.values())
     pictures = pack_textures(whole, made.libraries)
-    frame = local_frame(found.plan.scene.mesh)
+    frame = local_frame(results.plan.scene.mesh)
     others = np.setdiff1d(source.select_charts(shown), made.charts)
     pages, parts = pack_unfactored_charts(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
         parts[building] = build_parts(pieces, pictures, frame) | parts.get(building, {})
     used = texture_encoder("jpeg")
     encoded = [used.encode(picture) for picture in (*pictures.pictures, *pages)]
-    names = {-1: "ground", **found.names}
+    names = {-1: "ground", **results.names}
     order = sorted(parts, key=lambda building: (building < 0, building))
     data = encode_factored_glb(
         {names[building]: parts[building] for building in order},
         encoded,
         [*pictures.is_repeated, *[False] * len(pages)],
         used,
-        build_feature_table(found),
-        extras={"origin": frame.origin.tolist(), "crs": found.crs},
-        copyright=found.attribution.line,
+        build_feature_table(results),
+        extras={"origin": frame.origin.tolist(), "crs": results.crs},
+        copyright=results.attribution.line,
     )
     (folder / "block.glb").write_bytes(data)
     told = _texture_statistics(pictures, whole, texture_memory_bytes(pages)) | {
@@ -89,7 +89,7 @@ def write_factored(
 
 
 def write_factored_tiles(
-    found: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
+    results: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and tiles with factored leaves, which share picture files.
 
@@ -97,7 +97,7 @@ def write_factored_tiles(
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     shown : the buildings, and -1 for the ground.
     folder : target folder.
@@ -120,16 +120,20 @@ def write_factored_tiles(
     from facade_core.export.tiles.tileset import count_tiles, write_tileset
 
     start = time.monotonic()
-    whole = found.textured
+    whole = results.textured
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
-    frame, extras, notes = place_on_earth(found, local_frame(source.mesh).origin)
+    frame, extras, notes = place_on_earth(results, local_frame(source.mesh).origin)
     cells = build_quadtree(source)
-    made = build_factored_walls(found, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
+    made = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
     far, near = made.details
     every = merge_pieces([*far.values(), *near.values()])
-    pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), build_feature_table(found)
+    pictures, used, features = (
+        pack_textures(every, made.libraries),
+        texture_encoder("jpeg"),
+        build_feature_table(results),
+    )
     shells = build_shells(
-        source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1)
+        source, results.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1)
     )
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()
@@ -157,7 +161,7 @@ def write_factored_tiles(
         frame,
         features,
         used,
-        found.attribution.line,
+        results.attribution.line,
         write_picture,
     )
     tiled = write_tileset(
@@ -170,7 +174,7 @@ def write_factored_tiles(
         write,
         scale=COARSE_TEXEL_SHARE,
         extras=extras,
-        attribution=found.attribution,
+        attribution=results.attribution,
         levels=leaves.detail_levels,
     )
     report_progress("export", sum(map(leaves.is_unfactored, cells.leaves())))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from facade_core.export.factored.wall_decomposition import FactoredFacade
     from facade_core.export.factored.wall_geometry import WallDetail, WallPieces
 
-# A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
+# Maximum 99.5th percentile difference between an original and its stored picture, grey levels.
 MAX_GREY_DIFFERENCE = 4.0
 
 
@@ -43,12 +43,14 @@ class FactoredWalls:
     notes: list[str]
 
 
-def build_factored_walls(found: Published, buildings: np.ndarray, details: Sequence[WallDetail], other_units: int) -> FactoredWalls:
+def build_factored_walls(
+    results: Published, buildings: np.ndarray, details: Sequence[WallDetail], other_units: int
+) -> FactoredWalls:
     """Build the facades of some buildings from libraries, at each of some details.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     details : details to build.
     other_units : units of progress after this step.
@@ -57,36 +59,36 @@ def build_factored_walls(found: Published, buildings: np.ndarray, details: Seque
     from facade_core.export.factored.wall_decomposition import WallDecomposition
     from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
-    source = found.textured
-    planes = _planar_walls(found, buildings)
-    libraries, of, notes = _build_libraries(found, list(planes))
+    source = results.textured
+    planes = _planar_walls(results, buildings)
+    libraries, of, notes = _build_libraries(results, list(planes))
     begin_stage("export", len(planes) + other_units)
     of_building = group_rows(source.charts.building[source.mesh.chart])
     by_detail: list[dict[int, WallPieces]] = [{} for _ in details]
     for index, own in planes.items():
-        building = int(found.plan.facades.building[index])
+        building = int(results.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        seen = WallDecomposition(_read_facade(found, index), libraries[of[index]])
+        seen = WallDecomposition(_read_facade(results, index), libraries[of[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             build_wall(
                 seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, WallPieces())
             )
         report_progress("export", 1)
-    charts = np.array(sorted(int(found.plan.facades.chart[index]) for index in planes), np.int64)
+    charts = np.array(sorted(int(results.plan.facades.chart[index]) for index in planes), np.int64)
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planar_walls(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
+def _planar_walls(results: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
     from facade_core.export.factored.wall_geometry import WallPolygon, is_planar
 
-    source = found.textured
+    source = results.textured
     of_chart = group_rows(source.mesh.chart)
     planes = {}
-    for index in found.rectified(buildings):
-        chart = int(found.plan.facades.chart[index])
+    for index in results.rectified(buildings):
+        chart = int(results.plan.facades.chart[index])
         triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
         corners = source.mesh.vertices[triangles]
         own = [
@@ -97,38 +99,40 @@ def _planar_walls(found: Published, buildings: np.ndarray) -> dict[int, list[Any
     return planes
 
 
-def _build_libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
+def _build_libraries(
+    results: Published, facades: Sequence[int]
+) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
     """Build a library for each exemplar in use and for each photographed facade; map facades to them."""
     from facade_core.export.factored.library import build_library
     from facade_core.export.pictures.stage_pictures import read_chart_raster
     from facade_core.parsing.elements import elements
 
-    exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
-    given = _original_exemplars(found)
+    exemplars = {r["unit"]: k for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
+    given = _original_exemplars(results)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
     of: dict[int, int] = {}
     coarse = 0
-    placement = found.plan.scene.placement
-    begin_stage("libraries", len({_facade_source(found, index) for index in facades}))
+    placement = results.plan.scene.placement
+    begin_stage("libraries", len({_facade_source(results, index) for index in facades}))
     for index in facades:
-        source = _facade_source(found, index)
+        source = _facade_source(results, index)
         if source not in number:
             if source in exemplars:
                 k = exemplars[source]
-                image, labels = (found.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
+                image, labels = (results.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
                 fine = _read_original(given.get(source), image)
                 coarse += fine is None
-                density = 1 / float(found.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
+                density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
                 made = build_library(image, labels, elements(labels), density, fine, seed=k)
             else:
-                chart = int(found.plan.facades.chart[index])
+                chart = int(results.plan.facades.chart[index])
                 image, labels = (
-                    read_chart_raster(found.group, placement, chart, name)
+                    read_chart_raster(results.group, placement, chart, name)
                     for name in ("atlas/seed", "facade_maps/labels")
                 )
                 density = float(placement.texels_per_metre[chart])
-                made = build_library(image, labels, found.elements(index), density, seed=chart)
+                made = build_library(image, labels, results.elements(index), density, seed=chart)
             number[source] = len(libraries)
             libraries.append(made)
             report_progress("libraries", 1)
@@ -142,15 +146,15 @@ def _build_libraries(found: Published, facades: Sequence[int]) -> tuple[list[Fac
     return libraries, of, notes
 
 
-def _facade_source(found: Published, index: int) -> str:
-    record = found.records[index]
+def _facade_source(results: Published, index: int) -> str:
+    record = results.records[index]
     assert record is not None  # it has a layout
     return str(record["source"])
 
 
-def _original_exemplars(found: Published) -> dict[str, Path]:
+def _original_exemplars(results: Published) -> dict[str, Path]:
     """Find the original exemplar files that still exist, by name."""
-    path = read_source(found.snapshot.out)
+    path = read_source(results.snapshot.out)
     if path is None:
         return {}
     try:
@@ -178,13 +182,13 @@ def _read_original(path: Path | None, image: np.ndarray) -> np.ndarray | None:
     return fine if float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE else None
 
 
-def _read_facade(found: Published, index: int) -> FactoredFacade:
+def _read_facade(results: Published, index: int) -> FactoredFacade:
     from facade_core.export.factored.wall_decomposition import FactoredFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
+    placement, chart = results.plan.scene.placement, int(results.plan.facades.chart[index])
     seed, labels = (
-        read_chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+        read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
     )
     density = float(placement.texels_per_metre[chart])
-    return FactoredFacade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)
+    return FactoredFacade(chart, seed, results.textured.raster(chart), labels, results.elements(index), density)

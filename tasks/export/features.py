@@ -14,9 +14,9 @@ from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.geometry.charts import CHART_KINDS
 from tasks.publish.opened import Published
 
-# The foot line is in the model already.
+# The model has the foot line already.
 OMITTED_COLUMNS = ("geometry",)
-# Columns that say of a building's other parts what they say of its facades; the sums over its facades that it has itself.
+# Columns that other surfaces of a building inherit from its row, and sums over its facades in that row.
 BUILDING_COLUMNS = (
     "block",
     "building",
@@ -27,14 +27,23 @@ BUILDING_COLUMNS = (
     "roof_confidence",
     "code_version",
 )
-SUMMED_COLUMNS = ("windows", "doors", "balconies", "shops", "windows_seen", "doors_seen", "balconies_seen", "shops_seen")
+SUMMED_COLUMNS = (
+    "windows",
+    "doors",
+    "balconies",
+    "shops",
+    "windows_seen",
+    "doors_seen",
+    "balconies_seen",
+    "shops_seen",
+)
 
 
-def build_feature_table(found: Published) -> FeatureTable:
+def build_feature_table(results: Published) -> FeatureTable:
     """Build a row for each facade, other building surface, ground tile and building."""
-    charts, plan = found.plan.scene.charts, found.plan
+    charts, plan = results.plan.scene.charts, results.plan
     rows: list[dict[str, Any]] = []
-    catalogue = _read_facade_rows(found)
+    catalogue = _read_facade_rows(results)
     facade_at = dict(zip(plan.facades.chart.tolist(), plan.facades.id, strict=True))
     of_chart, of_owner = (np.full(len(charts), -1, np.int64) for _ in range(2))
 
@@ -52,11 +61,11 @@ def build_feature_table(found: Published) -> FeatureTable:
         zip(charts.kind.tolist(), charts.building.tolist(), charts.surface.tolist(), strict=True)
     ):
         if building < 0:
-            piece = {"id": f"ground-{chart}", "kind": CHART_KINDS[kind], "block": found.block}
+            piece = {"id": f"ground-{chart}", "kind": CHART_KINDS[kind], "block": results.block}
             of_chart[chart] = of_owner[chart] = add(piece)
             continue
         if building not in building_rows:
-            building_rows[building] = add(_building_row(found, building, facades_of.get(found.names[building], [])))
+            building_rows[building] = add(_building_row(results, building, facades_of.get(results.names[building], [])))
         of_owner[chart] = building_rows[building]
         if chart in facade_at and facade_at[chart] in catalogue:
             of_chart[chart] = add(catalogue[facade_at[chart]])
@@ -65,25 +74,28 @@ def build_feature_table(found: Published) -> FeatureTable:
         else:
             whole = rows[building_rows[building]]
             number = counts[building, kind] = counts.get((building, kind), -1) + 1
-            part = {"id": f"{found.names[building]}-{CHART_KINDS[kind]}-{number}", "kind": CHART_KINDS[kind]}
+            part = {"id": f"{results.names[building]}-{CHART_KINDS[kind]}-{number}", "kind": CHART_KINDS[kind]}
             of_chart[chart] = add({name: whole.get(name) for name in BUILDING_COLUMNS} | part)
             shared[building, surface] = int(of_chart[chart])
     return FeatureTable(
-        tuple(map(_property, (column for column in COLUMNS if column.name not in OMITTED_COLUMNS))), rows, of_chart, of_owner
+        tuple(map(_property, (column for column in COLUMNS if column.name not in OMITTED_COLUMNS))),
+        rows,
+        of_chart,
+        of_owner,
     )
 
 
-def _read_facade_rows(found: Published) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
     """Read the rows of facades by id; columns that an older version did not publish are None."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     names = [column.name for column in COLUMNS if column.name not in OMITTED_COLUMNS]
     try:
-        held = pq.ParquetFile(io.BytesIO(found.snapshot.items.read_bytes()))
+        held = pq.ParquetFile(io.BytesIO(results.snapshot.items.read_bytes()))
         table = held.read(columns=[name for name in names if name in held.schema_arrow.names])
     except (OSError, pa.ArrowException) as error:
-        raise InputError(f"{found.snapshot.items}: {found.snapshot.remedy}") from error
+        raise InputError(f"{results.snapshot.items}: {results.snapshot.remedy}") from error
     unknown = dict.fromkeys(names)
     rows = [
         unknown | row | {"updated": row["updated"].isoformat()} for row in table.to_pylist() if row["kind"] == "facade"
@@ -91,31 +103,35 @@ def _read_facade_rows(found: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows}
 
 
-def list_building_rows(found: Published) -> dict[int, dict[str, Any]]:
+def list_building_rows(results: Published) -> dict[int, dict[str, Any]]:
     """Return the row of each building by index, with the catalogue's columns."""
     of: dict[str, list[dict[str, Any]]] = {}
-    for row in _read_facade_rows(found).values():
+    for row in _read_facade_rows(results).values():
         of.setdefault(row["building"], []).append(row)
-    return {building: _building_row(found, building, of.get(name, [])) for building, name in found.names.items()}
+    return {building: _building_row(results, building, of.get(name, [])) for building, name in results.names.items()}
 
 
 def _property(column: ItemColumn) -> MetadataProperty:
-    # the only times are text as ISO 8601 has them; integers of 64 bits are exact as doubles, which scripts can add up
+    # times become ISO 8601 text; doubles hold the integers exactly, and scripts can add them up
     types = {"int64": "double", "timestamp[us, UTC]": "string"}
     return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)
 
 
-def _building_row(found: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
+def _building_row(results: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
     """Compose the row of a building from the plan and from sums over its facades."""
-    table = {name: column[building] for name, column in found.buildings.items()}
+    table = {name: column[building] for name, column in results.buildings.items()}
     qualities = sorted({quality for row in facades for quality in str(row["quality"] or "").split(", ") if quality})
     floors = [row["floors"] for row in facades if row["floors"] is not None]
-    sums = {name: sum(values) for name in SUMMED_COLUMNS if (values := [row[name] for row in facades if row[name] is not None])}
+    sums = {
+        name: sum(values)
+        for name in SUMMED_COLUMNS
+        if (values := [row[name] for row in facades if row[name] is not None])
+    }
     return {
-        "id": found.names[building],
+        "id": results.names[building],
         "kind": "building",
-        "block": found.block,
-        "building": found.names[building],
+        "block": results.block,
+        "building": results.names[building],
         "part_of": table.get("part_of") or None,
         "height_m": float(table["height"]),
         "levels": int(table["levels"]) or None,
@@ -123,7 +139,7 @@ def _building_row(found: Published, building: int, facades: list[dict[str, Any]]
         "roof_height_m": float(table["roof_height"]) if table.get("roof_shape") else None,
         "roof_confidence": float(table["roof_confidence"]) if "roof_confidence" in table else None,
         "floors": max(floors, default=None),
-        # good where all its facades are, else what is said of any
+        # good if all facades are good, else the remarks on any of them
         "quality": ", ".join(quality for quality in qualities if quality != "good") or ("good" if qualities else None),
         **sums,
     }

@@ -18,9 +18,9 @@ from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
 from tasks.publish.opened import Published, published
 
-# What an export was made of, and a digest of each of its files: what nobody has touched since, a new export may replace.
+# Sources of an export and digests of its files: a new export may replace an unchanged one.
 MARKER = "export.json"
-# Its name among files that tools of others read each .json of.
+# Name of the marker in formats whose tools read every .json file.
 HIDDEN_MARKER = ".export.json"
 
 
@@ -40,8 +40,7 @@ class ExportResult:
     notes: tuple[str, ...]
 
 
-# Writes buildings of a published block into a folder, (published, buildings, folder, options by name); returns the files to
-# open first, and notes.
+# Writes an export: (results, buildings, folder, **options) -> (files to open first, notes).
 Writer = Callable[..., tuple[list[str], list[str]]]
 
 
@@ -70,7 +69,7 @@ def _writers() -> dict[str, Writer]:
 
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd")
 
-# Of which formats options are, factored ones apart.
+# Formats that accept an option; factored ones are listed separately.
 FORMATS_BY_OPTION = {
     "textures": ("3dtiles", f"{FACTORED} 3dtiles", f"{FACTORED} glb"),
     "max_texture_mb": ("3dtiles",),
@@ -104,7 +103,8 @@ def export_run(
     format : one of FORMATS.
     to : target folder; None: OUT/exports/FORMAT. A path that ends in .gpkg is one new file.
     buildings : ids of buildings; empty: all.
-    textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED: an unlit model of few pictures, for glb too.
+    textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED, for glb too: an unlit model of few
+        pictures.
     max_texture_mb : 3dtiles only: graphics memory of a view, MB; None: 300, for ktx2 120; infinity: full resolution.
     lit : glb, 3dtiles and usd: materials react to light.
     night : glb, 3dtiles and usd: windows emit light.
@@ -130,8 +130,8 @@ def export_run(
         if buildings:
             raise InputError(f"{place}: only a whole block is exported into its bucket; name a folder here with --to")
         return _export_in_bucket(place, format, options)
-    with published(place) as found:
-        return _export(found, format, None if to is None else Path(to), buildings, as_file, options)
+    with published(place) as results:
+        return _export(results, format, None if to is None else Path(to), buildings, as_file, options)
 
 
 def marker_name(format: str) -> str:
@@ -140,29 +140,29 @@ def marker_name(format: str) -> str:
 
 
 def _export(
-    found: Published,
+    results: Published,
     format: str,
     to: Path | None,
     buildings: Sequence[str],
     as_file: bool,
     options: Mapping[str, Any],
 ) -> ExportResult:
-    chosen = found.choose(buildings)
-    target = Path(str(found.snapshot.out)) / "exports" / format if to is None else to.resolve()
+    chosen = results.choose(buildings)
+    target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir(parents=True)
-        main, notes = _writers()[format](found, chosen, temporary, **options)
+        main, notes = _writers()[format](results, chosen, temporary, **options)
         if as_file:
             os.replace(temporary / main[0], target)
             return ExportResult(target, (target,), tuple(notes))
         about: dict[str, Any] = {
             "format": format,
-            "block": found.block,
-            "snapshot": found.snapshot.id,
-            "crs": found.crs,
+            "block": results.block,
+            "snapshot": results.snapshot.id,
+            "crs": results.crs,
         }
         about |= {"notes": notes, "files": main, "digests": _file_digests(temporary)}
         (temporary / marker_name(format)).write_text(json.dumps(about, indent=1) + "\n")
@@ -179,9 +179,9 @@ def _export(
 def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> ExportResult:
     here = local_folder(place) / "exports" / format
     try:
-        with published(place) as found:
-            target = join_path(place, f"exports/{format}/{found.snapshot.id}")
-            written = _export(found, format, here, (), False, options)
+        with published(place) as results:
+            target = join_path(place, f"exports/{format}/{results.snapshot.id}")
+            written = _export(results, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
         map_concurrently(
             lambda name: object_store.upload_object(join_path(target, name).path, join_path(here, name)),

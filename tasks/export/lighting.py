@@ -14,14 +14,14 @@ from tasks.publish.opened import Published
 from tasks.stages.shared.materials import material_field, stored_material_field
 
 
-def relighting_inputs(found: Published) -> RelightingInputs:
+def relighting_inputs(results: Published) -> RelightingInputs:
     """Read the inputs of relighting.
 
     Stores from before the sun was recorded have none; the light of their colours stays.
     """
-    plan, group = found.plan, found.group
+    plan, group = results.plan, results.group
     placement = plan.scene.placement
-    # a network's colours are not those of materials, but what it was shown is made of the same
+    # a network's output has no material field; its input rendering uses the same materials
     field = stored_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
 
     @lru_cache(maxsize=MAX_CACHED_CHARTS)
@@ -48,9 +48,9 @@ def relighting_inputs(found: Published) -> RelightingInputs:
     )
 
 
-def is_mostly_photographed(found: Published) -> bool:
+def is_mostly_photographed(results: Published) -> bool:
     """Report whether most texels of a block's buildings are textures of the source model."""
-    plan = found.plan
+    plan = results.plan
     own = plan.in_core & (plan.scene.charts.building >= 0)
     texels = plan.texel_counts()
     return bool(2 * texels[own & plan.textured].sum() > texels[own].sum())

@@ -18,20 +18,22 @@ if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import TimeOfDay
     from facade_core.export.models.textured_mesh import TexturedMesh
 
-# How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
+# Default picture encoding of 3D Tiles, which every client reads.
 DEFAULT_ENCODING = "jpeg"
-# What --textures says of a model whose facades are of types and tiling materials.
+# Value of --textures for models of element types and tiling materials.
 FACTORED = "factored"
-# Beside a tileset: what all of its tiles take together.
+# Statistics of a whole tileset, in its folder.
 STATISTICS_FILE = "figures.json"
 
 
-def select_lighting(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[TexturedMesh, list[str]]:
+def select_lighting(
+    results: Published, lit: bool | None, night: bool, *, lit_by_default: bool
+) -> tuple[TexturedMesh, list[str]]:
     """Return the mesh of a block, relit if requested, and notes.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     lit : True: relight; False: keep colours; None: decide by `lit_by_default` and the share of photographs.
     night : night emission is requested.
     lit_by_default : the format is lit by default.
@@ -45,22 +47,22 @@ def select_lighting(found: Published, lit: bool | None, night: bool, *, lit_by_d
 
     asked = lit
     if lit is None:
-        lit = (lit_by_default or night) and (night or not is_mostly_photographed(found))
+        lit = (lit_by_default or night) and (night or not is_mostly_photographed(results))
     if not lit:
         if night:
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
-        return found.textured, [whose] if asked is None and lit_by_default else []
-    return relight(found.textured, relighting_inputs(found)), []
+        return results.textured, [whose] if asked is None and lit_by_default else []
+    return relight(results.textured, relighting_inputs(results)), []
 
 
-def add_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
+def add_ground(results: Published, buildings: np.ndarray) -> np.ndarray:
     """Append the ground (-1) if the buildings are all of the block's."""
-    return np.append(buildings, -1) if len(buildings) == len(found.choose(())) else buildings
+    return np.append(buildings, -1) if len(buildings) == len(results.choose(())) else buildings
 
 
 def write_models(
-    found: Published,
+    results: Published,
     buildings: np.ndarray,
     folder: Path,
     *,
@@ -72,7 +74,7 @@ def write_models(
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
     textures : FACTORED writes block.glb alone, factored; None: unique texels.
@@ -87,36 +89,36 @@ def write_models(
     if textures is not None:
         from tasks.export.factored import write_factored
 
-        return write_factored(found, buildings, add_ground(found, buildings), folder)
+        return write_factored(results, buildings, add_ground(results, buildings), folder)
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.glb import encode_glb
     from facade_core.export.models.gltf_materials import encode_textures
     from facade_core.export.models.textured_mesh import build_nodes, draw_page_images, local_frame, pack_charts
 
-    source, notes = select_lighting(found, lit, night, lit_by_default=True)
-    frame = local_frame(found.plan.scene.mesh)
-    extras = {"origin": frame.origin.tolist(), "crs": found.crs}
+    source, notes = select_lighting(results, lit, night, lit_by_default=True)
+    frame = local_frame(results.plan.scene.mesh)
+    extras = {"origin": frame.origin.tolist(), "crs": results.crs}
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
     def write(path: Path, those: np.ndarray) -> None:
         drawn = pack_charts(source, source.select_charts(those))
-        nodes, _ = build_nodes([drawn], found.names, frame)
+        nodes, _ = build_nodes([drawn], results.names, frame)
         pages = range(len(drawn.layout.pages))
         looks = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
         time: TimeOfDay = "night or day" if night else "day or night"
-        named = found.attribution.line
+        named = results.attribution.line
         path.write_bytes(encode_glb(nodes, looks, extras=extras, copyright=named, time=time))
         report_progress("export", 1)
 
     for building in buildings.tolist():
-        write(folder / "buildings" / f"{file_stem(found.names[building])}.glb", np.array([building]))
-    write(folder / "block.glb", add_ground(found, buildings))
+        write(folder / "buildings" / f"{file_stem(results.names[building])}.glb", np.array([building]))
+    write(folder / "block.glb", add_ground(results, buildings))
     return ["block.glb"], notes
 
 
 def write_3dtiles(
-    found: Published,
+    results: Published,
     buildings: np.ndarray,
     folder: Path,
     *,
@@ -129,7 +131,7 @@ def write_3dtiles(
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
     textures : encoding of the pictures, or FACTORED.
@@ -145,7 +147,7 @@ def write_3dtiles(
     if textures == FACTORED:
         from tasks.export.factored import write_factored_tiles
 
-        return write_factored_tiles(found, buildings, add_ground(found, buildings), folder)
+        return write_factored_tiles(results, buildings, add_ground(results, buildings), folder)
     from dataclasses import replace
 
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
@@ -157,11 +159,11 @@ def write_3dtiles(
     from tasks.export.features import build_feature_table
 
     encoded = texture_encoder(textures)
-    source, notes = select_lighting(found, lit, night, lit_by_default=False)
-    chosen = np.isin(source.charts.building[source.mesh.chart], add_ground(found, buildings))
+    source, notes = select_lighting(results, lit, night, lit_by_default=False)
+    chosen = np.isin(source.charts.building[source.mesh.chart], add_ground(results, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
-    density = found.plan.scene.spec.texels_per_metre
-    frame, extras, said = place_on_earth(found, local_frame(source.mesh).origin)
+    density = results.plan.scene.spec.texels_per_metre
+    frame, extras, said = place_on_earth(results, local_frame(source.mesh).origin)
     notes += said
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
@@ -186,13 +188,13 @@ def write_3dtiles(
         cells,
         shells,
         frame,
-        build_feature_table(found),
+        build_feature_table(results),
         encoded,
         write,
         scale=scale,
         time=time,
         extras=extras,
-        attribution=found.attribution,
+        attribution=results.attribution,
     )
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")

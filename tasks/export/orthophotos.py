@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
     from facade_core.export.bodies.wall_plane import WallPlane
 
-# Of the file's tiles, texels: those of a facade are few.
+# Side of a tile of the file, texels; small, because facades are small.
 TILE_TEXELS = 256
 
 
-def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cogs(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
 
@@ -41,38 +41,38 @@ def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     from facade_core.export.bodies.wall_plane import wall_plane
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    facades, source = found.plan.facades, found.textured
+    facades, source = results.plan.facades, results.textured
     drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
-    rows = _read_facade_rows(found)
+    rows = _read_facade_rows(results)
     begin_stage("export", len(chosen))
     names = []
     for index in chosen:
         name, chart = facades.id[index], int(facades.chart[index])
         plane = wall_plane(source, chart)
-        texels = read_chart_raster(found.group, found.plan.scene.placement, chart, "atlas/colour")
+        texels = read_chart_raster(results.group, results.plan.scene.placement, chart, "atlas/colour")
         names.append(f"{file_stem(name)}.tif")
         row = rows[name]
-        _write_cog(found, folder / names[-1], texels, plane, chart, name)
-        item = _item(found, name, row, plane, texels.shape[:2], names[-1])
+        _write_cog(results, folder / names[-1], texels, plane, chart, name)
+        item = _item(results, name, row, plane, texels.shape[:2], names[-1])
         text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
         (folder / f"{file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
         report_progress("export", 1)
     return names, []
 
 
-def _read_facade_rows(found: Published) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
     """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
     import geopandas as gpd
 
     try:
-        rows = gpd.read_parquet(io.BytesIO(found.snapshot.items.read_bytes()))
+        rows = gpd.read_parquet(io.BytesIO(results.snapshot.items.read_bytes()))
     except (OSError, ValueError) as error:
-        raise InputError(f"{found.snapshot.items}: {found.snapshot.remedy}") from error
+        raise InputError(f"{results.snapshot.items}: {results.snapshot.remedy}") from error
     return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
 
 
-def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlane, chart: int, name: str) -> None:
+def _write_cog(results: Published, path: Path, texels: np.ndarray, plane: WallPlane, chart: int, name: str) -> None:
     import rasterio
     from rasterio.features import rasterize
     from rasterio.transform import Affine
@@ -82,7 +82,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
     height, width = texels.shape[:2]
     polygons = [
         {"type": "Polygon", "coordinates": [ring.tolist() for ring in rings]}
-        for rings in wall_outlines(found.textured, chart)
+        for rings in wall_outlines(results.textured, chart)
     ]
     # a texel that the wall touches counts as its own
     wall = rasterize(polygons, out_shape=(height, width), default_value=255, dtype="uint8", all_touched=True)
@@ -104,17 +104,17 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
         file.write_mask(wall)
         file.update_tags(
             facade=escape_invisible(name),
-            building=escape_invisible(found.names[int(found.plan.scene.charts.building[chart])]),
-            world_crs=found.crs,
+            building=escape_invisible(results.names[int(results.plan.scene.charts.building[chart])]),
+            world_crs=results.crs,
             **{f"world_{key}": " ".join(map(str, value)) for key, value in plane.pose().items()},
             metres_per_texel=f"{plane.texel_size[0]:.9g}",
-            TIFFTAG_COPYRIGHT=found.attribution.line,
-            **found.attribution.tags(),
+            TIFFTAG_COPYRIGHT=results.attribution.line,
+            **results.attribution.tags(),
         )
 
 
 def _item(
-    found: Published, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
+    results: Published, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
     import pystac
@@ -125,7 +125,7 @@ def _item(
     from catalogs.stac.licences import common_license, license_links, licensors
     from facade_core.export.bodies.wall_plane import PLANE_WKT
 
-    sources = [SourceFact(one.key, one.name, one.licence) for one in found.attribution.sources]
+    sources = [SourceFact(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
     placed = line is not None and not line.is_empty
     item = pystac.Item(
@@ -141,8 +141,8 @@ def _item(
             "proj:wkt2": PLANE_WKT,
             "proj:transform": list(plane.transform),
             "proj:shape": list(shape),
-            "streetloom:world": {"crs": found.crs, **plane.pose()},
-            "streetloom:attribution": found.attribution.to_json(),
+            "streetloom:world": {"crs": results.crs, **plane.pose()},
+            "streetloom:attribution": results.attribution.to_json(),
         },
         stac_extensions=[PROJECTION],
     )

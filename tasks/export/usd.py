@@ -15,20 +15,20 @@ from tasks.export.features import list_building_rows
 from tasks.export.models import add_ground, select_lighting
 from tasks.publish.opened import Published
 
-# 1980-01-02 in any time zone, the first day that a package can state, seconds.
+# Unix time of 1980-01-02 in any time zone, the first day that a package can store, seconds.
 PACKAGE_TIME_S = 315_619_200
 # Names of texture files by the fields of MaterialTextures.
 TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emissive": "glow"}
 
 
 def write_usd(
-    found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
+    results: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
 
     Parameters
     ----------
-    found : published block.
+    results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
     lit : relight materials; see `select_lighting`.
@@ -58,10 +58,10 @@ def write_usd(
     )
 
     import_usd()
-    source, notes = select_lighting(found, lit, night, lit_by_default=True)
-    drawn = pack_charts(source, source.select_charts(add_ground(found, buildings)))
-    frame = ZUpFrame(local_frame(found.plan.scene.mesh).origin)
-    nodes, _ = build_nodes([drawn], found.names, frame)
+    source, notes = select_lighting(results, lit, night, lit_by_default=True)
+    drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
+    frame = ZUpFrame(local_frame(results.plan.scene.mesh).origin)
+    nodes, _ = build_nodes([drawn], results.names, frame)
     begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
     for name in ("textures", "buildings"):
         (folder / name).mkdir()
@@ -77,24 +77,24 @@ def write_usd(
         pages.append(TextureFiles(**{field: f"../{file}" for field, file in files.items()}))
         report_progress("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
-    rows = {found.names[index]: row for index, row in list_building_rows(found).items()}
+    rows = {results.names[index]: row for index, row in list_building_rows(results).items()}
     parts: dict[str, str] = {}
     for node in nodes:
         parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
-        about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": found.attribution.line}
+        about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": results.attribution.line}
         write_usd_building(folder / parts[node.name], node, pages, about, time)
         report_progress("export", 1)
-    stem = file_stem(found.block)
+    stem = file_stem(results.block)
     said_of_all: dict[str, Any] = {
-        "block": found.block,
-        "crs": found.crs,
+        "block": results.block,
+        "crs": results.crs,
         "origin": json.dumps(frame.origin.tolist()),
-        "snapshot": found.snapshot.id,
-        **found.attribution.tags(),
+        "snapshot": results.snapshot.id,
+        **results.attribution.tags(),
     }
-    write_usd_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line, time)
+    write_usd_block(folder / f"{stem}.usda", parts, said_of_all, results.attribution.line, time)
     packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
-    for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
+    for name in packed:  # a package stores modification times: a constant keeps its bytes reproducible
         os.utime(folder / name, (PACKAGE_TIME_S, PACKAGE_TIME_S))
     write_usd_package(folder, packed, folder / f"{stem}.usdz")
     report_progress("export", 1)

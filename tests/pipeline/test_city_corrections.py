@@ -15,7 +15,7 @@ from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from tasks.city.blocks import read_city
 from tasks.city.city_log import prepare_city
-from tasks.corrections.correction_import import Taker, import_corrections
+from tasks.corrections.correction_import import CorrectionImporter, import_corrections
 from tasks.engine.store.status import record_source
 from tasks.export.formats import export_run
 from tasks.publish.task import publish_block
@@ -78,7 +78,7 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
         assert not import_corrections(out, next(given.glob("*.city.json")), who="ben").files
 
     # of a block by itself, as the viewer does, it goes to the same file
-    Taker(out / "blocks" / of["h0"]).take([{"building_id": "h0", "levels": 2}], "said", who="ben")
+    CorrectionImporter(out / "blocks" / of["h0"]).add([{"building_id": "h0", "levels": 2}], "said", who="ben")
     assert {"h0", "h1", "h2-0"} == set(read_corrections(city).by_target)
     assert corrections_file(files[of["h0"]]) == store
     with pytest.raises(InputError, match=r"no block of the city in .* has h9"):

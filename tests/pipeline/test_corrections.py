@@ -16,7 +16,7 @@ from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
-from tasks.corrections.correction_import import Taker, import_corrections
+from tasks.corrections.correction_import import CorrectionImporter, import_corrections
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_source, record_source
 from tasks.export.formats import export_run
@@ -148,7 +148,7 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
         stands["said"]["wall_material"],
         {one["what"] for one in stands["corrected"]},
     ) == (10.0, "brick", {"height", "wall_material"})
-    done = Taker(out).take([{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna")
+    done = CorrectionImporter(out).add([{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna")
     assert done.buildings == 2, "under both ids"
     assert not read_corrections(folder / "in" / "block.yaml")
 
@@ -173,8 +173,8 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     document["annotations"].remove(gone)
     moved["bbox"] = [moved["bbox"][0], 1.0, 3.0, 4.0]
     written.write_text(json.dumps(document))
-    taker = Taker(folder / "out")
-    assert not taker.take([{"facade_id": "b-2", "hide": [], "keep": None, "facade": True}], "said", who="anna").files
+    taker = CorrectionImporter(folder / "out")
+    assert not taker.add([{"facade_id": "b-2", "hide": [], "keep": None, "facade": True}], "said", who="anna").files
     done = import_corrections(folder / "out", written, who="anna", why="seen from the street")
     assert (done.facades, done.buildings) == (1, 0)
     kept = read_corrections(folder / "in" / "block.yaml").by_target["b-2"]["elements"]
@@ -198,7 +198,7 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     assert import_corrections(folder / "out", newly, who="anna").facades == 0, "and is exported so"
     assert texture(folder / "in" / "block.yaml", tmp_path / "fresh").said is None
     assert digests_of(tmp_path / "fresh") == digests_of(folder / "out")
-    assert taker.take([{"facade_id": "b-2", "elements": None}], "said", who="anna").facades == 1, (
+    assert taker.add([{"facade_id": "b-2", "elements": None}], "said", who="anna").facades == 1, (
         "what is published now"
     )
     made(folder)
