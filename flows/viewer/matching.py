@@ -13,7 +13,7 @@ from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
-from tasks.matching.match_table import TABLE, Decision, Match, alone, decided, read_table, write_table
+from tasks.matching.match_table import TABLE, Decision, PhotoMatch, alone, decided, read_match_table, write_table
 from tasks.matching.photo_import import take, taking
 from tasks.viewing.pictures import encode
 from tasks.viewing.run_view import Reader
@@ -29,11 +29,11 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     """
 
     def all_matches() -> dict[str, Any]:
-        return {"photos": [_match_row(match) for match in read_table(find_block_file(reader.out).parent / TABLE).matches()]}
+        return {"photos": [_match_row(match) for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()]}
 
     def picture(request: Request) -> Response:
         name = request.query_params.get("name", "")
-        if not any(match.photo == name for match in read_table(find_block_file(reader.out).parent / TABLE).matches()):
+        if not any(match.photo == name for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()):
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")
@@ -45,7 +45,7 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
         path = block.parent / TABLE
         with alone(path):
             decisions = _parse_decisions(body)
-            table = decided(read_table(path), decisions, who=editor.who)
+            table = decided(read_match_table(path), decisions, who=editor.who)
             # check the decided rows before any write; faults of other rows are only reported
             found = taking(block, photos, table, {row.photo for row in decisions})
             write_table(table)
@@ -64,11 +64,11 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     ]
 
 
-def _match_row(match: Match) -> dict[str, Any]:
+def _match_row(match: PhotoMatch) -> dict[str, Any]:
     return {
         "photo": match.photo,
         "facade": match.facade,
-        "by": match.by,
+        "by": match.decided_by,
         "candidates": [{"id": row.facade, "probability": row.probability, "why": row.why} for row in match.candidates],
         "place": match.place,
         "heading": match.heading,

@@ -10,9 +10,9 @@ from facade_core.geometry.charts import ChartKind
 from tasks.publish.opened import Published
 
 # What says of what walls are, beside what has a texture.
-_OF_WALLS = ("wall_material", "wall_colour")
+_WALL_KINDS = ("wall_material", "wall_colour")
 # The source of a facade that has no texture of its own: it takes what its walls are of.
-PLAIN = "translator"
+PLAIN_SOURCE = "translator"
 
 
 class UnaffectedWalls(NamedTuple):
@@ -28,11 +28,11 @@ def find_unaffected_walls(found: Published, new: Sequence[Correction]) -> Unaffe
     plan = found.plan
     houses = {name: index for index, name in found.names.items()}
     none = {one.id for one in new if one.kind == "facade" and one.value is False}
-    stated = sorted({one.id for one in new if one.kind in _OF_WALLS and one.value is not None and one.id in houses})
-    kept = {id: walls for id in stated if (walls := _textured(found, houses[id], none))}
+    stated = sorted({one.id for one in new if one.kind in _WALL_KINDS and one.value is not None and one.id in houses})
+    kept = {id: walls for id in stated if (walls := _count_textured_facades(found, houses[id], none))}
     if not kept:
         return UnaffectedWalls((), frozenset())
-    others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _OF_WALLS}
+    others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _WALL_KINDS}
     whole = {
         id
         for id in kept
@@ -47,11 +47,11 @@ def find_unaffected_walls(found: Published, new: Sequence[Correction]) -> Unaffe
     return UnaffectedWalls((note,), frozenset(whole))
 
 
-def _textured(found: Published, building: int, none: Collection[str]) -> int:
+def _count_textured_facades(found: Published, building: int, none: Collection[str]) -> int:
     """How many facades of a building have a texture, those aside that are said now to be none."""
     facades = found.plan.facades
     return sum(
-        of == building and id not in none and made["status"] == "done" and made["source"] != PLAIN
+        of == building and id not in none and made["status"] == "done" and made["source"] != PLAIN_SOURCE
         for of, id, made in zip(facades.building.tolist(), facades.id, found.records, strict=True)
         if made is not None
     )

@@ -27,7 +27,7 @@ _NEXT = "; "
 
 
 @dataclass(frozen=True)
-class Candidate:
+class FacadeCandidate:
     """A facade that a photo may show, with what probability, and what speaks for it, in a line."""
 
     facade: str
@@ -36,24 +36,24 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Match:
+class PhotoMatch:
     """A photo's row: the facade it shows ("" for none, or not decided yet), who decided that ("": nobody but the matching, or
     a hand in the table), the candidates, the likeliest first; where it was taken and its heading, degrees, where known."""
 
     photo: str
     facade: str
-    by: str
-    candidates: tuple[Candidate, ...]
+    decided_by: str
+    candidates: tuple[FacadeCandidate, ...]
     place: tuple[float, float] | None
     heading: float | None
 
     @property
-    def decided(self) -> bool:
-        return bool(self.facade or self.by)
+    def is_decided(self) -> bool:
+        return bool(self.facade or self.decided_by)
 
 
 @dataclass(frozen=True)
-class Table:
+class MatchTable:
     """Rows by column as they stand in a file, what separates its columns, and the columns."""
 
     path: Path
@@ -61,13 +61,13 @@ class Table:
     rows: tuple[Mapping[str, str], ...]
     separator: str = ","
 
-    def matches(self) -> list[Match]:
+    def matches(self) -> list[PhotoMatch]:
         """The rows that name a photo, read."""
         return [_match(row) for row in self.rows if row["photo"]]
 
 
-def found_row(
-    photo: str, facade: str | None, candidates: Sequence[Candidate], pose: Pose, *, heading: bool
+def format_match_row(
+    photo: str, facade: str | None, candidates: Sequence[FacadeCandidate], pose: Pose, *, has_heading: bool
 ) -> dict[str, str]:
     """A row of what was found; heading: whether the photo states one."""
     return {
@@ -78,12 +78,12 @@ def found_row(
         "why": _NEXT.join(one.why for one in candidates),
         "x": f"{pose.x:.2f}",
         "y": f"{pose.y:.2f}",
-        "heading": f"{pose.heading:.1f}" if heading else "",
+        "heading": f"{pose.heading:.1f}" if has_heading else "",
         "by": "",
     }
 
 
-def read_table(path: Path) -> Table:
+def read_match_table(path: Path) -> MatchTable:
     """Raises InputError for a file that is none."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -104,7 +104,7 @@ def read_table(path: Path) -> Table:
     for row in cells:
         said = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
         rows.append({name: said.get(name, "") for name in known})
-    return Table(path, known, tuple(rows), separator)
+    return MatchTable(path, known, tuple(rows), separator)
 
 
 def _columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
@@ -127,7 +127,7 @@ def alone(table: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def write_table(table: Table, *, new: bool = False) -> None:
+def write_table(table: MatchTable, *, new: bool = False) -> None:
     """In one step. Raises InputError for a new one where somebody wrote one meanwhile."""
     text = io.StringIO(newline="")
     rows = csv.DictWriter(text, table.columns, delimiter=table.separator)
@@ -157,7 +157,7 @@ class Decision:
     stood: tuple[str, str]
 
 
-def decided(table: Table, decisions: Sequence[Decision], *, who: str) -> Table:
+def decided(table: MatchTable, decisions: Sequence[Decision], *, who: str) -> MatchTable:
     """The table with what somebody decided in it. Raises InputError for a photo that it has not, and for a row that somebody
     else changed meanwhile."""
     said = {one.photo: one for one in decisions}
@@ -175,7 +175,7 @@ def decided(table: Table, decisions: Sequence[Decision], *, who: str) -> Table:
     return replace(table, rows=tuple(rows))
 
 
-def _match(row: Mapping[str, str]) -> Match:
+def _match(row: Mapping[str, str]) -> PhotoMatch:
     x, y, heading = (_number(row[name]) for name in ("x", "y", "heading"))
     reasons = row["why"].split(_NEXT)
     candidates = []
@@ -183,9 +183,9 @@ def _match(row: Mapping[str, str]) -> Match:
         facade, _, probability = part.rpartition(" ")
         value = _number(probability)
         if facade and value is not None:
-            candidates.append(Candidate(facade, value, reasons[number] if number < len(reasons) else ""))
+            candidates.append(FacadeCandidate(facade, value, reasons[number] if number < len(reasons) else ""))
     place = None if x is None or y is None else (x, y)
-    return Match(row["photo"], row["facade"], row["by"], tuple(candidates), place, heading)
+    return PhotoMatch(row["photo"], row["facade"], row["by"], tuple(candidates), place, heading)
 
 
 def _number(text: str) -> float | None:

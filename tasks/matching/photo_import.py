@@ -12,7 +12,7 @@ from catalogs.block.reader import read_block
 from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
-from tasks.matching.match_table import Table
+from tasks.matching.match_table import MatchTable
 from tasks.stages.ingest.planning import make_plan
 
 # Where photos go that are taken, beside a block file that names no folder.
@@ -38,7 +38,7 @@ class Taking:
 _Fault = tuple[set[str], str]
 
 
-def taking(block_file: Path, folder: Path, table: Table, asked: Collection[str] | None = None) -> Taking:
+def taking(block_file: Path, folder: Path, table: MatchTable, asked: Collection[str] | None = None) -> Taking:
     """What it is to take the photos of a table that have a facade.
 
     A copy of a photo that the table decides otherwise now goes, never the photo itself. asked: the photos whose rows must be
@@ -110,13 +110,13 @@ def _named(folder: Path, facade: str, photo: Path) -> Path:
     return folder / f"{facade}{photo.suffix.lower()}"
 
 
-def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table, faults: list[_Fault]) -> dict[str, Path]:
+def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]) -> dict[str, Path]:
     """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Where one is no
     copy, but that photo, it is a fault."""
     said: dict[int, list[tuple[Path, str]]] = {}
     for match in table.matches():
         path = folder / match.photo
-        if match.decided and match.photo == Path(match.photo).name and path.is_file():
+        if match.is_decided and match.photo == Path(match.photo).name and path.is_file():
             said.setdefault(path.stat().st_size, []).append((path, match.facade))
     found = {}
     for facade, path in photos.items():
@@ -132,7 +132,7 @@ def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table, fau
     return found
 
 
-def _wanted(table: Table, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
+def _wanted(table: MatchTable, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
     """Photos by the facade that a table names for them; those of two of one facade are both at fault."""
     found: dict[str, list[str]] = {}
     for line, row in enumerate(table.rows, 2):

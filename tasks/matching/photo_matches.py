@@ -21,7 +21,7 @@ from facade_core.imagery.poses.photo_matching import WallLikelihoods, estimate_o
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.matching.match_table import COLUMNS, Candidate, Table, found_row
+from tasks.matching.match_table import COLUMNS, FacadeCandidate, MatchTable, format_match_row
 from tasks.stages.facades.evidence import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 
@@ -35,7 +35,7 @@ PLACES = "give their places with --poses FILE.csv (file,lon,lat,heading), or nam
 _FULL = (0.0, 0.0, 1.0, 1.0)
 
 
-def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[Table, list[Fault]]:
+def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[MatchTable, list[Fault]]:
     """Which facades the photos in a folder show, as taken from the street, as the table that goes to `path`; and a fault for
     each photo that cannot be told.
 
@@ -64,7 +64,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
                 raise
             faults.append(Fault(photo.name, "photo", error_reason(error)))
         report_progress("match", 1)
-    return Table(path, COLUMNS, tuple(found)), faults
+    return MatchTable(path, COLUMNS, tuple(found)), faults
 
 
 def _place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
@@ -95,7 +95,7 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
     )
     best = np.argsort(-found.probability, kind="stable")[:CANDIDATES]
     candidates = [
-        Candidate(
+        FacadeCandidate(
             plan.facades.id[i],
             round(float(found.probability[i]), 3),
             _why(found, i, plan.scene.charts.size[walls[i], 1]),
@@ -104,7 +104,7 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
         if found.probability[i] >= LEAST
     ]
     facade = candidates[0].facade if candidates and candidates[0].probability >= SURE else None
-    return found_row(path.name, facade, candidates, pose, heading=place.heading is not None)
+    return format_match_row(path.name, facade, candidates, pose, has_heading=place.heading is not None)
 
 
 def _why(found: WallLikelihoods, wall: int, height: float) -> str:

@@ -15,7 +15,7 @@ from benchmarks.matching import photo_of
 from catalogs.block.reader import read_block
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import synthetic_street
-from tasks.matching.match_table import COLUMNS, TABLE, Candidate, Table, found_row, read_table, write_table
+from tasks.matching.match_table import COLUMNS, TABLE, FacadeCandidate, MatchTable, format_match_row, read_match_table, write_table
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import HOUSES, STREET, made
 from tests.pipeline.stages import EAST, NORTH, write_block
@@ -37,13 +37,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         Image.fromarray(photo).save(folder / "taken" / f"IMG_{number}.jpg", quality=90)
     pose = Pose(EAST + 14.0, NORTH - 4.0, None, 350.0)
     rows = [
-        found_row(
-            "IMG_0.jpg", None, [Candidate("b-2", 0.52, "seen"), Candidate("a-0", 0.41, "seen too")], pose, heading=True
+        format_match_row(
+            "IMG_0.jpg", None, [FacadeCandidate("b-2", 0.52, "seen"), FacadeCandidate("a-0", 0.41, "seen too")], pose, has_heading=True
         ),
-        found_row("IMG_1.jpg", "b-2", [Candidate("b-2", 0.93, "before it")], pose, heading=False),
-        found_row("IMG_2.jpg", None, [], pose, heading=False),
+        format_match_row("IMG_1.jpg", "b-2", [FacadeCandidate("b-2", 0.93, "before it")], pose, has_heading=False),
+        format_match_row("IMG_2.jpg", None, [], pose, has_heading=False),
     ]
-    write_table(Table(folder / "in" / TABLE, COLUMNS, tuple(rows)))
+    write_table(MatchTable(folder / "in" / TABLE, COLUMNS, tuple(rows)))
     return folder
 
 
@@ -54,7 +54,7 @@ def page(browser: Any) -> Iterator[Any]:
 
 
 def said(folder: Path) -> dict[str, tuple[str, str]]:
-    return {match.photo: (match.facade, match.by) for match in read_table(folder / "in" / TABLE).matches()}
+    return {match.photo: (match.facade, match.decided_by) for match in read_match_table(folder / "in" / TABLE).matches()}
 
 
 def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(page: Any, folder: Path) -> None:
@@ -133,9 +133,9 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
             assert "rectified" in [stage["stage"] for stage in stages]
 
         # of what was decided elsewhere meanwhile the next save tells, and nothing of it is saved over, nor undone
-        table = read_table(folder / "in" / TABLE)
+        table = read_match_table(folder / "in" / TABLE)
         write_table(
-            Table(
+            MatchTable(
                 table.path,
                 table.columns,
                 tuple({**row, "by": row["by"] if row["facade"] else ""} for row in table.rows),
@@ -155,8 +155,8 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
         assert said(folder) == {"IMG_0.jpg": ("a-0", "anna"), "IMG_1.jpg": ("b-2", ""), "IMG_2.jpg": ("", "")}
 
         # what was decided elsewhere meanwhile is not overwritten
-        table = read_table(folder / "in" / TABLE)
-        write_table(Table(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
+        table = read_match_table(folder / "in" / TABLE)
+        write_table(MatchTable(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
         page.keyboard.press("0")
         page.keyboard.press("Control+s")
         page.wait_for_selector("#saved.failed")

@@ -20,7 +20,7 @@ from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
-from tasks.matching.match_table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table
+from tasks.matching.match_table import COLUMNS, Decision, MatchTable, alone, decided, format_match_row, read_match_table, write_table
 from tasks.matching.photo_import import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
 
@@ -94,7 +94,7 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert block.photos == {facade: block_file.parent / "photos" / f"{facade}.jpg"}
     assert not block.photos_rectified
     assert block.photos[facade].read_bytes() == (photos / "IMG_1.jpg").read_bytes()
-    again = taking(block_file, photos, read_table(table))
+    again = taking(block_file, photos, read_match_table(table))
     assert (again.count, again.copied, again.gone) == (1, {}, ()), "again is the same"
     assert take(again) is None
     assert len(list((block_file.parent / "photos").iterdir())) == 1
@@ -126,48 +126,48 @@ def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, ro
     table = block_file.parent / "mended.csv"
     table.write_text("photo,facade,probability,candidates\n" + rows.format(a=facade) + "\n")
     with pytest.raises(InputError, match=said):
-        taking(block_file, block_file.parent.parent / "photos", read_table(table))
+        taking(block_file, block_file.parent.parent / "photos", read_match_table(table))
     assert not (block_file.parent / "photos").exists()
 
 
 def test_rows_that_nobody_asked_for_are_told_and_others_taken(block_file: Path) -> None:
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     path.write_text("photo,facade\nIMG_1.jpg,a-0\nfar.jpg,nobody\ngone.jpg,b-0\nfar.jpg,a-1\nsilent.jpg,a-1\n")
-    done = taking(block_file, photos, read_table(path), {"IMG_1.jpg"})
+    done = taking(block_file, photos, read_match_table(path), {"IMG_1.jpg"})
     assert (done.count, list(done.copied)) == (1, ["a-0"])
     for said, fault in zip(
         ("no facade 'nobody'", "no photo 'gone.jpg'", "far.jpg shows a-1"), done.faults, strict=True
     ):
         assert said in fault
     with pytest.raises(InputError, match=r"far\.jpg shows a-1 already"):
-        taking(block_file, photos, read_table(path), {"silent.jpg"})
+        taking(block_file, photos, read_match_table(path), {"silent.jpg"})
 
 
 def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
     (wrong := block_file.parent / "wrong.csv").write_text("file,wall\nIMG_1.jpg,a\n")
     with pytest.raises(InputError, match="has no columns `photo` and `facade`"):
-        read_table(wrong)
+        read_match_table(wrong)
 
 
 def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
     """A photo that was taken for one house goes to the other with the table, and a person's `none` is kept as such."""
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     assert CliRunner().invoke(command_line, ["match", str(block_file), str(photos)]).exit_code == 0
-    table = read_table(path)
+    table = read_match_table(path)
     first, far = sorted(table.matches(), key=lambda match: match.photo)
     assert first.candidates[0].facade == first.facade
     assert first.candidates[0].probability > 0.8
     assert "degrees off the stated heading, its roof at " in first.candidates[0].why
     assert first.place is not None
     assert first.heading is not None
-    assert (far.decided, far.candidates) == (False, ())
+    assert (far.is_decided, far.candidates) == (False, ())
     take(taking(block_file, photos, table))
     other = next(f"b-{n}" for n in range(4) if f"b-{n}" != first.facade)
     none = Decision("far.jpg", "", True, ("", ""))
     table = decided(table, [Decision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
     write_table(table)
-    assert read_table(path) == table
-    assert {match.photo: (match.facade, match.by) for match in read_table(path).matches()} == {
+    assert read_match_table(path) == table
+    assert {match.photo: (match.facade, match.decided_by) for match in read_match_table(path).matches()} == {
         "IMG_1.jpg": (other, "anna"),
         "far.jpg": ("", "anna"),
     }
@@ -187,9 +187,9 @@ def test_a_photo_that_somebody_named_by_hand_stays(block_file: Path) -> None:
     """What the table leaves open says nothing of the block's photos."""
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     path.write_text("photo,facade\nIMG_1.jpg,a-0\n")
-    take(taking(block_file, photos, read_table(path)))
+    take(taking(block_file, photos, read_match_table(path)))
     path.write_text("photo,facade,candidates\nIMG_1.jpg,,a-0 0.5; b-0 0.4\n")
-    table = read_table(path)
+    table = read_match_table(path)
     assert [(one.facade, one.probability) for one in table.matches()[0].candidates] == [("a-0", 0.5), ("b-0", 0.4)]
     assert taking(block_file, photos, table).gone == ()
 
@@ -205,13 +205,13 @@ def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
     own.mkdir()
     (own / "a-0.jpg").write_bytes((photos / "silent.jpg").read_bytes())  # the block's file names none
     with pytest.raises(InputError, match=r"a-0\.jpg is there and is another photo"):
-        taking(block_file, photos, read_table(path))
+        taking(block_file, photos, read_match_table(path))
     assert (own / "a-0.jpg").read_bytes() == (photos / "silent.jpg").read_bytes()
     (own / "a-0.jpg").unlink()
-    take(taking(block_file, photos, read_table(path)))
+    take(taking(block_file, photos, read_match_table(path)))
     for facade in ("", "b-0"):
         path.write_text(f"photo,facade,by\na-0.jpg,{facade},anna\n")
-        table = read_table(path)
+        table = read_match_table(path)
         with pytest.raises(InputError, match=r"a-0\.jpg is the block's own photo, of which no copy is kept"):
             taking(block_file, own, table)
 
@@ -223,7 +223,7 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
     part = read_city(city, block_file.parent / "out").blocks[0].file
     (table := block_file.parent / "mended.csv").write_text("photo,facade\nIMG_1.jpg,a-0\n")
     with pytest.raises(InputError, match="it is a part of a city and has the photos of that"):
-        taking(part, block_file.parent.parent / "photos", read_table(table))
+        taking(part, block_file.parent.parent / "photos", read_match_table(table))
 
 
 @pytest.mark.parametrize(
@@ -235,29 +235,29 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
 )
 def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, remarks: dict[str, str]) -> None:
     (path := tmp_path / "matches.csv").write_text(text)
-    write_table(read_table(path))
-    (row,) = read_table(path).rows
+    write_table(read_match_table(path))
+    (row,) = read_match_table(path).rows
     assert remarks.items() <= row.items()
     path.write_text("photo,facade,why,why\n1.jpg,a-0,x,y\n")
     with pytest.raises(InputError, match="two columns of one name"):
-        read_table(path)
+        read_match_table(path)
     path.write_text("photo,facade,,\n1.jpg,a-0,,,,\n\n2.jpg\n")
-    assert [(one.photo, one.facade) for one in read_table(path).matches()] == [("1.jpg", "a-0"), ("2.jpg", "")]
+    assert [(one.photo, one.facade) for one in read_match_table(path).matches()] == [("1.jpg", "a-0"), ("2.jpg", "")]
 
 
 def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
     path, photos = tmp_path / "matches.csv", [f"{number}.jpg" for number in range(24)]
-    rows = tuple(found_row(photo, None, [], Pose(0, 0, 0, 0), heading=False) for photo in photos)
-    write_table(Table(path, COLUMNS, rows), new=True)
+    rows = tuple(format_match_row(photo, None, [], Pose(0, 0, 0, 0), has_heading=False) for photo in photos)
+    write_table(MatchTable(path, COLUMNS, rows), new=True)
 
     def decide(photo: str) -> None:
         with alone(path):
-            write_table(decided(read_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
+            write_table(decided(read_match_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(decide, photos))
-    assert all(match.facade == "a-0" for match in read_table(path).matches())
+    assert all(match.facade == "a-0" for match in read_match_table(path).matches())
     with pytest.raises(InputError, match="was written meanwhile"):
-        write_table(Table(path, COLUMNS, ()), new=True)
+        write_table(MatchTable(path, COLUMNS, ()), new=True)
     assert [one.name for one in tmp_path.iterdir()] == ["matches.csv"]
-    assert len(read_table(path).rows) == 24
+    assert len(read_match_table(path).rows) == 24
