@@ -112,7 +112,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     """
     from facade_core.core.errors import InputError
     from flows.console import show_progress
-    from tasks.matching.match_table import TABLE, read_match_table, write_table
+    from tasks.matching.match_table import TABLE, read_match_table, write_match_table
     from tasks.matching.photo_import import take, taking
     from tasks.matching.photo_matches import PLACES, UNPLACED, match_photos
 
@@ -138,7 +138,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
-    write_table(found_table, new=True)
+    write_match_table(found_table, new=True)
     for photo in matches:
         candidates = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in photo.candidates)
         result = (

@@ -13,7 +13,7 @@ from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
-from tasks.matching.match_table import TABLE, Decision, PhotoMatch, alone, decided, read_match_table, write_table
+from tasks.matching.match_table import TABLE, Decision, PhotoMatch, lock_match_table, decided, read_match_table, write_match_table
 from tasks.matching.photo_import import take, taking
 from tasks.viewing.pictures import encode
 from tasks.viewing.run_view import Reader
@@ -43,12 +43,12 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     def save(body: Any) -> dict[str, Any]:
         block = find_block_file(reader.out)
         path = block.parent / TABLE
-        with alone(path):
+        with lock_match_table(path):
             decisions = _parse_decisions(body)
             table = decided(read_match_table(path), decisions, who=editor.who)
             # check the decided rows before any write; faults of other rows are only reported
             found = taking(block, photos, table, {row.photo for row in decisions})
-            write_table(table)
+            write_match_table(table)
             by_hand = take(found)
         notes = [f"not taken: {fault}" for fault in found.faults]
         notes += [f"write into the block file: {by_hand}"] if by_hand else []

@@ -117,7 +117,7 @@ def _columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]
 
 
 @contextmanager
-def alone(table: Path) -> Iterator[None]:
+def lock_match_table(table: Path) -> Iterator[None]:
     """Wait until no other process or thread changes a table: who reads it, and writes what became of it, loses nothing."""
     handle = os.open(table.parent, os.O_RDONLY)
     try:
@@ -127,7 +127,7 @@ def alone(table: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def write_table(table: MatchTable, *, new: bool = False) -> None:
+def write_match_table(table: MatchTable, *, new: bool = False) -> None:
     """In one step. Raises InputError for a new one where somebody wrote one meanwhile."""
     text = io.StringIO(newline="")
     rows = csv.DictWriter(text, table.columns, delimiter=table.separator)

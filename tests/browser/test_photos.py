@@ -15,7 +15,7 @@ from benchmarks.matching import photo_of
 from catalogs.block.reader import read_block
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import synthetic_street
-from tasks.matching.match_table import COLUMNS, TABLE, FacadeCandidate, MatchTable, format_match_row, read_match_table, write_table
+from tasks.matching.match_table import COLUMNS, TABLE, FacadeCandidate, MatchTable, format_match_row, read_match_table, write_match_table
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import HOUSES, STREET, made
 from tests.pipeline.stages import EAST, NORTH, write_block
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         format_match_row("IMG_1.jpg", "b-2", [FacadeCandidate("b-2", 0.93, "before it")], pose, has_heading=False),
         format_match_row("IMG_2.jpg", None, [], pose, has_heading=False),
     ]
-    write_table(MatchTable(folder / "in" / TABLE, COLUMNS, tuple(rows)))
+    write_match_table(MatchTable(folder / "in" / TABLE, COLUMNS, tuple(rows)))
     return folder
 
 
@@ -134,7 +134,7 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
 
         # of what was decided elsewhere meanwhile the next save tells, and nothing of it is saved over, nor undone
         table = read_match_table(folder / "in" / TABLE)
-        write_table(
+        write_match_table(
             MatchTable(
                 table.path,
                 table.columns,
@@ -156,7 +156,7 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
 
         # what was decided elsewhere meanwhile is not overwritten
         table = read_match_table(folder / "in" / TABLE)
-        write_table(MatchTable(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
+        write_match_table(MatchTable(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
         page.keyboard.press("0")
         page.keyboard.press("Control+s")
         page.wait_for_selector("#saved.failed")

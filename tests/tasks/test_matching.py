@@ -20,7 +20,7 @@ from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
-from tasks.matching.match_table import COLUMNS, Decision, MatchTable, alone, decided, format_match_row, read_match_table, write_table
+from tasks.matching.match_table import COLUMNS, Decision, MatchTable, lock_match_table, decided, format_match_row, read_match_table, write_match_table
 from tasks.matching.photo_import import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
 
@@ -165,7 +165,7 @@ def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
     other = next(f"b-{n}" for n in range(4) if f"b-{n}" != first.facade)
     none = Decision("far.jpg", "", True, ("", ""))
     table = decided(table, [Decision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
-    write_table(table)
+    write_match_table(table)
     assert read_match_table(path) == table
     assert {match.photo: (match.facade, match.decided_by) for match in read_match_table(path).matches()} == {
         "IMG_1.jpg": (other, "anna"),
@@ -235,7 +235,7 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
 )
 def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, remarks: dict[str, str]) -> None:
     (path := tmp_path / "matches.csv").write_text(text)
-    write_table(read_match_table(path))
+    write_match_table(read_match_table(path))
     (row,) = read_match_table(path).rows
     assert remarks.items() <= row.items()
     path.write_text("photo,facade,why,why\n1.jpg,a-0,x,y\n")
@@ -248,16 +248,16 @@ def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, remarks: d
 def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
     path, photos = tmp_path / "matches.csv", [f"{number}.jpg" for number in range(24)]
     rows = tuple(format_match_row(photo, None, [], Pose(0, 0, 0, 0), has_heading=False) for photo in photos)
-    write_table(MatchTable(path, COLUMNS, rows), new=True)
+    write_match_table(MatchTable(path, COLUMNS, rows), new=True)
 
     def decide(photo: str) -> None:
-        with alone(path):
-            write_table(decided(read_match_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
+        with lock_match_table(path):
+            write_match_table(decided(read_match_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(decide, photos))
     assert all(match.facade == "a-0" for match in read_match_table(path).matches())
     with pytest.raises(InputError, match="was written meanwhile"):
-        write_table(MatchTable(path, COLUMNS, ()), new=True)
+        write_match_table(MatchTable(path, COLUMNS, ()), new=True)
     assert [one.name for one in tmp_path.iterdir()] == ["matches.csv"]
     assert len(read_match_table(path).rows) == 24
