@@ -50,7 +50,7 @@ STOREYS = {
         ("corrections",),
     ),
     "catalogs": (
-        ("broken", "features", "file_digest", "frames", "visible"),
+        ("crs", "features", "file_digest", "printable_text", "reader_errors"),
         ("readers",),
         ("buildings", "examples", "imagery", "learning", "published"),
         ("query", "stac"),
@@ -171,8 +171,8 @@ def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
 def test_an_arrow_up_is_found() -> None:
     up = ("tasks.engine.forecast", "tasks.stages.facades.stage")
     across = ("tasks.export.city", "tasks.viewing.run_view")
-    published = ("tasks.publish.rows", "tasks.publish.task")
-    down = ("tasks.publish.task", "tasks.publish.rows")
+    published = ("tasks.stages.order", "tasks.publish.task")
+    down = ("tasks.publish.task", "tasks.stages.order")
     inside = ("tasks.stages.facades.stage", "tasks.stages.bundles.stage")
     arrows_of = {one: {other} for one, other in (up, across, published, down, inside)}
     assert upward("tasks", arrows_of) == {up, across, published}
@@ -195,7 +195,7 @@ def test_workers_start_without_prefect() -> None:
     workers = [name for name in modules("tasks") if name.startswith("tasks.stages.") and name.endswith(".worker")]
     assert len(workers) == 12
     seen = reached(workers, arrows(everything))
-    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opened_picture"} <= seen
+    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.decoding"} <= seen
     engine = {name for name in seen if within(name, ["tasks.engine"])}
     known = ("context", "outcome", "progress", "run", "seeds", "unit")
     assert engine <= {"tasks.engine", *(f"tasks.engine.{name}" for name in known)}

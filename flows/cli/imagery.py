@@ -113,7 +113,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     from facade_core.core.errors import InputError
     from flows.console import show_progress
     from tasks.matching.match_table import TABLE, read_match_table, write_match_table
-    from tasks.matching.photo_import import take, taking
+    from tasks.matching.photo_import import take, plan_photo_import
     from tasks.matching.photo_matches import PLACES, UNPLACED, match_photos
 
     if taken is not None:
@@ -121,7 +121,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
             raise click.UsageError(
                 "--take: the photos' places and the table are those of before; leave out --poses and --out"
             )
-        found = taking(block_file, photos, read_match_table(taken))
+        found = plan_photo_import(block_file, photos, read_match_table(taken))
         by_hand = take(found)
         print_line(f"photos     {found.count} taken")
         if by_hand:

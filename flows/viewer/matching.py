@@ -13,8 +13,8 @@ from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
-from tasks.matching.match_table import TABLE, Decision, PhotoMatch, lock_match_table, decided, read_match_table, write_match_table
-from tasks.matching.photo_import import take, taking
+from tasks.matching.match_table import TABLE, MatchDecision, PhotoMatch, lock_match_table, apply_decisions, read_match_table, write_match_table
+from tasks.matching.photo_import import take, plan_photo_import
 from tasks.viewing.pictures import encode
 from tasks.viewing.run_view import Reader
 
@@ -45,9 +45,9 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
         path = block.parent / TABLE
         with lock_match_table(path):
             decisions = _parse_decisions(body)
-            table = decided(read_match_table(path), decisions, who=editor.who)
+            table = apply_decisions(read_match_table(path), decisions, who=editor.who)
             # check the decided rows before any write; faults of other rows are only reported
-            found = taking(block, photos, table, {row.photo for row in decisions})
+            found = plan_photo_import(block, photos, table, {row.photo for row in decisions})
             write_match_table(table)
             by_hand = take(found)
         notes = [f"not taken: {fault}" for fault in found.faults]
@@ -75,11 +75,11 @@ def _match_row(match: PhotoMatch) -> dict[str, Any]:
     }
 
 
-def _parse_decisions(body: Any) -> list[Decision]:
+def _parse_decisions(body: Any) -> list[MatchDecision]:
     """Parse the decisions that the page sends. Raises ValueError where they are malformed."""
     try:
         return [
-            Decision(
+            MatchDecision(
                 _require_text(row["photo"]),
                 _require_text(row["facade"]),
                 row["decided"] is True,

@@ -1,4 +1,4 @@
-"""How much there is of a block, told by its map before anything is made of it: what an estimate of its run stands on."""
+"""Size of a block, counted on its map before any unit runs: the input of a cost estimate."""
 
 from __future__ import annotations
 
@@ -20,8 +20,18 @@ GROUND_CELL_M, GROUND_MARGIN_M = 32.0, 22.0
 
 @dataclass(frozen=True)
 class BlockCounts:
-    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), millions of texels,
-    blocks, millions of pixels of panoramas."""
+    """Number of units and pixels of one block or of several.
+
+    Attributes
+    ----------
+    facades : facades at streets.
+    viewpoints : viewpoints on streets.
+    ground : ground tiles.
+    exemplars : exemplars, counted once for each block.
+    megatexels : millions of texels.
+    blocks : blocks.
+    megapixels : millions of panorama pixels.
+    """
 
     facades: float
     viewpoints: float
@@ -35,6 +45,7 @@ class BlockCounts:
         return BlockCounts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     def multiply(self, factors: BlockCounts) -> BlockCounts:
+        """Multiply each count by the factor of the same name."""
         return BlockCounts(*(getattr(self, f.name) * getattr(factors, f.name) for f in fields(self)))
 
 
@@ -42,7 +53,7 @@ NO_COUNTS = BlockCounts(0, 0, 0, 0, 0, 0)
 
 
 def count_from_map(block: Block) -> BlockCounts:
-    """What a block, or a part of a city, has of its own by its outlines and lines."""
+    """Count the core of a block from its outlines and centrelines."""
     part = block.part
     own = {b.id for b in block.buildings} if part is None else set(part.buildings)
     walked = {s.id for s in block.streets} if part is None else set(part.streets)
@@ -67,7 +78,7 @@ def count_from_map(block: Block) -> BlockCounts:
 
 
 def count_from_plan(block: Block) -> dict[str, float]:
-    """The same as far as the plan of its run knows it, which is made here: seconds where the map takes a hundredth of one."""
+    """Count facades and texels from the plan, which takes seconds; the map takes a hundredth of one."""
     plan = make_plan(block)
     placement = plan.scene.placement
     texels = (placement.width.astype(float) * placement.height)[plan.in_core].sum()
@@ -75,8 +86,7 @@ def count_from_plan(block: Block) -> dict[str, float]:
 
 
 class _TexelDensity:
-    """Texels by how near a street comes (`geometry.texel_density`), whatever stands between and whichever way a wall
-    looks."""
+    """Texel density from the distance to the nearest street, without occlusion and wall direction."""
 
     def __init__(self, block: Block) -> None:
         self._full = block.texture.texels_per_metre
@@ -84,7 +94,7 @@ class _TexelDensity:
         self._streets = shapely.STRtree([street.line for street in block.streets])
 
     def texels_per_m2(self, shape: shapely.Geometry) -> float:
-        """Of a square metre of what is over some place on the map."""
+        """Return the texels of a square metre of surface above a shape on the map."""
         halved = 2
         if len(near := self._streets.query(shape, "dwithin", distance=HALF_DENSITY_M)):
             halved = int(shapely.distance(self._streets.geometries[near], shape).min() > FULL_DENSITY_M)
@@ -92,7 +102,7 @@ class _TexelDensity:
 
 
 def _count_walls(block: Block, mine: list, density: _TexelDensity) -> tuple[int, float]:
-    """The walls of some buildings that stand free of others, by their outlines, and the texels of all of their walls."""
+    """Count the free walls of some buildings, and the texels of all their walls."""
     outlines = [building.footprint for building in block.buildings]
     tree, count, texels = shapely.STRtree(outlines), 0, 0.0
     for building in mine:
@@ -122,7 +132,7 @@ def _edges(ring: shapely.LinearRing) -> ObjectArray:
 
 
 def _ground_cells(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:
-    """The south-western corners of the cells of the ground's grid to whose middle something of the block's own is nearest."""
+    """List south-western corners of the ground cells whose centres are nearest to the block's core."""
     shapes = [*(b.footprint for b in block.buildings), *(s.line for s in block.streets)]
     own = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
     low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[own]), (2, 2))

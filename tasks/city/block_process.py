@@ -1,4 +1,4 @@
-"""One block of a city, run by the command line in a process of its own: what ends it ends nothing else."""
+"""Run of one block of a city by the command line, in a process of its own that isolates its failures."""
 
 from __future__ import annotations
 
@@ -46,11 +46,19 @@ def run_block(
     deadline: float | None,
     tiles: bool,
 ) -> BlockResult:
-    """Run a block of the city in folder `out` and say how it ended: by what it is of (digest, version), as is asked for. What
-    keeps it from being run is one of the ways.
+    """Run a block of a city and return its result; a failure to start it is a result too.
 
-    options: of `streetloom run`. before: how it ended last. ends: when it is ended, done or not, seconds since 1970. tiles:
-    whether its 3D Tiles are exported too, where they are not those of what it published.
+    Parameters
+    ----------
+    out : folder of the city.
+    name : name of the block.
+    block_file : its block file.
+    options : options of `streetloom run`.
+    before : its previous result.
+    digest : digest of the block's input, for the result.
+    version : version of the code, for the result.
+    deadline : Unix time at which the run is terminated; None: no limit.
+    tiles : export 3D Tiles too, unless those of the published snapshot exist.
     """
     begun = time.time()
     try:
@@ -89,8 +97,15 @@ def _run_and_export(
 
 @dataclass(frozen=True)
 class CommandResult:
-    """How a command ended: its code, the last line of what it said, what it printed, and processor seconds of it and of all
-    processes that it waited for."""
+    """Result of a command line.
+
+    Attributes
+    ----------
+    code : exit code.
+    last_line : last line of stderr.
+    output : stdout.
+    processor_s : processor seconds of the process and of all children that it waited for.
+    """
 
     code: int
     last_line: str
@@ -99,7 +114,7 @@ class CommandResult:
 
 
 def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
-    """The command line with some arguments."""
+    """Run the command line with some arguments until it ends or its deadline passes."""
     with tempfile.TemporaryFile() as printed, tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
             [sys.executable, "-m", "flows", *arguments],
@@ -127,7 +142,7 @@ def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
 
 
 def _has_ended(handle: int, seconds: float | None) -> bool:
-    """Whether a process ends within some seconds; None: however long that takes."""
+    """Wait for a process for some seconds; None: without limit."""
     return bool(select.select([handle], [], [], seconds)[0])
 
 

@@ -1,4 +1,4 @@
-"""A city's blocks: cut, and written as block files, each a run of its own."""
+"""Partition of a city into blocks, each written as a block file with a run of its own."""
 
 from __future__ import annotations
 
@@ -39,8 +39,16 @@ _PATHS = (
 
 @dataclass(frozen=True)
 class CityBlock:
-    """A block of a city: its name, its block file, the digest of all that it reads, and how much its map tells of; source: of a
-    file of the user's the digest of what that names, empty where it cannot be used."""
+    """Block of a city.
+
+    Attributes
+    ----------
+    name : name of the block.
+    file : its block file.
+    digest : digest of its input; empty if it cannot be used.
+    counts : counts from its map.
+    source : digest of the sources of a block file that the user wrote; empty if it cannot be used.
+    """
 
     name: str
     file: Path
@@ -51,7 +59,7 @@ class CityBlock:
 
 @dataclass(frozen=True)
 class City:
-    """A city as it was read: its blocks by name, and what could not be used of its files, as (kind, id, reason)."""
+    """City after reading: its blocks, and rejected objects as (kind, id, reason)."""
 
     name: str
     blocks: tuple[CityBlock, ...]
@@ -59,10 +67,18 @@ class City:
 
 
 def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
-    """Read a city file, cut the city, and write the block files of which it is made into out/input.
+    """Read a city file, partition the city and write its block files into out/input.
 
-    before: blocks that are files of the user's, as they were read last: those of the same source are not read again.
-    Raises BlockFileError, as for a block file; InputError where its folder of block files holds none.
+    Parameters
+    ----------
+    path : city file.
+    out : local folder of the city.
+    before : blocks of the previous reading; block files of the user with unchanged sources are not read again.
+
+    Raises
+    ------
+    BlockFileError : the city file or a file that it names cannot be used.
+    InputError : the folder of block files holds none.
     """
     values, asked = _read_city_keys(path)
     if isinstance(asked, str):
@@ -90,7 +106,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
 
 
 def _unused_corrections(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
-    """Corrections of what is in no block of a city: they are kept, and wait."""
+    """List the corrections of objects outside every block: they are kept, and not used."""
     block = whole.block
     for id, owner in correction_owners(corrections, block.buildings, block.crs).items():
         if not owner:
@@ -98,12 +114,12 @@ def _unused_corrections(whole: CityIndex, corrections: Corrections) -> Iterator[
 
 
 def _block_name(city: str, block: str) -> str:
-    """The name of a block of a city, no longer than a name may be."""
+    """Name a block of a city within the maximum length of names."""
     return f"{city[: MAX_NAME_LENGTH - 1 - len(block)]}-{block}"
 
 
 def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
-    """A city cut into blocks of so many metres a side."""
+    """Partition a city into blocks of a size in metres."""
     texture = whole.block.texture
     reach = halo_radius(
         sun=texture.sun is not None, panoramas=bool(whole.block.panoramas), visibility_range=texture.visibility_range
@@ -112,7 +128,7 @@ def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
 
 
 def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
-    """What is of each block of a city: with the buildings beyond, on which the choice of exemplars stands."""
+    """Select the content of each block, with the distant buildings that its choice of exemplars depends on."""
     block = whole.block
     walls = walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
     order = choice_order(walls, seed=block.seed)
@@ -144,7 +160,7 @@ def _city_from_files(path: Path, values: Mapping[str, Any], named: str, before: 
 
 
 def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
-    """A block file of the user's; what is wrong with one its run will say."""
+    """Read a block file of the user; its run reports faults of the file."""
     source = block_source_digest(block_file)
     if before is not None and source and before.source == source:
         return replace(before, file=block_file)
@@ -156,7 +172,7 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
 
 
 def _rebase_paths(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:
-    """The keys of a block file in another folder: relative paths lead where they led."""
+    """Rewrite relative paths of a block file for another folder."""
 
     def moved(text: str) -> str:
         return text if text.startswith(("~", "$")) or Path(text).is_absolute() else os.path.relpath(before_ / text, now)

@@ -1,4 +1,4 @@
-"""What a city's run knows of its blocks, kept beside them: which stand, which failed, and what all of them come to."""
+"""Log of a city's run, kept in its folder: the result of each block, and the totals."""
 
 from __future__ import annotations
 
@@ -31,9 +31,20 @@ SUMMED_KEYS = ("facades_done", "facades_failed", "viewpoints", "units_done", "un
 
 @dataclass(frozen=True)
 class BlockResult:
-    """How the run of a block ended: by which code (None: it was not begun), what it was of (digest of the block, version of the
-    code), which snapshot it published, and of which its 3D Tiles are; its summary, without paths and failures; why it
-    failed, in a line; seconds of the clock, and of processors."""
+    """Result of the newest run of a block.
+
+    Attributes
+    ----------
+    code : exit code; None before the first run.
+    digest : digest of the block that was run.
+    version : version of the code that ran it.
+    snapshot : snapshot that the run published.
+    tiles : snapshot that the block's 3D Tiles show.
+    summary : summary of the run without paths and failures.
+    reason : why the run failed, one line.
+    seconds : wall-clock seconds.
+    processor : processor seconds.
+    """
 
     code: int | None = None
     digest: str = ""
@@ -47,14 +58,22 @@ class BlockResult:
 
 
 def block_tileset(block: Folder, snapshot: str) -> Folder:
-    """A block's own 3D Tiles, in its folder; in a bucket those of each snapshot lie beside those before."""
+    """Return the path of a block's 3D Tiles; a bucket has one folder for each snapshot."""
     return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
 
 
 def is_up_to_date(out: Folder, name: str, ended: BlockResult, digest: str, *, tiles: bool = False) -> bool:
-    """Whether a block is done and published as it is now, units that its input spoils aside: these fail again, as they did.
+    """Report whether a block is finished and published in its present form.
 
-    tiles: whether its 3D Tiles are asked for too.
+    Units that failed because of their input do not count: they would fail again.
+
+    Parameters
+    ----------
+    out : folder of the city.
+    name : name of the block.
+    ended : its newest result.
+    digest : digest of the block's present input; empty if it cannot be used.
+    tiles : require 3D Tiles of the newest snapshot too.
     """
     if ended.code not in (0, 1) or not digest or ended.digest != digest or ended.version != block_code_version():
         return False
@@ -66,9 +85,19 @@ def is_up_to_date(out: Folder, name: str, ended: BlockResult, digest: str, *, ti
 
 @dataclass(frozen=True)
 class CityLog:
-    """What is known of a city's blocks, by name; source: the digest of what they were cut from, sources: of those that are
-    files of the user's; told: by the map of each, as `tasks.city.block_counts.BlockCounts` has it; over: which snapshots what lies over
-    all was written of."""
+    """State of a city's blocks.
+
+    Attributes
+    ----------
+    name : name of the city.
+    source : digest of the city file, of its inputs and of the code.
+    blocks : newest result of each block by name.
+    digests : digest of each block's input by name.
+    set_aside : rejected objects as (kind, id, reason).
+    told : counts of each block from the map, the fields of `BlockCounts`.
+    sources : source digest of each block file that the user wrote.
+    over : digest of the snapshots that the city's products show.
+    """
 
     name: str
     source: str = ""
@@ -80,7 +109,7 @@ class CityLog:
     over: str = ""
 
     def for_city(self, city: City, source: str) -> CityLog:
-        """The same of a city as it was read now."""
+        """Return the log for the city as it was read now; results of blocks that still exist are kept."""
         kept = {block.name: self.blocks.get(block.name, BlockResult()) for block in city.blocks}
         digests = {block.name: block.digest for block in city.blocks}
         told = {block.name: asdict(block.counts) for block in city.blocks}
@@ -90,26 +119,35 @@ class CityLog:
     def estimate(
         self, names: Sequence[str], workers: int, at_once: int, planned: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, Any]:
-        """What some blocks will take, by the model; planned: as of `Cost.estimate`, by name."""
+        """Predict the cost of some blocks.
+
+        Parameters
+        ----------
+        names : names of the blocks.
+        workers : workers of one block.
+        at_once : blocks that run at the same time.
+        planned : counts from the plan by block name; see `CostModel.estimate`.
+        """
         told = [BlockCounts(**self.told[name]) for name in names]
         return load_cost_model().estimate(told, workers, at_once, [planned[name] for name in names] if planned else ())
 
     def with_result(self, name: str, how: BlockResult) -> CityLog:
+        """Return a copy with the result of one block replaced."""
         return replace(self, blocks={**self.blocks, name: how})
 
     def pending_blocks(self, out: Folder, *, tiles: bool = False) -> list[str]:
-        """The blocks that do not stand, in their order."""
+        """List the blocks that are not up to date, in their order."""
         found = map_concurrently(
             lambda name: is_up_to_date(out, name, self.blocks[name], self.digests[name], tiles=tiles), self.blocks, out
         )
         return [name for name, standing in zip(self.blocks, found, strict=True) if not standing]
 
     def products_digest(self) -> str:
-        """Of which snapshots what lies over all blocks would be, as a digest."""
+        """Compute the digest of the snapshots that the city's products show when written now."""
         return unit_key([f"{name} {ended.snapshot} {ended.tiles}" for name, ended in sorted(self.blocks.items())])
 
     def summary(self, out: Folder) -> dict[str, Any]:
-        """What all blocks come to."""
+        """Sum up the results of all blocks."""
         found = [ended.summary for ended in self.blocks.values() if ended.summary]
         digests = [f"{name} {ended.summary.get('atlas_digest')}" for name, ended in sorted(self.blocks.items())]
         return {
@@ -130,10 +168,23 @@ class CityLog:
 
 
 def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]]:
-    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed, or where
-    this machine has not the block files of a city in a bucket.
+    """Load the log of a city, and partition the city again if its inputs changed.
 
-    Raises InputError where the folder is another city's or a block's.
+    The city is partitioned again too if this machine lacks the block files of a city in a bucket.
+
+    Parameters
+    ----------
+    city_file : city file.
+    out : folder of the city.
+
+    Returns
+    -------
+    log : state of the blocks.
+    files : block files by block name.
+
+    Raises
+    ------
+    InputError : the folder belongs to another city or to a block.
     """
     try:
         source = city_source_digest(city_file)
@@ -166,14 +217,14 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
 
 
 def _hide_removed_blocks(out: Folder, names: Collection[str]) -> None:
-    """Put the runs of blocks that the cut has no more where no query finds them: what they published is in other blocks now."""
+    """Move the runs of removed blocks out of reach of queries; other blocks publish their content now."""
     if (out / BLOCKS).is_dir():
         for folder in [one for one in (out / BLOCKS).iterdir() if one.name not in names and one.is_dir()]:
             move_folder(folder, out / REMOVED_BLOCKS / folder.name)
 
 
 def read_city_log(out: Folder) -> CityLog:
-    """What is known of the blocks in a city's folder: nothing where it cannot be read."""
+    """Load the log in a city's folder; an empty one if it cannot be read."""
     try:
         held = json.loads((out / ACCOUNT).read_text(encoding="utf-8"))
         names = list(held["digests"])
@@ -198,26 +249,27 @@ def _read_products_digest(out: Folder) -> str:
 
 
 def write_city_log(out: Folder, account: CityLog) -> None:
-    """Keep of which blocks a city is and what they read."""
+    """Write the city's log without the results of its blocks."""
     _write(out / ACCOUNT, {key: value for key, value in asdict(account).items() if key not in ("blocks", "over")})
 
 
 def write_block_result(out: Folder, name: str, ended: BlockResult) -> None:
-    """Keep how a block ended, beside its run: that costs the same however many there are."""
+    """Write a block's result into the block's folder, so that the cost does not grow with their number."""
     _write(out / BLOCKS / name / ENDED, asdict(ended))
 
 
 def write_products_digest(out: Folder, account: CityLog) -> None:
-    """Keep of which snapshots what lies over all blocks was written."""
+    """Record which snapshots the city's products show."""
     _write(out / OVER, {"snapshots": account.over})
 
 
 def write_city_summary(out: Folder, summary: Mapping[str, Any]) -> None:
+    """Write the summary of the city."""
     _write(out / SUMMARY, summary)
 
 
 def _write(path: Folder, value: Any) -> None:
-    """In one step."""
+    """Write a value as JSON atomically."""
     if isinstance(path, Path):
         path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())

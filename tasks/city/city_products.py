@@ -1,4 +1,4 @@
-"""What lies over all blocks of a city: one tileset, one overview, one catalogue, each of what the blocks published last."""
+"""Products of a whole city: tileset, overview model and catalogue over the blocks' newest snapshots."""
 
 from __future__ import annotations
 
@@ -27,11 +27,19 @@ MAX_OVERVIEW_BYTES = 512_000_000
 
 
 def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str], None]) -> bool:
-    """Write out/catalog.json, out/items/, out/tileset.json and out/overview.glb of the blocks that have published, each in one
-    step.
+    """Write out/catalog.json, out/items/, out/tileset.json and out/overview.glb of the blocks.
 
-    note: is told of what cannot be written or is left out, in a line each: no block waits for that. Returns whether all
-    could be written.
+    Only blocks that have published take part. Each product is written atomically.
+
+    Parameters
+    ----------
+    out : folder of the city.
+    names : names of the blocks.
+    note : receives one line for each product that cannot be written or is omitted. No block waits for that.
+
+    Returns
+    -------
+    True if every product could be written.
     """
     found = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS / name), names, out)
     published = [(name, snapshot) for name, snapshot in zip(names, found, strict=True) if snapshot is not None]
@@ -53,7 +61,7 @@ def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str],
 
 
 def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
-    """A root over the tilesets of blocks, those that there are: each is loaded when it is in sight."""
+    """Write a root tileset that refers to the blocks' tilesets, which clients load when in view."""
     children, spheres = [], []
     for path, tileset in zip(paths, map_concurrently(_read_tileset, paths, out), strict=True):
         if tileset is None:
@@ -83,7 +91,7 @@ def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
 
 
 def _read_tileset(path: Folder) -> dict[str, Any] | None:
-    """A block's tileset; None where it has none."""
+    """Load a block's tileset; None if it has none."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -91,8 +99,12 @@ def _read_tileset(path: Folder) -> dict[str, Any] | None:
 
 
 def _bounding_sphere(root: dict[str, Any]) -> np.ndarray:
-    """The sphere around a tileset's root, (x, y, z, radius), metres on the earth: its box under its transform, which turns and
-    moves."""
+    """Compute the sphere around a tileset's root from its box and its transform.
+
+    Returns
+    -------
+    (x, y, z, radius) : earth-centred metres.
+    """
     box = np.array(root["boundingVolume"]["box"], float)
     transform = np.array(root.get("transform", np.eye(4).reshape(-1)), float).reshape(4, 4).T
     centre = (transform @ np.append(box[:3], 1.0))[:3]
@@ -100,7 +112,7 @@ def _bounding_sphere(root: dict[str, Any]) -> np.ndarray:
 
 
 def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[str], None]) -> None:
-    """The overviews of all blocks as one model, around the first one's origin."""
+    """Merge the blocks' overview models into one, around the first one's origin."""
     sizes = map_concurrently(lambda snapshot: file_size(snapshot.overview), snapshots, out)
     files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]
     if sum(filter(None, sizes)) > MAX_OVERVIEW_BYTES:
@@ -117,7 +129,7 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
 
 
 def _local_copy(file: Folder, folder: Path) -> Path:
-    """A block's overview as a file of this machine: one that is in a bucket is brought into a folder."""
+    """Return a local path of a block's overview; downloads it from a bucket."""
     if isinstance(file, Path):
         return file
     brought = folder / f"{file.parent.parent.parent.name}.glb"

@@ -1,4 +1,4 @@
-"""What a city will cost before it is run: a model of seconds, bytes and commits, fitted on runs by `benchmarks.city.cost`."""
+"""Cost model of a city: seconds, bytes and commits, fitted on runs by `benchmarks.city.cost`."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ BOTTLENECK_TEXTS = {
 
 @dataclass(frozen=True)
 class CostModel:
-    """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre); error: by which share of
-    them seconds, bytes and commits were off at most on blocks that it was not fitted on; error_planned: likewise, with
-    facades and texels by the plan.
+    """Cost of a block as a linear function of its counts.
 
-    counted: of each of WHAT how many there are for one that the map tells of; seconds, bytes, commits: what one takes: seconds
-    of a processor that does nothing else, bytes kept in store and published.
+    Attributes
+    ----------
+    fitted : date, machine, blocks and texel density of the fit; `error`: largest relative error of seconds, bytes and
+        commits on blocks outside the fit; `error_planned`: the same with facades and texels from the plan.
+    counted : actual count for each count of the map.
+    seconds : processor seconds for one of each count, on an idle processor.
+    bytes : bytes of store and publication for one of each count.
+    commits : commits for one of each count.
     """
 
     fitted: Mapping[str, Any]
@@ -41,18 +45,29 @@ class CostModel:
     commits: BlockCounts
 
     def clock_seconds(self, counts: BlockCounts, workers: int) -> float:
-        """Seconds of the clock that blocks take one after the other: workers share the units, and wait as a block starts and
-        ends."""
+        """Compute the wall-clock seconds of blocks that run one after another.
+
+        Workers share the units, and wait while a block starts and ends.
+
+        Parameters
+        ----------
+        counts : sum of the counts of the blocks.
+        workers : workers of one block.
+        """
         spent = counts.multiply(self.seconds)
         return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) / workers
 
     def estimate(
         self, counts_by_block: Sequence[BlockCounts], workers: int, at_once: int = 1, planned: Sequence[Mapping[str, float]] = ()
     ) -> dict[str, Any]:
-        """What blocks will take, by what the map tells of each: facades and the like, hours on processors that do nothing else,
-        gigabytes, commits, and where most of the time goes.
+        """Predict counts, hours, gigabytes, commits and the bottleneck of some blocks.
 
-        planned: of each block what its plan knows, in place of what the map tells; none where no plan was made.
+        Parameters
+        ----------
+        counts_by_block : counts of each block from the map.
+        workers : workers of one block.
+        at_once : blocks that run at the same time.
+        planned : counts of each block from its plan, which replace those of the map; empty without a plan.
         """
         blocks = [one.multiply(self.counted) for one in counts_by_block]
         if planned:
@@ -78,11 +93,11 @@ class CostModel:
 
 @cache
 def load_cost_model() -> CostModel:
-    """The model as it was fitted last."""
+    """Load the newest fitted model."""
     return parse_cost_model(json.loads(COEFFICIENTS.read_text(encoding="utf-8")))
 
 
 def parse_cost_model(held: Mapping[str, Any]) -> CostModel:
-    """A model as it is kept in a file."""
+    """Build a model from the content of its file."""
     parts = {name: BlockCounts(**held[name]) for name in ("counted", "seconds", "bytes", "commits")}
     return CostModel(fitted=held["fitted"], **parts)

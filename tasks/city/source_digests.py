@@ -1,4 +1,4 @@
-"""What a city is made of, as digests: by these a run knows that nothing changed upstream, and reads nothing."""
+"""Digests of the inputs of a city, by which a run detects unchanged inputs without reading them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,14 @@ from tasks.stages.order import CODE_STAGES
 
 
 def city_source_digest(path: Path) -> str:
-    """The sha256 of a city file, of what people corrected, and of all files that it names, those beside them with the same stem
-    included, as some formats are of several; empty where it names block files, of which each names others.
+    """Compute the sha256 of a city file, of its corrections and of all files that it names.
 
-    Raises ValueError where it cannot be used.
+    Files with the same stem are included, because some formats consist of several files. The digest is empty for a
+    city of block files, each of which names files of its own.
+
+    Raises
+    ------
+    ValueError : the city file cannot be used.
     """
     values = read_yaml(path)
     asked = check_city(values, path)
@@ -28,7 +32,7 @@ def city_source_digest(path: Path) -> str:
 
 
 def block_source_digest(path: Path) -> str:
-    """The same of a block file, with the code that reads it; empty where it cannot be used."""
+    """Compute the digest of a block file's inputs and of the code that reads them; empty if unusable."""
     try:
         values = read_yaml(path)
         return f"{_digest(values, check_keys(values), (), path)} {block_code_version()}"
@@ -61,5 +65,5 @@ def _escape_glob(stem: str) -> str:
 
 
 def block_code_version() -> str:
-    """The version of the code by which blocks are run."""
+    """Return the version of the code that runs blocks."""
     return code_version(CODE_STAGES)

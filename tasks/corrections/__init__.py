@@ -1,4 +1,4 @@
-"""Taking back what people corrected."""
+"""Import of corrections that people made."""
 
 from tasks.corrections.correction_import import ImportResult, CorrectionImporter, find_block_file, import_corrections
 

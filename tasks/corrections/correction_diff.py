@@ -1,4 +1,4 @@
-"""What was said of a block against what stands there: corrections are what differs from that."""
+"""Differences between edited values and the current state of a block."""
 
 from __future__ import annotations
 
@@ -35,20 +35,35 @@ MODEL_SHAPE_KINDS = ("height", "roof_shape", "roof_height")
 
 
 class CorrectionDiff:
-    """What stands of a block now: as published, or as somebody corrected it. notes: what to look at of what was said."""
+    """Comparison of edited values with the current values: corrected, or else published.
 
-    def __init__(self, found: Published, before: Corrections) -> None:
-        self.found = found
-        self._renamed_ids = cast(dict[str, str], found.group.attrs.get("known_by_place", {}))
+    Attributes
+    ----------
+    notes : remarks about the edited values, one line each.
+    """
+
+    def __init__(self, results: Published, before: Corrections) -> None:
+        self.found = results
+        self._renamed_ids = cast(dict[str, str], results.group.attrs.get("known_by_place", {}))
         self._stored, self.before = before, before.rename_targets(self._renamed_ids)
-        self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
-        self.buildings = {id: index for index, id in found.names.items()}
-        self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
+        self.facades = {id: index for index, id in enumerate(results.plan.facades.id)}
+        self.buildings = {id: index for index, id in results.names.items()}
+        self.exemplars = [record["unit"] for record in results.journals["exemplars"] if record]
         self.notes: list[str] = []
 
     def compute(self, named: str, said: Sequence[Annotation], by: Correction) -> list[Correction]:
-        """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
-        for what cannot be."""
+        """Return the edited values that differ from the current ones as corrections.
+
+        Parameters
+        ----------
+        named : name of the source in error messages.
+        said : edited values.
+        by : correction with the author, time and reason to copy.
+
+        Raises
+        ------
+        InputError : a value is not possible.
+        """
         said = self._replace_measured_heights(named, said)
         _check_unique(named, said)
         found = [one for id, what, value in said if (one := self._correction_if_changed(named, id, what, value, by)) is not None]
@@ -57,7 +72,7 @@ class CorrectionDiff:
         return new
 
     def _check_roof_heights(self, named: str, new: Sequence[Correction]) -> None:
-        """Raises InputError for a height of a roof that has none, or may have none once its shape is withdrawn."""
+        """Raise InputError for a height of a roof that is flat, or flat once its shape is withdrawn."""
         shapes = {one.id: one.value for one in new if one.kind == "roof_shape"}
         heights = {one.id: one.value for one in new if one.kind == "roof_height"}
         for id, height in heights.items():
@@ -82,7 +97,7 @@ class CorrectionDiff:
                 )
 
     def _replace_measured_heights(self, named: str, said: Sequence[Annotation]) -> list[Annotation]:
-        """What was said, with the eaves that an edit of a measured height means in place of those that stand beside it."""
+        """Replace edited measured heights with the heights of eaves that follow from them."""
         meant = {}
         for id, _, one in said:
             if isinstance(one, MeasuredHeight) and (eaves := self._eaves_from_measured_height(named, id, one)) is not None:
@@ -95,8 +110,10 @@ class CorrectionDiff:
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
     def _eaves_from_measured_height(self, named: str, id: str, said: MeasuredHeight) -> float | None:
-        """The roof stays what it is, so the eaves move by as much as the measured height was moved since it was exported. None
-        where it was not, and where the eaves were edited too, which it follows from."""
+        """Derive the eaves from an edited measured height; the roof keeps its own height.
+
+        None if the height was not edited, or if the eaves were edited too.
+        """
         if id not in self.buildings:
             return None if said.eaves is not None else said.height  # refused as any height of nothing is
         if not is_number(said.height):
@@ -117,7 +134,7 @@ class CorrectionDiff:
         return round(eaves + moved, 3)
 
     def _correction_if_changed(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
-        """What was said, as a correction; None where nothing is another than it stands."""
+        """Return an edited value as a correction; None if it equals the current value."""
         known = self.facades if what in FACADE_CORRECTION_KINDS else self.buildings
         if (
             what in BUILDING_CORRECTION_KINDS
@@ -150,12 +167,12 @@ class CorrectionDiff:
         return self._locate_facade(one) if what in FACADE_CORRECTION_KINDS else self._locate_building(one)
 
     def _withdraw(self, one: Correction) -> list[Correction]:
-        """Something taken back under every id that it is said of."""
+        """Return the withdrawal of a correction for every id of its target."""
         ids = [one.id, *(before for before, now in self._renamed_ids.items() if now == one.id)]
         return [replace(one, id=id) for id in ids if self._stored.corrected_value(id, one.kind) is not None]
 
     def _rejection_reason(self, one: Correction) -> str | None:
-        """Why something cannot be corrected to a value; None where it can."""
+        """Explain why a value is not possible; None if it is."""
         if one.kind == "exemplar" and one.value not in self.exemplars:
             return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
         if one.value not in (known := drawable_values().get(one.kind, [one.value])):
@@ -172,7 +189,7 @@ class CorrectionDiff:
         return None
 
     def _current_value(self, id: str, what: str) -> Any:
-        """What is said of something, or else what was published of it."""
+        """Return the corrected value of a target, or else the published one."""
         corrected = self.before.corrected_value(id, what)
         if corrected is not None:
             return corrected
@@ -192,13 +209,13 @@ class CorrectionDiff:
                 return None if value is None or value == "" or value != value else value
 
     def _published_value(self, name: str, building: str) -> Any:
-        """What was published of a building; None in a store of before that was kept."""
+        """Return a published value of a building; None if the store is too old to have it."""
         table = self.found.buildings
         return table[name][self.buildings[building]] if name in table else None
 
     @cached_property
     def _measured_heights(self) -> dict[str, float]:
-        """How high each building is in exports of CityJSON."""
+        """Height of each building in CityJSON exports."""
         from tasks.export.city import exported_heights
 
         return exported_heights(self.found)
@@ -216,7 +233,7 @@ class CorrectionDiff:
         return bool(value == stands)
 
     def _to_texels(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
-        """Elements in shares of a wall, in its texels."""
+        """Convert elements from shares of a wall to its texels."""
         height, width = self._raster_size(facade)
         return [Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares]
 
@@ -250,7 +267,7 @@ class CorrectionDiff:
         )
 
     def _locate_building(self, one: Correction) -> Correction:
-        """A correction of a building with a place in its outline."""
+        """Return a correction of a building with a point in its outline."""
         outline = self._outlines.get(self.buildings[one.id])
         if outline is None:
             return one
@@ -270,7 +287,7 @@ def _is_near(metres: Any, others: Any) -> bool:
 
 
 def _check_unique(named: str, said: Sequence[Annotation]) -> None:
-    """Raises InputError where two values are said of one thing: which was meant nobody can tell."""
+    """Raise InputError for a target with two different values."""
     found: dict[tuple[str, str], Any] = {}
     for id, what, value in said:
         before = found.setdefault((id, what), value)

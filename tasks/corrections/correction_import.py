@@ -1,5 +1,7 @@
-"""Taking back what people corrected, in an export or in the viewer: what differs from what was published goes beside the file
-of the block, or of the city of which that is a part."""
+"""Import of corrections from an export or from the viewer.
+
+Differences from the published results go into the corrections file of the block, or of the city that it is part of.
+"""
 
 from __future__ import annotations
 
@@ -35,9 +37,16 @@ from tasks.publish.opened import Published, opened, published
 
 @dataclass(frozen=True)
 class ImportResult:
-    """What an import came to: the files it went to, the command that does again what depends on it, and how many facades and
-    buildings were corrected, those aside of which nothing that is seen changes. notes: corrections by somebody else that newer
-    ones took the place of, what is not taken, and what does not change."""
+    """Result of an import.
+
+    Attributes
+    ----------
+    files : corrections files that were written.
+    command : command that runs the affected units again.
+    facades : corrected facades.
+    buildings : corrected buildings, without those whose visible surfaces do not change.
+    notes : replaced corrections of other people, ignored values, and corrections without effect.
+    """
 
     files: tuple[Path, ...]
     command: str
@@ -46,6 +55,7 @@ class ImportResult:
     notes: tuple[str, ...]
 
     def lines(self) -> list[str]:
+        """Format the result, one line for each fact."""
         if not self.files:
             return ["nothing differs from what was published; nothing was written"]
         where = self.files[0] if len(self.files) == 1 else f"{len(self.files)} files beside those of the blocks"
@@ -56,23 +66,31 @@ class ImportResult:
 
 
 def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> ImportResult:
-    """Take back corrections of what the run in `out`, or the runs of a city's blocks there, published from a file. All are
-    written, or none.
+    """Import corrections of a run, or of the runs of a city's blocks, from a file; all or none.
 
-    Raises InputError for a file that is none, ids that are not there, and values that cannot be.
+    Parameters
+    ----------
+    out : folder of the run or of the city.
+    path : file of corrections.
+    who : author of the corrections.
+    why : their reason.
+    when : time of the corrections; None: now.
+
+    Raises
+    ------
+    InputError : the file has another format, an id is unknown, or a value is not possible.
     """
     by = _correction_author(who, why, when)
     if (out / CITY_FILE_NAME).is_file():
         return _import_into_city(out, path, by)
-    with published(out) as found:
-        said = read_annotations(path, facades_by_picture_name(list(found.plan.facades.id)))
-        run = found.snapshot.out
-        return _write_diffs(run, [_diff_block(run, found, said, str(path), by)])
+    with published(out) as results:
+        said = read_annotations(path, facades_by_picture_name(list(results.plan.facades.id)))
+        run = results.snapshot.out
+        return _write_diffs(run, [_diff_block(run, results, said, str(path), by)])
 
 
 class CorrectionImporter:
-    """Takes corrections of one run, which stays open from one to the next, until another snapshot is published; one at a
-    time."""
+    """Importer for one run that keeps the published snapshot open between imports; thread-safe."""
 
     def __init__(self, out: Folder) -> None:
         self.out = out
@@ -80,8 +98,19 @@ class CorrectionImporter:
         self._found: Published | None = None
 
     def add(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> ImportResult:
-        """Take corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot be. All are
-        written, or none. Raises InputError as `import_corrections`."""
+        """Import a list of corrections in streetloom's own JSON form; all or none.
+
+        Parameters
+        ----------
+        corrections : corrections as JSON objects.
+        named : name of their source in error messages.
+        who : author of the corrections.
+        why : their reason.
+
+        Raises
+        ------
+        InputError : as `import_corrections`.
+        """
         with self._lock, current_snapshot(self.out).hold_for_reading() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
@@ -91,7 +120,12 @@ class CorrectionImporter:
 
 
 def find_block_file(out: Folder) -> Path:
-    """The block file of the run in `out`, beside which its corrections are. Raises InputError where it is gone."""
+    """Return the block file of a run, whose folder holds its corrections.
+
+    Raises
+    ------
+    InputError : the block file does not exist any more.
+    """
     block = read_source(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
@@ -99,7 +133,7 @@ def find_block_file(out: Folder) -> Path:
 
 
 class _BlockDiff(NamedTuple):
-    """What is new of the block of a run; what to look at; and the buildings on which nothing that is seen changes."""
+    """New corrections of a block, notes, and buildings whose visible surfaces do not change."""
 
     block: Path
     corrections: list[Correction]
@@ -111,16 +145,16 @@ def _correction_author(who: str, why: str, when: datetime | None = None) -> Corr
     return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
-def _diff_block(out: Folder, found: Published, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
+def _diff_block(out: Folder, results: Published, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
     block = find_block_file(out)
-    told = CorrectionDiff(found, read_corrections(block))
+    told = CorrectionDiff(results, read_corrections(block))
     new = told.compute(named, said, by)
-    notes, unchanged = find_unaffected_walls(found, new)
+    notes, unchanged = find_unaffected_walls(results, new)
     return _BlockDiff(block, new, [*told.notes, *notes], unchanged)
 
 
 def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
-    """Keep what is new of some blocks, whose runs are in a folder."""
+    """Write the new corrections of the blocks of one folder."""
     by_file: dict[Path, tuple[Path, list[Correction]]] = {}
     for block, new, *_ in of_blocks:
         if new:
@@ -139,7 +173,7 @@ def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
 
 
 def _rerun_command(out: Folder, block: Path) -> str:
-    """What does again what is due of a block whose run, or that of its city, is in a folder."""
+    """Return the command that runs the affected units of a block again."""
     home = city_or_block_file(block)
     if (out / CITY_FILE_NAME).is_file():
         return f"streetloom city {home if home != block else 'CITY.yaml'} --out {out}"
@@ -149,7 +183,7 @@ def _rerun_command(out: Folder, block: Path) -> str:
 
 
 def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
-    """What a file says of a city goes to the blocks that it is of."""
+    """Import the corrections of a file into the blocks that own their targets."""
     runs = {run.name: run.folder for run in find_runs(out)[0]}
     of: dict[str, str] = {}
     facades: list[str] = []
@@ -161,8 +195,8 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
     said = read_annotations(path, facades_by_picture_name(facades))
     if any(id not in of for id, _, _ in said):  # a house without a facade is in no catalogue
         for name, folder in runs.items():
-            with published(folder) as found:
-                of |= {found.names[index]: name for index in found.choose(()).tolist()}
+            with published(folder) as results:
+                of |= {results.names[index]: name for index in results.choose(()).tolist()}
     by_block = defaultdict(list)
     for one in said:
         if one[0] not in of:
@@ -172,13 +206,13 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
         by_block[of[one[0]]].append(one)
     found_in = []
     for name, some in by_block.items():
-        with published(runs[name]) as found:
-            found_in.append(_diff_block(runs[name], found, some, str(path), by))
+        with published(runs[name]) as results:
+            found_in.append(_diff_block(runs[name], results, some, str(path), by))
     return _write_diffs(out, found_in) if found_in else ImportResult((), "", 0, 0, ())
 
 
 def _read_ids(items: Folder) -> tuple[list[str], list[str]]:
-    """The facades of a catalogue, and their buildings."""
+    """Read the ids of a catalogue's facades, and of their buildings."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

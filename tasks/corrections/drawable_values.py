@@ -1,4 +1,4 @@
-"""The words that are drawn of a building's roof and materials: what there is to correct them to."""
+"""Values of roof shapes and materials that can be drawn, the valid values of corrections."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PLASTER = "plaster"
 
 
 def drawable_values() -> dict[str, list[str]]:
-    """By what is corrected, the words that it may be."""
+    """List the valid values of each kind of correction."""
     from facade_core.street.materials.field import ROOF_MATERIAL_TAGS
 
     return {

@@ -1,4 +1,4 @@
-"""Which walls a corrected material or colour does not reach: those that are textured from exemplars or pictures."""
+"""Walls that keep their look after a correction of material or colour, because a picture textures them."""
 
 from __future__ import annotations
 
@@ -16,20 +16,25 @@ PLAIN_SOURCE = "translator"
 
 
 class UnaffectedWalls(NamedTuple):
-    """Of corrections that say what walls are of: a note, where walls stay as they are; and the buildings on which nothing
-    changes, as all of their walls do."""
+    """Effect of corrections of wall materials and colours.
+
+    Attributes
+    ----------
+    notes : one line if some walls keep their look.
+    buildings : buildings that do not change at all.
+    """
 
     notes: tuple[str, ...]
     buildings: frozenset[str]
 
 
-def find_unaffected_walls(found: Published, new: Sequence[Correction]) -> UnaffectedWalls:
-    """What `new` corrections of a block do not change of what was published of it."""
-    plan = found.plan
-    houses = {name: index for index, name in found.names.items()}
+def find_unaffected_walls(results: Published, new: Sequence[Correction]) -> UnaffectedWalls:
+    """Find the walls and buildings that new corrections of materials and colours do not change."""
+    plan = results.plan
+    houses = {name: index for index, name in results.names.items()}
     none = {one.id for one in new if one.kind == "facade" and one.value is False}
     stated = sorted({one.id for one in new if one.kind in _WALL_KINDS and one.value is not None and one.id in houses})
-    kept = {id: walls for id in stated if (walls := _count_textured_facades(found, houses[id], none))}
+    kept = {id: walls for id in stated if (walls := _count_textured_facades(results, houses[id], none))}
     if not kept:
         return UnaffectedWalls((), frozenset())
     others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _WALL_KINDS}
@@ -47,11 +52,11 @@ def find_unaffected_walls(found: Published, new: Sequence[Correction]) -> Unaffe
     return UnaffectedWalls((note,), frozenset(whole))
 
 
-def _count_textured_facades(found: Published, building: int, none: Collection[str]) -> int:
-    """How many facades of a building have a texture, those aside that are said now to be none."""
-    facades = found.plan.facades
+def _count_textured_facades(results: Published, building: int, none: Collection[str]) -> int:
+    """Count a building's facades with a texture, without those that are corrected to be none."""
+    facades = results.plan.facades
     return sum(
         of == building and id not in none and made["status"] == "done" and made["source"] != PLAIN_SOURCE
-        for of, id, made in zip(facades.building.tolist(), facades.id, found.records, strict=True)
+        for of, id, made in zip(facades.building.tolist(), facades.id, results.records, strict=True)
         if made is not None
     )

@@ -1,1 +1,1 @@
-"""Blocks to begin with: the embedded one, public ones, and one made from a user's files."""
+"""Example blocks: an embedded one, public ones, and new ones from a user's files."""

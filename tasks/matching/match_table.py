@@ -21,9 +21,9 @@ TABLE = "matches.csv"
 # block's frame, where the photo says that it was taken.
 COLUMNS = ("photo", "facade", "probability", "candidates", "why", "x", "y", "heading", "by")
 # A column without a name.
-REMARK = "remark"
+REMARK_COLUMN = "remark"
 # Between what is said of one candidate and of the next.
-_NEXT = "; "
+_SEPARATOR = "; "
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class MatchTable:
 
     def matches(self) -> list[PhotoMatch]:
         """The rows that name a photo, read."""
-        return [_match(row) for row in self.rows if row["photo"]]
+        return [_parse_match(row) for row in self.rows if row["photo"]]
 
 
 def format_match_row(
@@ -74,8 +74,8 @@ def format_match_row(
         "photo": photo,
         "facade": facade or "",
         "probability": f"{candidates[0].probability:.2f}" if candidates else "",
-        "candidates": _NEXT.join(f"{one.facade} {one.probability:.2f}" for one in candidates),
-        "why": _NEXT.join(one.why for one in candidates),
+        "candidates": _SEPARATOR.join(f"{one.facade} {one.probability:.2f}" for one in candidates),
+        "why": _SEPARATOR.join(one.why for one in candidates),
         "x": f"{pose.x:.2f}",
         "y": f"{pose.y:.2f}",
         "heading": f"{pose.heading:.1f}" if has_heading else "",
@@ -95,7 +95,7 @@ def read_match_table(path: Path) -> MatchTable:
         raise InputError(f"{path} cannot be read ({error}); give the table that `streetloom match` wrote") from error
     if not {"photo", "facade"} <= set(header):
         raise InputError(f"{path} has no columns `photo` and `facade`; give the table that `streetloom match` wrote")
-    columns = _columns(header, cells)
+    columns = _name_columns(header, cells)
     names = [name for name in columns if name]
     if len(set(names)) < len(names):
         raise InputError(f"{path} has two columns of one name; give each its own")
@@ -107,11 +107,11 @@ def read_match_table(path: Path) -> MatchTable:
     return MatchTable(path, known, tuple(rows), separator)
 
 
-def _columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
+def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
     """The names of a table's columns. One without a name has the next of `remark`, `remark 2`, ..., where something stands in
     it: what somebody wrote is not lost when the table is written again."""
     columns = list(header) + [""] * (max(map(len, cells), default=0) - len(header))
-    free = (name for number in count(1) if (name := REMARK if number == 1 else f"{REMARK} {number}") not in header)
+    free = (name for number in count(1) if (name := REMARK_COLUMN if number == 1 else f"{REMARK_COLUMN} {number}") not in header)
     filled = {at for row in cells for at, cell in enumerate(row) if cell.strip()}
     return [name or (next(free) if at in filled else "") for at, name in enumerate(columns)]
 
@@ -147,17 +147,17 @@ def write_match_table(table: MatchTable, *, new: bool = False) -> None:
 
 
 @dataclass(frozen=True)
-class Decision:
+class MatchDecision:
     """What somebody says that a photo shows ("" for no facade of the block), or, not `decided`, that it is as `facade` says
     again; stood: facade and by of its row when they looked."""
 
     photo: str
     facade: str
-    decided: bool
-    stood: tuple[str, str]
+    is_decided: bool
+    previous: tuple[str, str]
 
 
-def decided(table: MatchTable, decisions: Sequence[Decision], *, who: str) -> MatchTable:
+def apply_decisions(table: MatchTable, decisions: Sequence[MatchDecision], *, who: str) -> MatchTable:
     """The table with what somebody decided in it. Raises InputError for a photo that it has not, and for a row that somebody
     else changed meanwhile."""
     said = {one.photo: one for one in decisions}
@@ -169,26 +169,26 @@ def decided(table: MatchTable, decisions: Sequence[Decision], *, who: str) -> Ma
         if one is None:
             rows.append(row)
             continue
-        if (row["facade"], row["by"]) != one.stood:
+        if (row["facade"], row["by"]) != one.previous:
             raise InputError(f"{one.photo} was decided in {table.path} meanwhile; load the page again and look")
-        rows.append({**row, "facade": one.facade, "by": who if one.decided else ""})
+        rows.append({**row, "facade": one.facade, "by": who if one.is_decided else ""})
     return replace(table, rows=tuple(rows))
 
 
-def _match(row: Mapping[str, str]) -> PhotoMatch:
-    x, y, heading = (_number(row[name]) for name in ("x", "y", "heading"))
-    reasons = row["why"].split(_NEXT)
+def _parse_match(row: Mapping[str, str]) -> PhotoMatch:
+    x, y, heading = (_parse_number(row[name]) for name in ("x", "y", "heading"))
+    reasons = row["why"].split(_SEPARATOR)
     candidates = []
-    for number, part in enumerate(row["candidates"].split(_NEXT)):
+    for number, part in enumerate(row["candidates"].split(_SEPARATOR)):
         facade, _, probability = part.rpartition(" ")
-        value = _number(probability)
+        value = _parse_number(probability)
         if facade and value is not None:
             candidates.append(FacadeCandidate(facade, value, reasons[number] if number < len(reasons) else ""))
     place = None if x is None or y is None else (x, y)
     return PhotoMatch(row["photo"], row["facade"], row["by"], tuple(candidates), place, heading)
 
 
-def _number(text: str) -> float | None:
+def _parse_number(text: str) -> float | None:
     """What a cell says, in whatever way a spreadsheet wrote it; None where it is no number."""
     try:
         value = float(text.replace(",", "."))

@@ -20,7 +20,7 @@ FOLDER = "photos"
 
 
 @dataclass(frozen=True)
-class Taking:
+class PhotoImport:
     """What is to be done, checked: of how many photos, into which folder, which are copied there by facade, and which go from
     there, as they were taken for another facade before; whether the block file names the folder; what is wrong with rows that
     nobody asked for, whose photos stay as they are."""
@@ -28,9 +28,9 @@ class Taking:
     block: Path
     count: int
     folder: Path
-    copied: Mapping[str, Path]
-    gone: tuple[Path, ...]
-    named: bool
+    copies: Mapping[str, Path]
+    removals: tuple[Path, ...]
+    is_named_in_block: bool
     faults: tuple[str, ...] = ()
 
 
@@ -38,7 +38,7 @@ class Taking:
 _Fault = tuple[set[str], str]
 
 
-def taking(block_file: Path, folder: Path, table: MatchTable, asked: Collection[str] | None = None) -> Taking:
+def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, requested: Collection[str] | None = None) -> PhotoImport:
     """What it is to take the photos of a table that have a facade.
 
     A copy of a photo that the table decides otherwise now goes, never the photo itself. asked: the photos whose rows must be
@@ -66,13 +66,13 @@ def taking(block_file: Path, folder: Path, table: MatchTable, asked: Collection[
             faults.append(({photo.name}, f"{table.path}: {photo.name}: {reason}"))
             del wanted[facade]
     for photos, reason in faults:
-        if asked is None or photos & set(asked):
+        if requested is None or photos & set(requested):
             raise InputError(reason)
     if block.photos and not wanted and len(gone) == len(block.photos):
         raise InputError(f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {there}")
     copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in gone}
     told = tuple(reason for _, reason in faults)
-    return Taking(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos), told)
+    return PhotoImport(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos), told)
 
 
 def _in_the_way(
@@ -87,20 +87,20 @@ def _in_the_way(
     return None
 
 
-def take(done: Taking) -> str | None:
+def take(done: PhotoImport) -> str | None:
     """Copy them. Returns what is to be written into the block file by hand where it could not be."""
-    if done.copied:
+    if done.copies:
         done.folder.mkdir(exist_ok=True)
     arriving = {}
-    for facade, photo in done.copied.items():
+    for facade, photo in done.copies.items():
         arriving[facade] = done.folder / f".{facade}{photo.suffix.lower()}.tmp"
         shutil.copyfile(photo, arriving[facade])
-    for old in done.gone:
+    for old in done.removals:
         old.unlink()
-    for facade, photo in done.copied.items():
+    for facade, photo in done.copies.items():
         os.replace(arriving[facade], _named(done.folder, facade, photo))
     values = {"path": FOLDER, "rectified": False}
-    if done.named or not done.copied or add_imagery(done.block, "photos", values):
+    if done.is_named_in_block or not done.copies or add_imagery(done.block, "photos", values):
         return None
     return f"imagery: {{{format_imagery_entry('photos', values)}}}"
 

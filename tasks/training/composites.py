@@ -1,4 +1,4 @@
-"""Composite streets: photos of facades and of ground on a block of the project's own, rendered without texture and with it."""
+"""Composite streets: synthetic blocks with photos of facades and ground, rendered with and without texture."""
 
 from __future__ import annotations
 
@@ -30,8 +30,19 @@ ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg",
 
 
 def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
-    """Pairs of views along streets whose houses show facades/ecp and facades/cmp without their held-out folds, and whose ground
-    shows pictures of materials/. Raises InputError where one of these is missing."""
+    """Render pairs of views along streets with photographed facades and ground.
+
+    Facades come from facades/ecp and facades/cmp without their held-out folds, ground from materials/.
+
+    Parameters
+    ----------
+    data : data folder.
+    seed : random seed.
+
+    Raises
+    ------
+    InputError : a data set is missing.
+    """
     photos = [facade.image for facade in split_facades(list(read_ecp(data / "facades" / "ecp")))[0]]
     photos += [facade.image for facade in read_cmp_photos(data)[0]]
     roadway = (read_picture_file(data / "materials" / ROADWAY[0])[0], ROADWAY[1])

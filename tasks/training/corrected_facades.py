@@ -1,4 +1,4 @@
-"""What people corrected in runs, as pictures and layouts to learn from."""
+"""Corrected facades of runs as training pictures and layouts."""
 
 from __future__ import annotations
 
@@ -35,11 +35,16 @@ _BACKGROUND_CLASSES, _MIN_CONFIDENCE = (FacadeClass.WALL, FacadeClass.ROOF, Faca
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CorrectedFacade:
-    """A facade with the elements that somebody gave it.
+    """Facade with corrected elements.
 
-    name: "block/facade"; image (h, w, 3) uint8, its finished texture, of which shown (h, w) bool is of a picture, not made up;
-    elements: as shares of its width and height, y down; hide, keep: what is not of it, and what is although it looks like
-    something in front.
+    Attributes
+    ----------
+    name : "block/facade".
+    image : (h, w, 3) uint8, the finished texture.
+    photo_mask : (h, w) bool, True for texels from a picture.
+    elements : class and box in shares of width and height, y down.
+    hide : boxes of content that is not part of the facade.
+    keep : boxes of facade that look like an occluder.
     """
 
     name: str
@@ -51,7 +56,7 @@ class CorrectedFacade:
 
     @property
     def boxes(self) -> tuple[Element, ...]:
-        """The elements, in texels."""
+        """Elements in texels."""
         height, width = self.photo_mask.shape
         return tuple(
             Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in self.elements
@@ -59,9 +64,15 @@ class CorrectedFacade:
 
 
 def read_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
-    """The facades of published runs whose elements somebody corrected. `outs`: folders of runs, or of several runs each.
+    """Collect the facades of published runs whose elements were corrected.
 
-    Raises InputError for a folder without a run, and for fewer than LEAST facades in all.
+    Parameters
+    ----------
+    outs : folders of one run, or of several runs each.
+
+    Raises
+    ------
+    InputError : a folder has no run, or there are fewer than MIN_FACADES facades in all.
     """
     found: list[CorrectedFacade] = []
     for folder in dict.fromkeys(one.folder for out in outs for one in find_runs(out)[0]):
@@ -104,10 +115,10 @@ def _read_run(out: Folder) -> list[CorrectedFacade]:
 
 
 def label_corrected_facade(facade: CorrectedFacade) -> LabelledFacade | None:
-    """A corrected facade as a photo to teach the parser with; None where pictures show too little of it.
+    """Label a corrected facade for the parser's training; None if pictures show too little of it.
 
-    Its elements are what somebody said, and nothing else is one. Which of wall, roof and sky the rest is, and what stands in
-    front or beside, nobody said: the shipped network's own answers stand, so that it does not forget them.
+    Elements come from the correction alone. Wall, roof, sky, occluders and surroundings come from the shipped network, so
+    that training does not unlearn them.
     """
     shown = facade.photo_mask & ~rasterise_boxes(facade.hide, facade.photo_mask.shape)
     if shown.mean() < MIN_PHOTO_SHARE:
@@ -135,6 +146,6 @@ def label_corrected_facade(facade: CorrectedFacade) -> LabelledFacade | None:
 
 
 def layout_record(facade: CorrectedFacade) -> LayoutRecord:
-    """A corrected facade as a whole layout to learn from, whatever its texture is."""
+    """Return a corrected facade as a complete layout for training, independent of its texture."""
     height, width = facade.photo_mask.shape
     return LayoutRecord(facade.name, facade.boxes, (0.0, 0.0, float(width), float(height)), ())

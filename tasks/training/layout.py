@@ -1,4 +1,4 @@
-"""Train the layout model that is shipped, and those of the benchmark's folds, from a data folder."""
+"""Training of the shipped layout model, and of the benchmark's folds."""
 
 from __future__ import annotations
 
@@ -20,9 +20,16 @@ def train_layout(
     size: int | None = None,
     corrected: Sequence[LayoutRecord] = (),
 ) -> Path:
-    """Train on layouts/cmp.jsonl without every fifth from `fold` on, and on the metric layouts; writes layouts.json into `out`.
+    """Train the layout model on layouts/cmp.jsonl and on metric layouts, and write layouts.json.
 
-    size: so many of the training layouts only, spread evenly; corrected: layouts that people corrected, which are added.
+    Parameters
+    ----------
+    data : data folder.
+    out : target folder.
+    seed : random seed.
+    fold : every fifth layout from this one on is held out.
+    size : number of training layouts, spread evenly; None: all.
+    corrected : layouts with corrections, added to the training set.
     """
     train, _ = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")), fold)
     if size is not None:

@@ -1,4 +1,4 @@
-"""Make the examples of materials that are shipped from photographs."""
+"""Generation of the shipped material examples from photographs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
 
 
 def train_materials(data: Path, out: Path) -> Path:
-    """Examples from the pictures in `data`/materials, all CC0; writes materials.npz into `out`."""
+    """Learn grain examples from the CC0 pictures in `data`/materials, and write materials.npz into `out`."""
     examples: dict[str, GrainExample] = {}
     told = {}
     begin_stage("examples", len(EXAMPLE_NAMES))
@@ -43,7 +43,7 @@ def train_materials(data: Path, out: Path) -> Path:
 
 
 def read_picture_file(path: Path) -> tuple[np.ndarray, str]:
-    """A picture (h, w, 3) uint8 and its file's sha256."""
+    """Decode a picture (h, w, 3) uint8, and compute the sha256 of its file."""
     import cv2
 
     try:

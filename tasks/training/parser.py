@@ -1,4 +1,4 @@
-"""Train the shipped models, and those of the benchmarks' folds, from a data folder."""
+"""Training of the shipped parser, and of the benchmark's folds, from a data folder."""
 
 from __future__ import annotations
 
@@ -43,10 +43,17 @@ CORRECTED_SCHEDULE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate
 
 
 def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedule = SHIPPED_SCHEDULE) -> Path:
-    """Train the shipped network; writes network.onnx and network.json into `out`.
+    """Train the shipped network, and write network.onnx and network.json into `out`.
 
-    It learns from facades/ecp and facades/cmp without their held-out folds and, of the latter, what calibrates it; from
-    streetphotos/swiss/train and from painted facades. network.state, kept beside, is where an interrupted run goes on.
+    The training set is facades/ecp, facades/cmp, streetphotos/swiss/train and painted facades, without held-out folds and
+    the calibration photos. An interrupted run resumes from network.state.
+
+    Parameters
+    ----------
+    data : data folder.
+    out : target folder.
+    seed : random seed.
+    schedule : training schedule.
     """
     looked = read_occluder_boxes()
     cmp, apart = read_cmp_photos(data)
@@ -68,7 +75,7 @@ def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedul
 
 
 def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
-    """Measure on photos how sure a network's parses may be, and write that beside it."""
+    """Calibrate a network's confidence on photos, and write the result into its record."""
     report = stage_progress()
     observed = []
     for number, photo in enumerate(photos):
@@ -79,15 +86,25 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
 
 
 def read_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
-    """The photos of facades/cmp without its held-out fold: those to train on, and an eighth by which it is measured how sure
-    the network may be."""
+    """Split facades/cmp without its held-out fold into training photos and an eighth for calibration."""
     return split_facades(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
 
 
 def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
-    """Go on from the network in `out` with the training part of a set of FOLD_COURSES; writes NAME.onnx and .json.
+    """Continue from the network in `out` with one set of FOLD_SCHEDULES; write NAME.onnx and NAME.json.
 
-    For the benchmark of that set only. Raises ModelError where `out` has no finished network.
+    The result serves only the benchmark of that set.
+
+    Parameters
+    ----------
+    data : data folder.
+    out : folder of the finished network, and target folder.
+    name : name of the set.
+    seed : random seed.
+
+    Raises
+    ------
+    ModelError : `out` has no finished network.
     """
     facades = {
         "artdeco": lambda: split_facades(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
@@ -107,10 +124,20 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
 def train_corrected(
     facades: Sequence[CorrectedFacade], out: Path, *, seed: int, schedule: TrainingSchedule = CORRECTED_SCHEDULE
 ) -> Path:
-    """Go on from the shipped network with facades that people corrected; writes network.onnx and network.json into `out`.
+    """Continue from the shipped network with corrected facades; write network.onnx and network.json.
 
-    Every fifth is not learnt from: where these are parsed no better than by the shipped network, nothing is left and InputError
-    is raised, as it is where pictures show fewer than LEAST. How sure it may be is what was measured of the shipped one.
+    Every fifth facade is held out for validation. Calibration is copied from the shipped network.
+
+    Parameters
+    ----------
+    facades : corrected facades.
+    out : target folder.
+    seed : random seed.
+    schedule : training schedule.
+
+    Raises
+    ------
+    InputError : fewer than MIN_FACADES are usable, or the result does not beat the shipped network; no file is left.
     """
     report = stage_progress()
     photos = []
@@ -150,7 +177,7 @@ def train_corrected(
 
 
 def correct_pixel_share(photos: Sequence[LabelledFacade], model: Path) -> float:
-    """The share of pixels, among those that may be some classes only, that a network parses as one of these."""
+    """Compute the share of labelled pixels that a network parses as a possible class."""
     right = told = 0
     for photo in photos:
         known = photo.possible != ANY_CLASS
@@ -182,7 +209,7 @@ def _photo_names(sets: Sets) -> list[str]:
 
 
 def stage_progress() -> Callable[[str, int, int], None]:
-    """Progress of a training run as stages and units."""
+    """Return a callback that reports a training run as stages and units."""
     reached: dict[str, int] = {}
 
     def progress(step: str, done: int, total: int) -> None:

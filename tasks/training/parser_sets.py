@@ -1,4 +1,4 @@
-"""Labelled facades with what can be said of what stands in front of them."""
+"""Training sets of the parser: occluder maps from detections, and painted facades."""
 
 from __future__ import annotations
 
@@ -18,7 +18,14 @@ from facade_core.synth.exemplars import paint_exemplar_set
 def relabel_occluders(
     name: str, facades: Iterable[LabelledFacade], detections: Mapping[str, OccluderBoxes]
 ) -> list[LabelledFacade]:
-    """The facades of a set with another occluder map, by what a detector says of the photos "set/name"."""
+    """Replace the occluder maps of a data set by detections of photos "set/name".
+
+    Parameters
+    ----------
+    name : name of the data set.
+    facades : labelled facades.
+    detections : occluder boxes by "set/name".
+    """
     told = []
     for facade in facades:
         found, doubtful = detections.get(f"{name}/{facade.name}", (None, ()))
@@ -28,7 +35,7 @@ def relabel_occluders(
 
 
 def paint_labelled_facades(number: int, *, seed: int) -> list[LabelledFacade]:
-    """Facades painted with their truth; trees, cars and lamps stand before a fourth of them."""
+    """Paint facades with ground truth; trees, cars and lamps hide parts of a quarter of them."""
     return [
         LabelledFacade(
             f"{seed}-{index}",

@@ -1,4 +1,4 @@
-"""Train the translation network that is shipped, or one of a user's own city: renderings of blocks and real panoramas."""
+"""Training of a translation network from renderings of blocks and real panoramas."""
 
 from __future__ import annotations
 
@@ -39,8 +39,13 @@ VALIDATION_STRIDE = 5
 
 @dataclass(frozen=True)
 class TrainingSplit:
-    """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names. Without any
-    to judge by, the last fifth does."""
+    """Assignment of panoramas by prefixes of their file names.
+
+    Attributes
+    ----------
+    validation : prefixes of panoramas that select a checkpoint; empty: the last fifth.
+    excluded : prefixes of panoramas that are not used.
+    """
 
     validation: tuple[str, ...] = ()
     excluded: tuple[str, ...] = ()
@@ -48,14 +53,19 @@ class TrainingSplit:
 
 @dataclass(frozen=True)
 class RunPanoramas:
-    """Of a run: its block file, and the panoramas of its cameras, `(name, file)`."""
+    """Block file of a run, and the panoramas of its cameras as (name, file)."""
 
     block: Path
     pictures: tuple[tuple[str, Path], ...]
 
 
 def read_run_panoramas(run: Path) -> RunPanoramas:
-    """What the run in a folder was made of. Raises InputError where it does not say, or has no panoramas."""
+    """Find the block file and the panoramas of a run.
+
+    Raises
+    ------
+    InputError : the folder has no run, or its block has no panoramas.
+    """
     source = read_source(run)
     if source is None:
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
@@ -78,12 +88,26 @@ def train_translator(
     runs: Sequence[Path] = (),
     paired: Path | None = None,
 ) -> Path:
-    """Train on panoramas in the folders `real` and of the cameras of runs, and on renderings of block files, those of the runs
-    too, and of procedural streets; and on composite streets of the photos in a data folder, `paired`.
+    """Train on panoramas, renderings of blocks and of procedural streets, and composite streets.
 
-    Writes translator.onnx and translator.json into `out`, and beside them translator.state, where an interrupted run goes on,
-    and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
-    without torch.
+    Writes translator.onnx, translator.json and a picture of each checkpoint into `out`. An interrupted run resumes from
+    translator.state.
+
+    Parameters
+    ----------
+    real : folders of panoramas.
+    blocks : block files to render.
+    out : target folder.
+    seed : random seed.
+    recipe : training recipe.
+    split : assignment of panoramas.
+    runs : folders of runs whose blocks and panoramas are used too.
+    paired : data folder of composite streets; None: no pairs.
+
+    Raises
+    ------
+    InputError : there are no panoramas to train on, or none to validate on.
+    ModelError : torch is not installed.
     """
     from facade_core.street.translator import network_export
 
@@ -116,7 +140,7 @@ def train_translator(
 
 
 def list_pictures(folders: Sequence[Path]) -> list[tuple[str, Path]]:
-    """The pictures in some folders and below, `(name, file)`."""
+    """List the pictures in folders recursively as (name, file)."""
     return [
         (f"{folder.name}/{path.name}", path)
         for folder in folders
@@ -128,7 +152,22 @@ def list_pictures(folders: Sequence[Path]) -> list[tuple[str, Path]]:
 def read_panorama_sets(
     pictures: Sequence[tuple[str, Path]], split: TrainingSplit
 ) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
-    """Panoramas to learn from and to judge by, (h, w, 3) uint8 of the largest of WIDTHS, and the names of the first."""
+    """Load panoramas for training and validation.
+
+    Parameters
+    ----------
+    pictures : (name, file) of each picture.
+    split : assignment of panoramas.
+
+    Returns
+    -------
+    training, validation : (h, w, 3) uint8 images of the largest of PANORAMA_WIDTHS.
+    names : names of the training panoramas.
+
+    Raises
+    ------
+    InputError : one of the sets is empty.
+    """
     from PIL import Image
 
     found = []
@@ -153,15 +192,17 @@ def read_panorama_sets(
 
 
 def _assign_validation(count: int) -> list[bool | None]:
-    """Which of some pictures in the order of their names judge: the last fifth, a stretch of a street as cameras number them;
-    None of those before that, as many as a half of it, which show the same walls."""
+    """Assign pictures in name order to training (False), validation (True) or neither (None).
+
+    Validation is the last fifth. A gap of half its size before it is unused, because it shows the same walls.
+    """
     judging = -(-count // VALIDATION_STRIDE)
     between = judging // 2
     return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
 def render_training_views(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
-    """Renderings to learn from and to judge by, of runs of viewpoints in the streets of blocks and of procedural streets."""
+    """Render viewpoints of blocks and of procedural streets for training and validation."""
     begin_stage("renderings", RUNS_PER_BLOCK * len(blocks) + PROCEDURAL_STREETS)
     runs: list[list[TrainingRendering]] = []
     for number in range(PROCEDURAL_STREETS):
@@ -177,7 +218,7 @@ def render_training_views(blocks: Sequence[Path], *, seed: int) -> tuple[list[Tr
 
 
 def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRendering]:
-    """Renderings along a street of painted facades, shown as relief."""
+    """Render a street of painted facades as relief."""
     import cv2
 
     street = synthetic_street(8, seed=seed, occluders=0, texels_per_metre=20.0)
@@ -197,7 +238,7 @@ def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRend
 
 
 def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
-    """Runs of renderings between the buildings of a block, every other one furnished; where walls are seen best first."""
+    """Render runs of viewpoints in a block, best visible walls first; every other run is furnished."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = make_plan(replace(block, texture=texture, panoramas=()))
     scene = plan.scene
@@ -227,14 +268,14 @@ def _level_ground(height: float, points: np.ndarray) -> np.ndarray:
 
 
 def _clip_to_viewpoints(line: shapely.LineString, viewpoints: Sequence[Viewpoint]) -> shapely.LineString:
-    """The part of a line within 30 m of some viewpoints."""
+    """Clip a line to 30 m around some viewpoints."""
     reach = shapely.union_all([shapely.Point(v.position[:2]).buffer(30) for v in viewpoints])
     part = line.intersection(reach)
     return max(getattr(part, "geoms", [part]), key=lambda piece: piece.length)
 
 
 def _checkpoint_writer(out: Path) -> Callable[[int, float, np.ndarray], None]:
-    """Leaves a picture of every checkpoint, and what has been measured so far."""
+    """Return a callback that writes a picture of each checkpoint and its kernel distance."""
 
     def sample(step: int, distance: float, sheet: np.ndarray) -> None:
         from PIL import Image

@@ -69,7 +69,7 @@ def test_the_same_elements_change_no_texel() -> None:
     after = replace_elements(before, shares(before.elements))
     assert np.array_equal(after.image, before.image)
     assert np.array_equal(after.labels, before.labels)
-    assert replace(after, told=before.estimates).floors == 4
+    assert replace(after, estimates=before.estimates).floors == 4
 
 
 def test_shares_are_the_texels_whose_middle_they_hold() -> None:

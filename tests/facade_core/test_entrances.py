@@ -66,7 +66,7 @@ def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Pla
     found = [i for i in range(len(facades)) if turns_corner(plan.scene.charts, facades, i)]
     assert [facades.id[i].split("-")[0] for i in found] == ["corner"]
     assert facades.width[found[0]] == pytest.approx(np.hypot(1.5, 1.5), abs=0.01)
-    assert facade_wall(plan.scene, facades, found[0]).corner
+    assert facade_wall(plan.scene, facades, found[0]).is_corner
 
 
 def test_a_corner_in_two_pieces_is_one() -> None:

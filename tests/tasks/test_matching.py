@@ -20,8 +20,8 @@ from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
-from tasks.matching.match_table import COLUMNS, Decision, MatchTable, lock_match_table, decided, format_match_row, read_match_table, write_match_table
-from tasks.matching.photo_import import take, taking
+from tasks.matching.match_table import COLUMNS, MatchDecision, MatchTable, lock_match_table, apply_decisions, format_match_row, read_match_table, write_match_table
+from tasks.matching.photo_import import take, plan_photo_import
 from tests.pipeline.stages import EAST, NORTH, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)
@@ -94,8 +94,8 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert block.photos == {facade: block_file.parent / "photos" / f"{facade}.jpg"}
     assert not block.photos_rectified
     assert block.photos[facade].read_bytes() == (photos / "IMG_1.jpg").read_bytes()
-    again = taking(block_file, photos, read_match_table(table))
-    assert (again.count, again.copied, again.gone) == (1, {}, ()), "again is the same"
+    again = plan_photo_import(block_file, photos, read_match_table(table))
+    assert (again.count, again.copies, again.removals) == (1, {}, ()), "again is the same"
     assert take(again) is None
     assert len(list((block_file.parent / "photos").iterdir())) == 1
 
@@ -126,21 +126,21 @@ def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, ro
     table = block_file.parent / "mended.csv"
     table.write_text("photo,facade,probability,candidates\n" + rows.format(a=facade) + "\n")
     with pytest.raises(InputError, match=said):
-        taking(block_file, block_file.parent.parent / "photos", read_match_table(table))
+        plan_photo_import(block_file, block_file.parent.parent / "photos", read_match_table(table))
     assert not (block_file.parent / "photos").exists()
 
 
 def test_rows_that_nobody_asked_for_are_told_and_others_taken(block_file: Path) -> None:
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     path.write_text("photo,facade\nIMG_1.jpg,a-0\nfar.jpg,nobody\ngone.jpg,b-0\nfar.jpg,a-1\nsilent.jpg,a-1\n")
-    done = taking(block_file, photos, read_match_table(path), {"IMG_1.jpg"})
-    assert (done.count, list(done.copied)) == (1, ["a-0"])
+    done = plan_photo_import(block_file, photos, read_match_table(path), {"IMG_1.jpg"})
+    assert (done.count, list(done.copies)) == (1, ["a-0"])
     for said, fault in zip(
         ("no facade 'nobody'", "no photo 'gone.jpg'", "far.jpg shows a-1"), done.faults, strict=True
     ):
         assert said in fault
     with pytest.raises(InputError, match=r"far\.jpg shows a-1 already"):
-        taking(block_file, photos, read_match_table(path), {"silent.jpg"})
+        plan_photo_import(block_file, photos, read_match_table(path), {"silent.jpg"})
 
 
 def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
@@ -161,37 +161,37 @@ def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
     assert first.place is not None
     assert first.heading is not None
     assert (far.is_decided, far.candidates) == (False, ())
-    take(taking(block_file, photos, table))
+    take(plan_photo_import(block_file, photos, table))
     other = next(f"b-{n}" for n in range(4) if f"b-{n}" != first.facade)
-    none = Decision("far.jpg", "", True, ("", ""))
-    table = decided(table, [Decision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
+    none = MatchDecision("far.jpg", "", True, ("", ""))
+    table = apply_decisions(table, [MatchDecision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
     write_match_table(table)
     assert read_match_table(path) == table
     assert {match.photo: (match.facade, match.decided_by) for match in read_match_table(path).matches()} == {
         "IMG_1.jpg": (other, "anna"),
         "far.jpg": ("", "anna"),
     }
-    take(taking(block_file, photos, table))
+    take(plan_photo_import(block_file, photos, table))
     assert [file.name for file in (block_file.parent / "photos").iterdir()] == [f"{other}.jpg"]
     assert list(read_block(block_file).photos) == [other]
     with pytest.raises(InputError, match="meanwhile"):
-        decided(table, [none], who="ben")
+        apply_decisions(table, [none], who="ben")
     with pytest.raises(InputError, match=r"has no photo 'IMG_7\.jpg' any more"):
-        decided(table, [Decision("IMG_7.jpg", "", True, ("", ""))], who="ben")
-    nothing = decided(table, [Decision("IMG_1.jpg", "", True, (other, "anna"))], who="ben")
+        apply_decisions(table, [MatchDecision("IMG_7.jpg", "", True, ("", ""))], who="ben")
+    nothing = apply_decisions(table, [MatchDecision("IMG_1.jpg", "", True, (other, "anna"))], who="ben")
     with pytest.raises(InputError, match=r"no photo would be left; remove imagery\.photos"):
-        taking(block_file, photos, nothing)
+        plan_photo_import(block_file, photos, nothing)
 
 
 def test_a_photo_that_somebody_named_by_hand_stays(block_file: Path) -> None:
     """What the table leaves open says nothing of the block's photos."""
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     path.write_text("photo,facade\nIMG_1.jpg,a-0\n")
-    take(taking(block_file, photos, read_match_table(path)))
+    take(plan_photo_import(block_file, photos, read_match_table(path)))
     path.write_text("photo,facade,candidates\nIMG_1.jpg,,a-0 0.5; b-0 0.4\n")
     table = read_match_table(path)
     assert [(one.facade, one.probability) for one in table.matches()[0].candidates] == [("a-0", 0.5), ("b-0", 0.4)]
-    assert taking(block_file, photos, table).gone == ()
+    assert plan_photo_import(block_file, photos, table).removals == ()
 
 
 def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
@@ -205,15 +205,15 @@ def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
     own.mkdir()
     (own / "a-0.jpg").write_bytes((photos / "silent.jpg").read_bytes())  # the block's file names none
     with pytest.raises(InputError, match=r"a-0\.jpg is there and is another photo"):
-        taking(block_file, photos, read_match_table(path))
+        plan_photo_import(block_file, photos, read_match_table(path))
     assert (own / "a-0.jpg").read_bytes() == (photos / "silent.jpg").read_bytes()
     (own / "a-0.jpg").unlink()
-    take(taking(block_file, photos, read_match_table(path)))
+    take(plan_photo_import(block_file, photos, read_match_table(path)))
     for facade in ("", "b-0"):
         path.write_text(f"photo,facade,by\na-0.jpg,{facade},anna\n")
         table = read_match_table(path)
         with pytest.raises(InputError, match=r"a-0\.jpg is the block's own photo, of which no copy is kept"):
-            taking(block_file, own, table)
+            plan_photo_import(block_file, own, table)
 
 
 def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
@@ -223,7 +223,7 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
     part = read_city(city, block_file.parent / "out").blocks[0].file
     (table := block_file.parent / "mended.csv").write_text("photo,facade\nIMG_1.jpg,a-0\n")
     with pytest.raises(InputError, match="it is a part of a city and has the photos of that"):
-        taking(part, block_file.parent.parent / "photos", read_match_table(table))
+        plan_photo_import(part, block_file.parent.parent / "photos", read_match_table(table))
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
 
     def decide(photo: str) -> None:
         with lock_match_table(path):
-            write_match_table(decided(read_match_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
+            write_match_table(apply_decisions(read_match_table(path), [MatchDecision(photo, "a-0", True, ("", ""))], who="anna"))
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(decide, photos))
