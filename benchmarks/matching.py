@@ -22,7 +22,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
-from tasks.matching.photo_matches import CANDIDATES, LEAST, SURE
+from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_PROBABILITY, MIN_CERTAIN_PROBABILITY
 
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
 
@@ -91,10 +91,10 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
 
 
 def _outcome(walls: np.ndarray, likely: np.ndarray, truth: int) -> str:
-    order = np.argsort(-likely, kind="stable")[:CANDIDATES]
-    if likely[order[0]] >= SURE:
+    order = np.argsort(-likely, kind="stable")[:MAX_CANDIDATES]
+    if likely[order[0]] >= MIN_CERTAIN_PROBABILITY:
         return "right" if walls[order[0]] == truth else "wrong"
-    return "unclear, the true one told" if truth in walls[order[likely[order] >= LEAST]] else "unclear"
+    return "unclear, the true one told" if truth in walls[order[likely[order] >= MIN_PROBABILITY]] else "unclear"
 
 
 def main() -> None:

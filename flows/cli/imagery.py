@@ -113,8 +113,8 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     from facade_core.core.errors import InputError
     from flows.console import show_progress
     from tasks.matching.match_table import TABLE, read_match_table, write_match_table
-    from tasks.matching.photo_import import take, plan_photo_import
-    from tasks.matching.photo_matches import PLACES, UNPLACED, match_photos
+    from tasks.matching.photo_import import import_photos, plan_photo_import
+    from tasks.matching.photo_matches import PLACE_REMEDY, MISSING_PLACE, match_photos
 
     if taken is not None:
         if poses is not None or out is not None:
@@ -122,7 +122,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
                 "--take: the photos' places and the table are those of before; leave out --poses and --out"
             )
         found = plan_photo_import(block_file, photos, read_match_table(taken))
-        by_hand = take(found)
+        by_hand = import_photos(found)
         print_line(f"photos     {found.count} taken")
         if by_hand:
             print_notice(f"write into the block file: {by_hand}")
@@ -133,8 +133,8 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         found_table, faults = match_photos(block_file, photos, table, poses)
     for fault in faults:
         print_notice(f"{fault.id}: {fault.reason}")
-    if any(fault.reason == UNPLACED for fault in faults):
-        print_notice(f"of those without a place: {PLACES}")
+    if any(fault.reason == MISSING_PLACE for fault in faults):
+        print_notice(f"of those without a place: {PLACE_REMEDY}")
     matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")

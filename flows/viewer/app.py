@@ -100,7 +100,7 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def facade(request: Request) -> Response:
         view = reader.view()
-        index = view.number(request.query_params["id"])
+        index = view.find_facade(request.query_params["id"])
         record: Mapping[str, Any] = view.records[index] or {}
         return JSONResponse(
             {
@@ -115,13 +115,13 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def stage(request: Request) -> Response:
         view = reader.view()
-        image = picture(view, view.number(request.query_params["id"]), request.query_params["stage"])
+        image = picture(view, view.find_facade(request.query_params["id"]), request.query_params["stage"])
         return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.view()
         return Response(
-            picture_before(view, view.number(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
+            picture_before(view, view.find_facade(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
         )
 
     def panorama(request: Request) -> Response:

@@ -64,7 +64,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
 
     def facade_state(id: str) -> dict[str, Any]:
         view = reader.view()
-        return standing(view, view.number(id), read_corrections(find_block_file(reader.out)))
+        return standing(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
 
     def facade(request: Request) -> dict[str, Any]:
         return facade_state(request.query_params.get("id", ""))

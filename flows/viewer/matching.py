@@ -14,7 +14,7 @@ from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
 from tasks.matching.match_table import TABLE, MatchDecision, PhotoMatch, lock_match_table, apply_decisions, read_match_table, write_match_table
-from tasks.matching.photo_import import take, plan_photo_import
+from tasks.matching.photo_import import import_photos, plan_photo_import
 from tasks.viewing.pictures import encode
 from tasks.viewing.run_view import Reader
 
@@ -49,7 +49,7 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
             # check the decided rows before any write; faults of other rows are only reported
             found = plan_photo_import(block, photos, table, {row.photo for row in decisions})
             write_match_table(table)
-            by_hand = take(found)
+            by_hand = import_photos(found)
         notes = [f"not taken: {fault}" for fault in found.faults]
         notes += [f"write into the block file: {by_hand}"] if by_hand else []
         return {

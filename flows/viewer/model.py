@@ -9,11 +9,11 @@ from urllib.parse import urlencode
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
-from tasks.viewing.run_view import View
+from tasks.viewing.run_view import RunView
 from tasks.viewing.start_view import opening
 
 
-def model_index(out: Folder, view: View) -> dict[str, Any]:
+def model_index(out: Folder, view: RunView) -> dict[str, Any]:
     """Return the addresses and boxes of the newest model's tiles, of its overview, and the start of a walk.
 
     Returns

@@ -58,11 +58,11 @@ def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, request
             "imagery.photos.rectified: false and take all as they are"
         )
     faults: list[_Fault] = []
-    wanted = _wanted(table, folder, set(make_plan(replace(block, panoramas=())).facades.id), faults)
-    gone = _taken_otherwise(block.photos, folder, table, faults)
+    wanted = _photos_by_facade(table, folder, set(make_plan(replace(block, panoramas=())).facades.id), faults)
+    gone = _outdated_copies(block.photos, folder, table, faults)
     there = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
     for facade, photo in list(wanted.items()):
-        if reason := _in_the_way(block.photos, gone, there, facade, photo):
+        if reason := _conflict(block.photos, gone, there, facade, photo):
             faults.append(({photo.name}, f"{table.path}: {photo.name}: {reason}"))
             del wanted[facade]
     for photos, reason in faults:
@@ -75,11 +75,11 @@ def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, request
     return PhotoImport(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos), told)
 
 
-def _in_the_way(
+def _conflict(
     photos: Mapping[str, Path], gone: Mapping[str, Path], there: Path, facade: str, photo: Path
 ) -> str | None:
     """What another photo of a facade, among the block's, of which some are `gone`, or in their folder, keeps one from."""
-    old, at = photos.get(facade), _named(there, facade, photo)
+    old, at = photos.get(facade), _copy_path(there, facade, photo)
     if old is not None and facade not in gone and file_digest(old) != file_digest(photo):
         return f"{facade} has the photo {old}; remove one of both"
     if at.is_file() and at not in gone.values() and file_digest(at) != file_digest(photo):
@@ -87,7 +87,7 @@ def _in_the_way(
     return None
 
 
-def take(done: PhotoImport) -> str | None:
+def import_photos(done: PhotoImport) -> str | None:
     """Copy them. Returns what is to be written into the block file by hand where it could not be."""
     if done.copies:
         done.folder.mkdir(exist_ok=True)
@@ -98,19 +98,19 @@ def take(done: PhotoImport) -> str | None:
     for old in done.removals:
         old.unlink()
     for facade, photo in done.copies.items():
-        os.replace(arriving[facade], _named(done.folder, facade, photo))
+        os.replace(arriving[facade], _copy_path(done.folder, facade, photo))
     values = {"path": FOLDER, "rectified": False}
     if done.is_named_in_block or not done.copies or add_imagery(done.block, "photos", values):
         return None
     return f"imagery: {{{format_imagery_entry('photos', values)}}}"
 
 
-def _named(folder: Path, facade: str, photo: Path) -> Path:
+def _copy_path(folder: Path, facade: str, photo: Path) -> Path:
     """Where the copy of a photo of a facade is."""
     return folder / f"{facade}{photo.suffix.lower()}"
 
 
-def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]) -> dict[str, Path]:
+def _outdated_copies(photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]) -> dict[str, Path]:
     """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Where one is no
     copy, but that photo, it is a fault."""
     said: dict[int, list[tuple[Path, str]]] = {}
@@ -132,7 +132,7 @@ def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: MatchTable
     return found
 
 
-def _wanted(table: MatchTable, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
+def _photos_by_facade(table: MatchTable, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
     """Photos by the facade that a table names for them; those of two of one facade are both at fault."""
     found: dict[str, list[str]] = {}
     for line, row in enumerate(table.rows, 2):

@@ -26,13 +26,13 @@ from tasks.stages.facades.evidence import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 
 # A photo is of the wall that it shows with this probability; else a person decides.
-SURE = 0.8
+MIN_CERTAIN_PROBABILITY = 0.8
 # So many walls are told of each, which have at least this probability.
-CANDIDATES, LEAST = 3, 0.02
+MAX_CANDIDATES, MIN_PROBABILITY = 3, 0.02
 # What is said of a photo without a place, and once what gives it one.
-UNPLACED = "no place"
-PLACES = "give their places with --poses FILE.csv (file,lon,lat,heading), or name each after its facade"
-_FULL = (0.0, 0.0, 1.0, 1.0)
+MISSING_PLACE = "no place"
+PLACE_REMEDY = "give their places with --poses FILE.csv (file,lon,lat,heading), or name each after its facade"
+_FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
 def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[MatchTable, list[Fault]]:
@@ -49,8 +49,8 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
         )
     paths, unreadable = list_images(folder, "photo")
     stated = read_poses(poses) if poses else {}
-    if not any(_place(path, stated) for path in paths):  # told before the block is read, which takes longer
-        raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACES}")
+    if not any(_read_place(path, stated) for path in paths):  # told before the block is read, which takes longer
+        raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACE_REMEDY}")
     block = read_block(block_file)
     plan = make_plan(replace(block, panoramas=()))
     terrain = build_terrain(block.buildings, block.terrain)
@@ -58,7 +58,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     found, faults = [], list(unreadable)
     for photo in paths:
         try:
-            found.append(_row(plan, terrain, block, photo, _place(photo, stated)))
+            found.append(_match_photo(plan, terrain, block, photo, _read_place(photo, stated)))
         except (FacadeError, ValueError, OSError) as error:
             if is_system_error(error):
                 raise
@@ -67,7 +67,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     return MatchTable(path, COLUMNS, tuple(found)), faults
 
 
-def _place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
+def _read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
     """Where a photo was taken, or what is wrong with that; None where nothing says it."""
     try:
         return stated.get(path.name) or stated.get(path.stem) or read_exif_pose(path)
@@ -75,12 +75,12 @@ def _place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | s
         return str(error)
 
 
-def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePose | str | None) -> dict[str, str]:
+def _match_photo(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePose | str | None) -> dict[str, str]:
     if place is None:
-        raise InputError(UNPLACED)
+        raise InputError(MISSING_PLACE)
     if isinstance(place, str):
         raise InputError(place)
-    pose = project_pose(place, _FULL, block.crs, {})
+    pose = project_pose(place, _FULL_PANORAMA, block.crs, {})
     photo, size = rectify_photo(path)
     taken = estimate_orientation(photo.image, photo.seen, photo.homography, photo.focal, size)
     (level,) = terrain.interpolate(np.array([[pose.x, pose.y]]))
@@ -93,21 +93,21 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
         None if place.heading is None else pose.heading,
         seed=hash_name(path.name),
     )
-    best = np.argsort(-found.probability, kind="stable")[:CANDIDATES]
+    best = np.argsort(-found.probability, kind="stable")[:MAX_CANDIDATES]
     candidates = [
         FacadeCandidate(
             plan.facades.id[i],
             round(float(found.probability[i]), 3),
-            _why(found, i, plan.scene.charts.size[walls[i], 1]),
+            _reasons(found, i, plan.scene.charts.size[walls[i], 1]),
         )
         for i in best.tolist()
-        if found.probability[i] >= LEAST
+        if found.probability[i] >= MIN_PROBABILITY
     ]
-    facade = candidates[0].facade if candidates and candidates[0].probability >= SURE else None
+    facade = candidates[0].facade if candidates and candidates[0].probability >= MIN_CERTAIN_PROBABILITY else None
     return format_match_row(path.name, facade, candidates, pose, has_heading=place.heading is not None)
 
 
-def _why(found: WallLikelihoods, wall: int, height: float) -> str:
+def _reasons(found: WallLikelihoods, wall: int, height: float) -> str:
     """What speaks for a wall, in a line; its height by the model, metres."""
     said = [f"before the camera from {100 * found.hit_share[wall]:.0f} % of the places near the stated one"]
     if np.isfinite(found.heading_offset_deg[wall]):

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from catalogs.block.corrections import Corrections
-from tasks.viewing.run_view import MADE_OF, View
+from tasks.viewing.run_view import MADE_OF, RunView
 
 
-def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]:
+def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
     """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]], hide and
     keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; texels_per_metre; its building; `said`: whether it
     is a facade, that building's levels, height (None of a model), roof, materials and colours, and the exemplar that somebody
     chose for it; `exemplars`: those there are to choose of; and the corrections that count, each with who, when and
     why. What is known by its place counts too."""
-    tables, corrections = view.tables, corrections.rename_targets(view.known_by_place)
+    tables, corrections = view.tables, corrections.rename_targets(view.renamed_ids)
     row = int(tables.facades.building[index])
     facade, building = tables.facades.id[index], tables.buildings[row]
     chart = int(tables.facades.chart[index])

@@ -8,15 +8,15 @@ from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.export.pictures.stage_pictures import StageTitle, iterate_stage_pictures
-from tasks.viewing.run_view import View
+from tasks.viewing.run_view import RunView
 
 
-def stages(view: View, index: int) -> list[StageTitle]:
+def stages(view: RunView, index: int) -> list[StageTitle]:
     """The stages that facade number `index` has pictures of, in their order; none before it is done."""
     return [stage.viewer for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer is not None]
 
 
-def picture(view: View, index: int, name: str) -> UInt8Array:
+def picture(view: RunView, index: int, name: str) -> UInt8Array:
     """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
     for stage in iterate_stage_pictures(view.facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
@@ -24,7 +24,7 @@ def picture(view: View, index: int, name: str) -> UInt8Array:
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")
 
 
-def picture_before(view: View, index: int) -> bytes:
+def picture_before(view: RunView, index: int) -> bytes:
     """How facade number `index` was at the capture before, a WebP file. Raises InputError where that is not kept."""
     record = view.records[index]
     if record is None or "before_file" not in record:

@@ -63,7 +63,7 @@ class _Tables:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class RunView:
     """One snapshot of a run's store. published: whether the run's newest published results are of this snapshot."""
 
     out: Folder
@@ -76,7 +76,7 @@ class View:
         return str(self.session.snapshot_id)
 
     @property
-    def published(self) -> str | None:
+    def published_snapshot(self) -> str | None:
         """The snapshot that was published last; an older one than this while a run goes on."""
         found = find_current_snapshot(self.out)
         return found.id if found else None
@@ -92,19 +92,19 @@ class View:
         return self.journals["facades"]
 
     @cached_property
-    def corrected(self) -> frozenset[str]:
+    def corrected_buildings(self) -> frozenset[str]:
         """The buildings that somebody corrected."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
-    def facade_number(self) -> dict[str, int]:
+    def facade_numbers(self) -> dict[str, int]:
         return {name: i for i, name in enumerate(self.tables.facades.id)}
 
-    def number(self, facade: str) -> int:
+    def find_facade(self, facade: str) -> int:
         """Raises InputError for a facade that the block does not have."""
-        if facade not in self.facade_number:
+        if facade not in self.facade_numbers:
             raise InputError(f"no facade {facade} in this block; its page lists those there are")
-        return self.facade_number[facade]
+        return self.facade_numbers[facade]
 
     @cached_property
     def exemplars(self) -> list[str]:
@@ -112,7 +112,7 @@ class View:
         return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
 
     @cached_property
-    def known_by_place(self) -> dict[str, str]:
+    def renamed_ids(self) -> dict[str, str]:
         """The ids under which corrections were made of what has another id now -> that one."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
@@ -135,7 +135,7 @@ class View:
             "crs": self.group.attrs["crs"],
             "notes": self.group.attrs.get("notes", []),
             "snapshot": self.snapshot,
-            "published": self.published,
+            "published": self.published_snapshot,
             "changed_from": CHANGED,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
@@ -169,7 +169,7 @@ class View:
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
-            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.corrected)
+            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.corrected_buildings)
             row["look_first"] = look_first(facades, index, record, row["quality"])
         return {name: _plain(value) for name, value in row.items() if value is not None}
 
@@ -204,8 +204,8 @@ class View:
             failures += [{"stage": stage, "unit": unit, "reason": reason} for unit, reason in rejected_pictures(made)]
         return {
             "snapshot": self.snapshot,
-            "published": self.published,
-            "ended": self.published == self.snapshot,
+            "published": self.published_snapshot,
+            "ended": self.published_snapshot == self.snapshot,
             "stages": stages,
             "failures": failures,
             "stale": outdated,
@@ -224,10 +224,10 @@ class Reader:
         self.out = out
         self._lock = threading.Lock()
         self._repository: icechunk.Repository | None = None
-        self._view: View | None = None
+        self._view: RunView | None = None
         self._key: tuple[str, float] | None = None
 
-    def view(self) -> View:
+    def view(self) -> RunView:
         """The newest snapshot. Raises StoreError where there is no block in the folder yet."""
         with self._lock:
             if self._repository is None:
@@ -240,7 +240,7 @@ class Reader:
                 key = group.attrs["key"], group.attrs["ingested"]
                 same = self._view is not None and key == self._key
                 tables = self._view.tables if same and self._view else _read_tables(session)
-                self._view, self._key = View(self.out, session, group, tables), key
+                self._view, self._key = RunView(self.out, session, group, tables), key
             return self._view
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.export.pictures.views import PHOTO_WORTH, photo_share
-from tasks.viewing.run_view import View
+from tasks.viewing.run_view import RunView
 
 # A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.
 AHEAD, NEAR_M = 0.35, 6.0
@@ -21,7 +21,7 @@ class Opening:
     heading: float
 
 
-def opening(view: View) -> Opening | None:
+def opening(view: RunView) -> Opening | None:
     """The viewpoint that sees the largest facades ahead of it on both sides, from photos before others; None without one."""
     tables = view.tables
     facade = np.full(len(tables.placement.page), -1)

@@ -20,7 +20,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import stored_material_field
 from tasks.stages.streets.worker import add_viewpoint, replay_street
-from tasks.viewing.run_view import View
+from tasks.viewing.run_view import RunView
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
 SIZE = (520, 960)
@@ -36,7 +36,7 @@ class _Street:
     """The street that was looked at last: its window with so many of its viewpoints in it, and the texel that each pixel
     of the picture shows, -1 beside the street and -2 for the sky."""
 
-    view: View
+    view: RunView
     street: int
     plan: Plan
     window: TexelBuffer
@@ -52,7 +52,7 @@ class Growth:
         self._lock = threading.Lock()
         self._street: _Street | None = None
 
-    def after(self, view: View, viewpoint: int) -> np.ndarray:
+    def after(self, view: RunView, viewpoint: int) -> np.ndarray:
         """A viewpoint's street after it from above, (h, w, 3) uint8. Raises InputError before it is done."""
         street = int(view.tables.street[viewpoint])
         own = np.flatnonzero(view.tables.street == street)
@@ -78,12 +78,12 @@ class Growth:
             return _draw(held)
 
 
-def _same(held: _Street, view: View) -> bool:
+def _same(held: _Street, view: RunView) -> bool:
     """Whether a view is of the run that is held: a run that goes on has a new snapshot every moment, and one plan."""
     return held.view.tables is view.tables
 
 
-def _plan(view: View) -> Plan:
+def _plan(view: RunView) -> Plan:
     return read_plan(view.session)
 
 

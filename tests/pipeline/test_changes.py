@@ -97,11 +97,11 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     data = read_stored_file(open_root(session), changed["before_file"], changed["before_digest"])
     assert b64encode(data).decode() not in json.dumps(changed), "a record says only where it is"
     view = Reader(out).view()
-    assert picture_before(view, view.number(told.id["a"])) == data
+    assert picture_before(view, view.find_facade(told.id["a"])) == data
     with pytest.raises(InputError, match="no picture of how it was before"):
-        picture_before(view, view.number(told.id["c"]))
+        picture_before(view, view.find_facade(told.id["c"]))
     del open_root(session)[changed["before_file"]]
-    assert find_lost_units(session) == {"facades": [view.number(told.id["a"])]}
+    assert find_lost_units(session) == {"facades": [view.find_facade(told.id["a"])]}
     report = current_snapshot(out).report
     text = (report / "index.html").read_text()
     assert "1 of 2 facades that two captures show changed" in text

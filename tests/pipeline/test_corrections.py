@@ -142,7 +142,7 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
     assert query(out, where="id = 'x-2'")["height_m"].tolist() == [10.0], "its own is newer"
     # who edits it sees that, and takes it back whatever it was called
     view = Reader(out).view()
-    stands = standing(view, view.number("x-2"), read_corrections(folder / "in" / "block.yaml"))
+    stands = standing(view, view.find_facade("x-2"), read_corrections(folder / "in" / "block.yaml"))
     assert (
         stands["said"]["height"],
         stands["said"]["wall_material"],

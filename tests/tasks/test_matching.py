@@ -21,7 +21,7 @@ from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
 from tasks.matching.match_table import COLUMNS, MatchDecision, MatchTable, lock_match_table, apply_decisions, format_match_row, read_match_table, write_match_table
-from tasks.matching.photo_import import take, plan_photo_import
+from tasks.matching.photo_import import import_photos, plan_photo_import
 from tests.pipeline.stages import EAST, NORTH, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)
@@ -96,7 +96,7 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert block.photos[facade].read_bytes() == (photos / "IMG_1.jpg").read_bytes()
     again = plan_photo_import(block_file, photos, read_match_table(table))
     assert (again.count, again.copies, again.removals) == (1, {}, ()), "again is the same"
-    assert take(again) is None
+    assert import_photos(again) is None
     assert len(list((block_file.parent / "photos").iterdir())) == 1
 
 
@@ -161,7 +161,7 @@ def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
     assert first.place is not None
     assert first.heading is not None
     assert (far.is_decided, far.candidates) == (False, ())
-    take(plan_photo_import(block_file, photos, table))
+    import_photos(plan_photo_import(block_file, photos, table))
     other = next(f"b-{n}" for n in range(4) if f"b-{n}" != first.facade)
     none = MatchDecision("far.jpg", "", True, ("", ""))
     table = apply_decisions(table, [MatchDecision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
@@ -171,7 +171,7 @@ def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
         "IMG_1.jpg": (other, "anna"),
         "far.jpg": ("", "anna"),
     }
-    take(plan_photo_import(block_file, photos, table))
+    import_photos(plan_photo_import(block_file, photos, table))
     assert [file.name for file in (block_file.parent / "photos").iterdir()] == [f"{other}.jpg"]
     assert list(read_block(block_file).photos) == [other]
     with pytest.raises(InputError, match="meanwhile"):
@@ -187,7 +187,7 @@ def test_a_photo_that_somebody_named_by_hand_stays(block_file: Path) -> None:
     """What the table leaves open says nothing of the block's photos."""
     photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     path.write_text("photo,facade\nIMG_1.jpg,a-0\n")
-    take(plan_photo_import(block_file, photos, read_match_table(path)))
+    import_photos(plan_photo_import(block_file, photos, read_match_table(path)))
     path.write_text("photo,facade,candidates\nIMG_1.jpg,,a-0 0.5; b-0 0.4\n")
     table = read_match_table(path)
     assert [(one.facade, one.probability) for one in table.matches()[0].candidates] == [("a-0", 0.5), ("b-0", 0.4)]
@@ -208,7 +208,7 @@ def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
         plan_photo_import(block_file, photos, read_match_table(path))
     assert (own / "a-0.jpg").read_bytes() == (photos / "silent.jpg").read_bytes()
     (own / "a-0.jpg").unlink()
-    take(plan_photo_import(block_file, photos, read_match_table(path)))
+    import_photos(plan_photo_import(block_file, photos, read_match_table(path)))
     for facade in ("", "b-0"):
         path.write_text(f"photo,facade,by\na-0.jpg,{facade},anna\n")
         table = read_match_table(path)

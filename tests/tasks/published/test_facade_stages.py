@@ -16,16 +16,16 @@ from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import WallRole
 from tasks.viewing.pictures import picture, stages
-from tasks.viewing.run_view import Reader, View
+from tasks.viewing.run_view import Reader, RunView
 
 
 @pytest.fixture(scope="module")
-def view(undisturbed: tuple[Path, dict[str, Any]]) -> View:
+def view(undisturbed: tuple[Path, dict[str, Any]]) -> RunView:
     return Reader(undisturbed[0]).view()
 
 
 def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
-    view: View, undisturbed: tuple[Path, dict[str, Any]]
+    view: RunView, undisturbed: tuple[Path, dict[str, Any]]
 ) -> None:
     report = Path(undisturbed[1]["outputs"]["report"])
     pages = [lxml.html.document_fromstring(path.read_text("utf-8")) for path in report.parent.rglob("streets/*/*.html")]
@@ -57,7 +57,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
 
 
 def test_both_draw_the_same_picture_of_a_stage_that_both_show(
-    view: View, undisturbed: tuple[Path, dict[str, Any]]
+    view: RunView, undisturbed: tuple[Path, dict[str, Any]]
 ) -> None:
     images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
     index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
@@ -68,7 +68,7 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
         assert np.abs(picture(view, index, here.name).astype(int) - kept).mean() < 8, here.name
 
 
-def test_a_facade_that_is_not_done_has_none(view: View) -> None:
+def test_a_facade_that_is_not_done_has_none(view: RunView) -> None:
     view.journals["facades"][0], record = {"status": "failed"}, view.journals["facades"][0]
     assert stages(view, 0) == []
     view.journals["facades"][0] = record
