@@ -26,7 +26,7 @@ from flows.viewer.matching import match_routes
 from flows.viewer.model import find_model_file, model_index
 from tasks.viewing import picture, picture_before, stages
 from tasks.viewing.pictures import encode
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 from tasks.viewing.street_replay import Growth
 
 PAGE_FOLDER = Path(__file__).parent / "page"
@@ -77,7 +77,7 @@ def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[Base
 
 
 def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
-    reader, growth = Reader(out), Growth()
+    reader, growth = RunReader(out), Growth()
 
     def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
@@ -93,13 +93,13 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         return endpoint
 
     def overview(request: Request) -> Response:
-        return JSONResponse(reader.view().overview())
+        return JSONResponse(reader.open_newest().block_map())
 
     def progress(request: Request) -> Response:
-        return JSONResponse(reader.view().progress() | {"under_way": is_locked(out)})
+        return JSONResponse(reader.open_newest().run_progress() | {"under_way": is_locked(out)})
 
     def facade(request: Request) -> Response:
-        view = reader.view()
+        view = reader.open_newest()
         index = view.find_facade(request.query_params["id"])
         record: Mapping[str, Any] = view.records[index] or {}
         return JSONResponse(
@@ -114,29 +114,29 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         )
 
     def stage(request: Request) -> Response:
-        view = reader.view()
+        view = reader.open_newest()
         image = picture(view, view.find_facade(request.query_params["id"]), request.query_params["stage"])
         return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
-        view = reader.view()
+        view = reader.open_newest()
         return Response(
             picture_before(view, view.find_facade(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
         )
 
     def panorama(request: Request) -> Response:
-        view = reader.view()
+        view = reader.open_newest()
         number = _parse_index(request, "viewpoint", len(view.tables.street))
         rgb = view.group["panoramas/rgb"][number]
         return Response(encode(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
 
     def grown(request: Request) -> Response:
-        view = reader.view()
+        view = reader.open_newest()
         image = growth.after(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
 
     def in_3d(request: Request) -> Response:
-        return JSONResponse(model_index(out, reader.view()))
+        return JSONResponse(model_index(out, reader.open_newest()))
 
     def tile(request: Request) -> Response:
         file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))

@@ -23,7 +23,7 @@ from tasks.corrections.correction_import import CorrectionImporter, find_block_f
 from tasks.corrections.drawable_values import drawable_values
 from tasks.engine.store.status import read_source
 from tasks.viewing.facade_state import standing
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 
 # Header with the token. A page of another site must send a preflight request for it, which fails.
 TOKEN_HEADER = "X-Streetloom-Token"
@@ -47,7 +47,7 @@ class Editor:
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
 
-def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
+def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
     """Return the routes for corrections; the middleware has rejected requests of other sites."""
     redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
 
@@ -63,7 +63,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
         }
 
     def facade_state(id: str) -> dict[str, Any]:
-        view = reader.view()
+        view = reader.open_newest()
         return standing(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
 
     def facade(request: Request) -> dict[str, Any]:

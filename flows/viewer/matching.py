@@ -16,13 +16,13 @@ from tasks.corrections.correction_import import find_block_file
 from tasks.matching.match_table import TABLE, MatchDecision, PhotoMatch, lock_match_table, apply_decisions, read_match_table, write_match_table
 from tasks.matching.photo_import import import_photos, plan_photo_import
 from tasks.viewing.pictures import encode
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 
 # Longer side of a displayed photo, pixels.
 MAX_PHOTO_SIDE = 1600
 
 
-def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
+def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]:
     """Return the routes that show and decide the matches of a folder of photos.
 
     Decisions go into the table in the folder of the block file, then through `streetloom match --take`.

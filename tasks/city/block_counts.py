@@ -14,8 +14,10 @@ from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
 from facade_core.plan.facades import MIN_FREE_SHARE
 from tasks.stages.ingest.planning import make_plan
 
-# Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
-GROUND_CELL_M, GROUND_MARGIN_M = 32.0, 22.0
+# Step of the ground grid, metres.
+GROUND_CELL_M = 32.0
+# Width of the ground around buildings without a street nearby, metres.
+GROUND_MARGIN_M = 22.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def count_from_map(block: Block) -> BlockCounts:
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
     density = _TexelDensity(block)
     texels = sum(density.texels_per_m2(shapely.box(x, y, x + GROUND_CELL_M, y + GROUND_CELL_M)) * GROUND_CELL_M**2 for x, y in cells)
-    texels += sum(building.footprint.area for building in mine) * density.coarsest**2  # roofs are seen from no street
+    texels += sum(building.footprint.area for building in mine) * density.coarsest**2  # no street sees roofs
     free, of_walls = _count_walls(block, mine, density)
     return BlockCounts(
         facades=free,

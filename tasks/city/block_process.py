@@ -26,12 +26,13 @@ from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
 
-# How a block ends, by sysexits.h, whose time is up, and one that the machine fails: both are run again.
-DEADLINE_EXIT_CODE, MACHINE_EXIT_CODE = 75, 70
-# A block whose time is up has so long to end, seconds: it ends at once, as every unit is committed whole.
+# Exit codes of sysexits.h; a block with either of them is run again.
+DEADLINE_EXIT_CODE = 75
+MACHINE_EXIT_CODE = 70
+# Seconds between SIGTERM and SIGKILL; commits are atomic, so a block ends quickly.
 TERMINATION_TIMEOUT_S = 30.0
-# Of a block's summary, what says nothing of what was made.
-_LEFT_OUT = ("outputs", "failures", "out", "seconds")
+# Keys of a block's summary that do not describe its content.
+_OMITTED_KEYS = ("outputs", "failures", "out", "seconds")
 
 
 @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
@@ -63,7 +64,7 @@ def run_block(
     begun = time.time()
     try:
         ended = _run_and_export(out / BLOCKS / name, block_file, options, before, deadline, tiles)
-    except Exception as error:  # no process more, no memory: the others go on
+    except Exception as error:  # no process or memory left: other blocks continue
         log.debug("block %s could not be run", name, exc_info=True)
         ended = BlockResult(MACHINE_EXIT_CODE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
     return replace(ended, digest=digest, version=version, seconds=round(time.time() - begun, 1))
@@ -91,7 +92,7 @@ def _run_and_export(
             reason = f"3D Tiles: {exported.last_line}"
         else:
             tiled = snapshot
-    told = {key: value for key, value in summary.items() if key not in _LEFT_OUT}
+    told = {key: value for key, value in summary.items() if key not in _OMITTED_KEYS}
     return BlockResult(code=code, snapshot=snapshot, tiles=tiled, summary=told, reason=reason, processor=round(processor, 1))
 
 
@@ -121,7 +122,7 @@ def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=said,
-            preexec_fn=end_with_parent,  # a block does not outlive the city's process
+            preexec_fn=end_with_parent,  # a block must not outlive the city's process
         )
         handle = os.pidfd_open(process.pid)
         try:

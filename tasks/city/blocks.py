@@ -29,7 +29,7 @@ from facade_core.plan.exemplar_style import choice_order
 from tasks.city.block_counts import NO_COUNTS, BlockCounts, count_from_map
 from tasks.city.source_digests import block_source_digest
 
-# Keys of a block file that name paths, dotted.
+# Dotted keys of a block file whose values are paths.
 _PATHS = (
     "buildings.path", "streets.path", "ground.path", "terrain.path", "imagery.exemplars.path", "imagery.photos.path",
     "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.aerial.path", "texture.roof_material.path",

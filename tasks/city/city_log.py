@@ -23,9 +23,9 @@ from tasks.city.source_digests import city_source_digest, block_code_version
 # In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
 # is; what all come to. In that of a block: how it ended last.
 BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", CITY_FILE_NAME, "over.json", "summary.json", "ended.json"
-# Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
+# Folder of removed blocks, which a search for runs skips.
 REMOVED_BLOCKS = ".gone"
-# What of a block's summary is added up.
+# Keys of the blocks' summaries that the city's summary adds up.
 SUMMED_KEYS = ("facades_done", "facades_failed", "viewpoints", "units_done", "units_skipped")
 
 
@@ -211,7 +211,7 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
     }
     found = read_city(city_file, local, before)
     account = account.for_city(found, f"{source} {block_code_version()}" if source else "")
-    _hide_removed_blocks(out, account.blocks)  # before the new cut is known: after a kill it is cut again
+    _hide_removed_blocks(out, account.blocks)  # before the log is written: after a kill the city is partitioned again
     write_city_log(out, account)
     return account, {block.name: block.file for block in found.blocks}
 
@@ -237,14 +237,14 @@ def read_city_log(out: Folder) -> CityLog:
 def _read_block_result(out: Folder, name: str) -> BlockResult:
     try:
         return BlockResult(**json.loads((out / BLOCKS / name / ENDED).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):  # it is run again, and finds what is done
+    except (OSError, ValueError, TypeError):  # the block runs again, and resumes
         return BlockResult()
 
 
 def _read_products_digest(out: Folder) -> str:
     try:
         return str(json.loads((out / OVER).read_text(encoding="utf-8"))["snapshots"])
-    except (OSError, ValueError, TypeError, KeyError):  # it is written again
+    except (OSError, ValueError, TypeError, KeyError):  # the products are written again
         return ""
 
 

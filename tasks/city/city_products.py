@@ -21,8 +21,9 @@ from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
 from tasks.city.city_log import BLOCKS, block_tileset
 
-TILESET, OVERVIEW = "tileset.json", "overview.glb"
-# The overview is written where it has no more bytes than this; viewers can take those of the blocks one by one.
+TILESET = "tileset.json"
+OVERVIEW = "overview.glb"
+# A larger overview is not written; viewers can load those of the blocks.
 MAX_OVERVIEW_BYTES = 512_000_000
 
 

@@ -28,9 +28,10 @@ from facade_core.facade.correction import unmatched_elements
 from tasks.corrections.drawable_values import drawable_values
 from tasks.publish.opened import Published
 
-# Exports round boxes to a hundredth of a texel, the journal to a tenth: what differs by less was not moved. Heights likewise.
-MIN_SHIFT_TEXELS, HEIGHT_TOLERANCE_M = 0.6, 0.006
-# What a model's own shape says.
+# Smaller differences come from rounding in exports and journal.
+MIN_SHIFT_TEXELS = 0.6
+HEIGHT_TOLERANCE_M = 0.006
+# Corrections that contradict a 3D model's own geometry.
 MODEL_SHAPE_KINDS = ("height", "roof_shape", "roof_height")
 
 
@@ -43,7 +44,7 @@ class CorrectionDiff:
     """
 
     def __init__(self, results: Published, before: Corrections) -> None:
-        self.found = results
+        self.results = results
         self._renamed_ids = cast(dict[str, str], results.group.attrs.get("known_by_place", {}))
         self._stored, self.before = before, before.rename_targets(self._renamed_ids)
         self.facades = {id: index for index, id in enumerate(results.plan.facades.id)}
@@ -66,7 +67,11 @@ class CorrectionDiff:
         """
         said = self._replace_measured_heights(named, said)
         _check_unique(named, said)
-        found = [one for id, what, value in said if (one := self._correction_if_changed(named, id, what, value, by)) is not None]
+        found = [
+            one
+            for id, what, value in said
+            if (one := self._correction_if_changed(named, id, what, value, by)) is not None
+        ]
         new = [of for one in found for of in (self._withdraw(one) if one.value is None else [one])]
         self._check_roof_heights(named, new)
         return new
@@ -100,7 +105,10 @@ class CorrectionDiff:
         """Replace edited measured heights with the heights of eaves that follow from them."""
         meant = {}
         for id, _, one in said:
-            if isinstance(one, MeasuredHeight) and (eaves := self._eaves_from_measured_height(named, id, one)) is not None:
+            if (
+                isinstance(one, MeasuredHeight)
+                and (eaves := self._eaves_from_measured_height(named, id, one)) is not None
+            ):
                 meant[id] = eaves
         others = [
             one
@@ -115,7 +123,7 @@ class CorrectionDiff:
         None if the height was not edited, or if the eaves were edited too.
         """
         if id not in self.buildings:
-            return None if said.eaves is not None else said.height  # refused as any height of nothing is
+            return None if said.eaves is not None else said.height  # rejected later, like any height of an unknown id
         if not is_number(said.height):
             raise InputError(f"{named}: {id}: a measuredHeight of {str(said.height)[:40]!r} is no number; write metres")
         if not is_number(said.exported):
@@ -142,8 +150,8 @@ class CorrectionDiff:
             and value is not None
             and self._is_same(id, what, value, self._current_value(id, what))
         ):
-            return None  # what an export wrote is never refused
-        if what == "roof_height" and is_number(value) and value == 0 and id in known:  # of a flat roof exports say so
+            return None  # an unchanged exported value is never rejected
+        if what == "roof_height" and is_number(value) and value == 0 and id in known:  # exports write 0 for a flat roof
             if self._current_value(id, "roof_shape") not in (None, "flat"):
                 self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
             return None
@@ -155,7 +163,7 @@ class CorrectionDiff:
             kind = "facade" if what in FACADE_CORRECTION_KINDS else "building"
             near = get_close_matches(id, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
-            raise InputError(f"{named}: the block {self.found.block} has no {kind} {id}; {hint}")
+            raise InputError(f"{named}: the block {self.results.block} has no {kind} {id}; {hint}")
         if one.value is None:
             if self.before.corrected_value(id, what) is None:
                 return None
@@ -210,7 +218,7 @@ class CorrectionDiff:
 
     def _published_value(self, name: str, building: str) -> Any:
         """Return a published value of a building; None if the store is too old to have it."""
-        table = self.found.buildings
+        table = self.results.buildings
         return table[name][self.buildings[building]] if name in table else None
 
     @cached_property
@@ -218,7 +226,7 @@ class CorrectionDiff:
         """Height of each building in CityJSON exports."""
         from tasks.export.city import exported_heights
 
-        return exported_heights(self.found)
+        return exported_heights(self.results)
 
     def _is_same(self, id: str, what: str, value: Any, stands: Any) -> bool:
         if stands is None:
@@ -226,7 +234,8 @@ class CorrectionDiff:
         if what == "elements":
             said, there = (self._to_texels(id, layout) for layout in (value, stands))
             return len(said) == len(there) and not (
-                unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS) or unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
+                unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS)
+                or unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
             )
         if what in ("height", "roof_height"):
             return _is_near(value, stands)
@@ -239,12 +248,12 @@ class CorrectionDiff:
 
     def _published_elements(self, facade: str) -> list[Any]:
         height, width = self._raster_size(facade)
-        found = self.found.elements(self.facades[facade])
+        found = self.results.elements(self.facades[facade])
         shares = [(e.label, e.x0 / width, e.y0 / height, e.x1 / width, e.y1 / height) for e in found]
         return [(label, *(min(max(v, 0.0), 1.0) for v in box)) for label, *box in shares]
 
     def _raster_size(self, facade: str) -> tuple[int, int]:
-        placement, chart = self.found.plan.scene.placement, int(self.found.plan.facades.chart[self.facades[facade]])
+        placement, chart = self.results.plan.scene.placement, int(self.results.plan.facades.chart[self.facades[facade]])
         return int(placement.height[chart]), int(placement.width[chart])
 
     def _note_conflict(self, one: Correction) -> None:
@@ -256,10 +265,10 @@ class CorrectionDiff:
             )
 
     def _locate_facade(self, one: Correction) -> Correction:
-        plan, index = self.found.plan, self.facades[one.id]
+        plan, index = self.results.plan, self.facades[one.id]
         charts, chart = plan.scene.charts, int(plan.facades.chart[index])
         middle = charts.origin[chart, :2] + charts.axis_u[chart, :2] * charts.size[chart, 0] / 2
-        longitude, latitude = coordinate_transform(self.found.crs, LONLAT)(middle[:1], middle[1:])
+        longitude, latitude = coordinate_transform(self.results.crs, LONLAT)(middle[:1], middle[1:])
         return replace(
             one,
             place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)),
@@ -272,18 +281,22 @@ class CorrectionDiff:
         if outline is None:
             return one
         point = outline.representative_point()
-        longitude, latitude = coordinate_transform(self.found.crs, LONLAT)(np.array([point.x]), np.array([point.y]))
+        longitude, latitude = coordinate_transform(self.results.crs, LONLAT)(np.array([point.x]), np.array([point.y]))
         return replace(one, place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)))
 
     @cached_property
     def _outlines(self) -> Mapping[int, Any]:
         from facade_core.export.bodies.footprints import building_footprints
 
-        return building_footprints(self.found.textured)
+        return building_footprints(self.results.textured)
 
 
 def _is_near(metres: Any, others: Any) -> bool:
-    return is_number(metres) and is_number(others) and math.isclose(metres, others, rel_tol=0.0, abs_tol=HEIGHT_TOLERANCE_M)
+    return (
+        is_number(metres)
+        and is_number(others)
+        and math.isclose(metres, others, rel_tol=0.0, abs_tol=HEIGHT_TOLERANCE_M)
+    )
 
 
 def _check_unique(named: str, said: Sequence[Annotation]) -> None:

@@ -65,7 +65,9 @@ class ImportResult:
         ]
 
 
-def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> ImportResult:
+def import_corrections(
+    out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None
+) -> ImportResult:
     """Import corrections of a run, or of the runs of a city's blocks, from a file; all or none.
 
     Parameters
@@ -115,7 +117,16 @@ class CorrectionImporter:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
             return _write_diffs(
-                self.out, [_diff_block(self.out, self._found, parse_corrections(corrections, named), named, _correction_author(who, why))]
+                self.out,
+                [
+                    _diff_block(
+                        self.out,
+                        self._found,
+                        parse_corrections(corrections, named),
+                        named,
+                        _correction_author(who, why),
+                    )
+                ],
             )
 
 
@@ -162,7 +173,10 @@ def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
     for block, new in by_file.values():
         add_corrections(block, new)
     every = [
-        one for of in of_blocks for one in of.corrections if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
+        one
+        for of in of_blocks
+        for one in of.corrections
+        if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
     ]
     facades, buildings = (
         len({one.id for one in every if one.kind in kind})
@@ -193,7 +207,7 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
         facades += mine
         of |= dict.fromkeys((*mine, *houses), name)
     said = read_annotations(path, facades_by_picture_name(facades))
-    if any(id not in of for id, _, _ in said):  # a house without a facade is in no catalogue
+    if any(id not in of for id, _, _ in said):  # the catalogue lacks buildings without a facade
         for name, folder in runs.items():
             with published(folder) as results:
                 of |= {results.names[index]: name for index in results.choose(()).tolist()}
@@ -204,11 +218,11 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
             hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(of)[:3])}"
             raise InputError(f"{path}: no block of the city in {out} has {one[0]}; {hint}")
         by_block[of[one[0]]].append(one)
-    found_in = []
+    diffs = []
     for name, some in by_block.items():
         with published(runs[name]) as results:
-            found_in.append(_diff_block(runs[name], results, some, str(path), by))
-    return _write_diffs(out, found_in) if found_in else ImportResult((), "", 0, 0, ())
+            diffs.append(_diff_block(runs[name], results, some, str(path), by))
+    return _write_diffs(out, diffs) if diffs else ImportResult((), "", 0, 0, ())
 
 
 def _read_ids(items: Folder) -> tuple[list[str], list[str]]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from catalogs.readers.vectors.colours import ROOF_MATERIAL_COLOURS, WALL_MATERIAL_COLOURS
 
-# Roofs that are drawn, by OpenStreetMap's roof:shape; what walls are of, beside what has a colour.
+# Values of OpenStreetMap's roof:shape that can be drawn.
 ROOF_SHAPES = ("flat", "gabled", "hipped", "half-hipped", "pyramidal", "skillion", "gambrel", "mansard")
+# Wall material without a colour of its own.
 PLASTER = "plaster"
 
 

@@ -9,9 +9,9 @@ from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction
 from facade_core.geometry.charts import ChartKind
 from tasks.publish.opened import Published
 
-# What says of what walls are, beside what has a texture.
+# Kinds of corrections that set the material or colour of walls.
 _WALL_KINDS = ("wall_material", "wall_colour")
-# The source of a facade that has no texture of its own: it takes what its walls are of.
+# Source in the record of a facade without a texture, which shows the material of its walls.
 PLAIN_SOURCE = "translator"
 
 

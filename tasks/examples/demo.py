@@ -23,13 +23,16 @@ AREA = [24.94575, 60.1651, 24.95025, 60.1673]
 STREETS = ["Kasarmikatu", "Fabianinkatu", "Rikhardinkatu"]
 SEED = 7
 TEXELS_PER_METRE = 32
-# A morning in June: streets that run south have sun on one pavement, and walls that face south and east are in it.
+# A morning in June: sun on one pavement of southward streets, and on walls that face south and east.
 SUN = {"azimuth": 145, "elevation": 47}
-# Painted walls of eight northern families: finer than the block, so that they serve blocks of any density.
-EXEMPLARS, EXEMPLAR_PIXELS_PER_METRE = 40, 64
-# Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
+# Painted walls of eight northern styles.
+EXEMPLARS = 40
+# Finer than the block, so that the exemplars suit blocks of any texel density.
+EXEMPLAR_PIXELS_PER_METRE = 64
+# Every third facade within PHOTO_METRES gets a painted photo with a hole.
 PHOTO_EVERY = 3
-PHOTO_PIXELS_PER_METRE = 32  # at less a course of bricks would be lost
+PHOTO_PIXELS_PER_METRE = 32  # the minimum that resolves a course of bricks
+# Widths of facades that get a photo, metres.
 PHOTO_METRES = (6.0, 40.0)
 
 
@@ -105,7 +108,7 @@ def paint_exemplars(folder: Path) -> None:
 def _paint_photos(block: Block, folder: Path) -> None:
     """Paint a photo of every third facade with its own size and floors, occluders cut out."""
     folder.mkdir(exist_ok=True)
-    # facades are found the same with coarse panoramas; only what each panorama shows is coarser
+    # coarse panoramas change visibility, not the facades
     facades = make_plan(replace(block, texture=replace(block.texture, panorama_width=256))).facades
     fronts = np.flatnonzero(facades.role == WallRole.STREET).tolist()
     chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]

@@ -10,7 +10,7 @@ from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
 
-# Where the packaged block files look for the exemplars that a fetched block has painted.
+# Path of the exemplars in packaged block files, replaced by the painted library.
 LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
 
 

@@ -27,7 +27,7 @@ from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import paint_exemplars
 from tasks.stages.ingest.planning import make_plan
 
-# What the keys of the block file are called on the command line.
+# Command-line options by key of the block file.
 _OPTIONS = {
     "area": "--bbox",
     "buildings.crs": "--crs",
@@ -199,7 +199,7 @@ def write_new_block(
         if not library.exists():
             own = _paint_library(library, paint)
         options = _OPTIONS | map_files.option_by_key()
-        if exemplars is None:  # nobody gave that option
+        if exemplars is None:  # the option was not given
             options = {key: option for key, option in options.items() if option != "--exemplars"}
         if isinstance(area, SquareArea):
             options["area"] = "--around"
@@ -207,7 +207,7 @@ def write_new_block(
     except BaseException:
         if own:
             shutil.rmtree(library, ignore_errors=True)
-        for folder in made:  # from the inside out; what another wrote there meanwhile stays
+        for folder in made:  # innermost first; files that others wrote meanwhile stay
             with suppress(OSError):
                 folder.rmdir()
         raise
@@ -246,7 +246,11 @@ def _write_block_file(
         "name": path.stem,
         "area": [round(float(value), 6) for value in bounds],
         "buildings": {"path": _path_in_block_file(geometry.buildings, path)} | frame,
-        **({} if geometry.streets is None else {"streets": {"path": _path_in_block_file(geometry.streets, path)} | frame}),
+        **(
+            {}
+            if geometry.streets is None
+            else {"streets": {"path": _path_in_block_file(geometry.streets, path)} | frame}
+        ),
         "imagery": imagery,
         "seed": seed,
     }
@@ -261,7 +265,9 @@ def _write_block_file(
         plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
-        panoramas, named, unused, unplaced = _classify_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
+        panoramas, named, unused, unplaced = (
+            _classify_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
+        )
         if photos and panoramas:
             imagery["panoramas"] = {"path": _path_in_block_file(photos, path)}
             if poses:
@@ -307,7 +313,7 @@ def _read_draft(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
     try:
         return read_block(draft)
-    except BlockFileError as error:  # the draft is nobody's file, and its keys are what the command was given
+    except BlockFileError as error:  # users know the command's options, not the draft's keys
         key, _, problem = str(error).removeprefix(f"{draft}: ").partition(": ")
         raise InputError(f"{options.get(key, key)}: {problem}") from error
 
@@ -322,7 +328,7 @@ def _classify_pictures(
         found = read_panoramas(folder, poses, block.crs)
         posed = {panorama.path.name for panorama in found.items}
         reasons = {fault.id: fault.reason for fault in found.faults}
-    except InputError:  # none can be used
+    except InputError:  # no picture is usable
         posed, reasons = set(), {}
     named = tuple(path.name for path in paths if path.stem in stems and path.name not in posed)
     others = [path.name for path in paths if path.name not in {*posed, *named}]

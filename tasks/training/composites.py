@@ -22,11 +22,14 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.training.materials import read_picture_file
 from tasks.training.parser import read_cmp_photos
 
-STREET_COUNT, BUILDINGS_PER_STREET = 12, 8
+STREET_COUNT = 12
+BUILDINGS_PER_STREET = 8
 TEXELS_PER_METRE = 20.0
-SPACING_M, CAMERA_HEIGHT_M = 5.0, 2.5
-# Pictures in materials/ and how wide they are, metres.
-ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg", 1.2))
+SPACING_M = 5.0
+CAMERA_HEIGHT_M = 2.5
+# Pictures in materials/ and their widths, metres.
+ROADWAY = ("asphalt.jpg", 1.2)
+PAVEMENTS = (("slabs.jpg", 1.0), ("concrete.jpg", 1.2))
 
 
 def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
@@ -52,7 +55,9 @@ def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
     for number in range(STREET_COUNT):
         rng = np.random.default_rng([seed, number])
         chosen = rng.choice(len(photos), BUILDINGS_PER_STREET, replace=len(photos) < BUILDINGS_PER_STREET)
-        plain = synthetic_street(BUILDINGS_PER_STREET, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
+        plain = synthetic_street(
+            BUILDINGS_PER_STREET, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE
+        )
         street = replace_front_images(plain, [photos[index] for index in chosen])
         found += _pairs(street, roadway, pavements[number % len(pavements)])
         report_progress("composites", 1)
@@ -69,7 +74,7 @@ def _pairs(
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, CAMERA_HEIGHT_M]), street.axis))
     ground = ground_photos(street, roadway, pavement)
     heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
-    # side walls and roofs are grey in the truth: nothing is learnt from them
+    # side walls and roofs are grey in the ground truth: training ignores them
     true = np.append(scene.charts.kind == ChartKind.GROUND, False)
     true[list(street.charts)] = True
     for viewpoint, bare in zip(viewpoints, render_sequence(scene, viewpoints), strict=True):

@@ -25,12 +25,14 @@ from tasks.engine.store.status import read_source
 from tasks.publish.opened import published
 from tasks.stages.shared.facade_corrections import match_corrections
 
-# Of fewer corrected facades nothing is learnt that the shipped models do not know better.
+# Fewer corrected facades do not improve the shipped models.
 MIN_FACADES = 10
-# A facade of which pictures show less than this teaches the parser nothing: the rest was made up.
+# Minimum share of a facade that pictures show; synthesised texture teaches the parser nothing.
 MIN_PHOTO_SHARE = 0.3
-# What is no element may be any of these; the shipped network says which where it is so sure.
-_BACKGROUND_CLASSES, _MIN_CONFIDENCE = (FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.SKY), 0.9
+# Possible classes outside elements.
+_BACKGROUND_CLASSES = (FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.SKY)
+# Minimum confidence of the shipped network to select one of them.
+_MIN_CONFIDENCE = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,18 +133,18 @@ def label_corrected_facade(facade: CorrectedFacade) -> LabelledFacade | None:
     for number in _BACKGROUND_CLASSES:
         possible[sure & (parsing.labels == number)] = 1 << number
     labels = np.where(sure & np.isin(parsing.labels, _BACKGROUND_CLASSES), parsing.labels, UNKNOWN).astype(np.uint8)
-    for name in ELEMENT_CLASSES:  # in this order, as exports read them: a balcony lies over its window
+    for name in ELEMENT_CLASSES:  # the order of exports: a balcony covers its window
         for e in facade.boxes:
             if e.label == name:
                 box = np.s_[max(round(e.y0), 0) : round(e.y1), max(round(e.x0), 0) : round(e.x1)]
                 possible[box], labels[box] = 1 << CLASSES.index(name), CLASSES.index(name)
     unknown = ~shown
     possible[unknown], labels[unknown] = ANY_CLASS, UNKNOWN
-    in_front, beside = (
+    occluder_map, outside_map = (
         np.where(unknown, UNKNOWN, mask).astype(np.uint8)
         for mask in (parsing.occluded & shown & ~rasterise_boxes(facade.keep, shown.shape), outside)
     )
-    return LabelledFacade(facade.name, facade.image, labels, possible, in_front, beside)
+    return LabelledFacade(facade.name, facade.image, labels, possible, occluder_map, outside_map)
 
 
 def layout_record(facade: CorrectedFacade) -> LayoutRecord:

@@ -12,7 +12,7 @@ from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, lear
 from facade_core.street.materials.grain_file import save_examples
 from tasks.engine.progress import begin_stage, report_progress
 
-# Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
+# Picture in materials/, its width in metres, and the size of structure that is not grain, metres.
 GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
     "asphalt": ("asphalt.jpg", 1.2, None),
     "gravel": ("gravel.jpg", 0.6, None),

@@ -31,14 +31,16 @@ from tasks.training.parser_sets import paint_labelled_facades, relabel_occluders
 Sets = dict[str, list[LabelledFacade]]
 
 SHIPPED_SCHEDULE = TrainingSchedule(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
-# Painted facades that are learnt from, and their seed: what is measured on painted facades takes another.
-PAINTED_COUNT, PAINTED_SEED = 40, 20_000
-# Sets whose licence allows no shipped weights: networks for their own benchmark only, from where the shipped one ended.
+# Painted facades of the training set.
+PAINTED_COUNT = 40
+# Their seed, distinct from the seed of benchmarks.
+PAINTED_SEED = 20_000
+# Sets whose licence forbids shipped weights: fine-tuned networks for their own benchmark only.
 FOLD_SCHEDULES = {
     "artdeco": TrainingSchedule(steps=500, per_step={"artdeco": 6}, rate=1e-3),
     "ruemonge2014": TrainingSchedule(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
 }
-# Facades that people corrected: from the shipped network on. Its normalisation was folded into its weights.
+# Fine-tuning of the shipped network, whose normalisation is folded into its weights.
 CORRECTED_SCHEDULE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, freeze_norms=True)
 
 
@@ -63,7 +65,7 @@ def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedul
         "swiss": list(read_swiss(data / "streetphotos" / "swiss" / "train")),
         "painted": paint_labelled_facades(PAINTED_COUNT, seed=PAINTED_SEED),
     }
-    # Painted facades are seen as often as one of so many photos: they teach that a clean wall is not something in front.
+    # Painted facades are sampled like photos of cmp; they teach that a clean wall is no occluder.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
     weights = network_training.train_parser_network(
         taught, schedule, seed=seed, state=out / "network.state", progress=stage_progress()
@@ -147,7 +149,9 @@ def train_corrected(
     report("corrections", len(facades), len(facades))
     usable = [photo for photo in photos if photo is not None]
     if len(usable) < MIN_FACADES:
-        raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {MIN_FACADES}")
+        raise InputError(
+            f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {MIN_FACADES}"
+        )
     learnt, held_out = split_facades(usable)
     sets: Sets = {"corrected": learnt}
     weights = network_training.train_parser_network(

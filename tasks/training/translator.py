@@ -28,12 +28,13 @@ from tasks.stages.ingest.planning import make_plan
 from tasks.training.composites import render_composites
 from tasks.training.parser import stage_progress
 
-# Texels are only counted in the renderings, not shown: few are enough.
+# Coarse, because renderings count texels and do not show them.
 TEXELS_PER_METRE = 4.0
-# Viewpoints that are rendered one after another, and how often in each block.
-VIEWPOINTS_PER_RUN, RUNS_PER_BLOCK = 4, 16
+# Consecutive viewpoints of a run of renderings.
+VIEWPOINTS_PER_RUN = 4
+RUNS_PER_BLOCK = 16
 PROCEDURAL_STREETS = 8
-# Every so-manieth run of renderings is for judging; of panoramas where none is named for it, one part of so many.
+# Validation takes every n-th run of renderings, and the last n-th of the panoramas by default.
 VALIDATION_STRIDE = 5
 
 
@@ -122,7 +123,12 @@ def train_translator(
     pairs = render_composites(paired, seed=seed) if paired else []
     domains = TrainingDomains(rendered, learnt, rendered_judged, judged, pairs)
     trained = training.train_generator(
-        domains, recipe, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_checkpoint_writer(out)
+        domains,
+        recipe,
+        seed=seed,
+        state=out / "translator.state",
+        progress=stage_progress(),
+        sample=_checkpoint_writer(out),
     )
     path = out / "translator.onnx"
     record = {
@@ -179,7 +185,11 @@ def read_panorama_sets(
                 (max(PANORAMA_WIDTHS), max(PANORAMA_WIDTHS) // 2), Image.Resampling.BOX
             )
         found.append((name, path, np.asarray(small)))
-    judges = [path.name.startswith(split.validation) for _, path, _ in found] if split.validation else _assign_validation(len(found))
+    judges = (
+        [path.name.startswith(split.validation) for _, path, _ in found]
+        if split.validation
+        else _assign_validation(len(found))
+    )
     learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge is False]
     judged = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge]
     if not learnt or not judged:
@@ -201,7 +211,9 @@ def _assign_validation(count: int) -> list[bool | None]:
     return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
-def render_training_views(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
+def render_training_views(
+    blocks: Sequence[Path], *, seed: int
+) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
     """Render viewpoints of blocks and of procedural streets for training and validation."""
     begin_stage("renderings", RUNS_PER_BLOCK * len(blocks) + PROCEDURAL_STREETS)
     runs: list[list[TrainingRendering]] = []
@@ -249,8 +261,10 @@ def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[T
     for street in range(len(plan.streets)):
         viewpoints = plan.street_viewpoints(street)
         for first in range(0, len(viewpoints) - VIEWPOINTS_PER_RUN + 1, VIEWPOINTS_PER_RUN):
-            starts.append((int(shown[[v.id for v in viewpoints[first : first + VIEWPOINTS_PER_RUN]]].min()), street, first))
-    # of the better half, so that open places are left out, but not always the narrowest streets
+            starts.append(
+                (int(shown[[v.id for v in viewpoints[first : first + VIEWPOINTS_PER_RUN]]].min()), street, first)
+            )
+    # sampling the better half skips open places without preferring the narrowest streets
     better = sorted(starts, reverse=True)[: max(count, len(starts) // 2)]
     for number in rng.permutation(len(better))[:count].tolist():
         _, street, first = better[number]
@@ -259,7 +273,9 @@ def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[T
         line = plan.streets[street].line
         furniture = None
         if number % 2:
-            furniture = street_furniture(_clip_to_viewpoints(line, viewpoints), partial(_level_ground, height), seed=number)
+            furniture = street_furniture(
+                _clip_to_viewpoints(line, viewpoints), partial(_level_ground, height), seed=number
+            )
         yield render_sequence(scene, viewpoints, furniture=furniture)
 
 

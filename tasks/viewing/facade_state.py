@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.block.corrections import Corrections
-from tasks.viewing.run_view import MADE_OF, RunView
+from tasks.viewing.run_view import APPEARANCE_COLUMNS, RunView
 
 
 def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, A
     eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
     made = {
         what: corrections.corrected_value(building, what) or _plain(column[row])
-        for what, column in tables.made_of.items()
+        for what, column in tables.appearance.items()
     }
     made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
     lattice = record.get("lattice", {})
@@ -56,7 +56,7 @@ def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, A
             "levels": corrections.corrected_value(building, "levels") or int(tables.facades.floors[index]),
             "height": None if tables.height_source[row] == "model" else round(eaves, 2),
             "exemplar": corrections.corrected_value(building, "exemplar") or "",
-            **dict.fromkeys(MADE_OF, "") | made,
+            **dict.fromkeys(APPEARANCE_COLUMNS, "") | made,
         },
         "exemplars": view.exemplars,
         "corrected": [

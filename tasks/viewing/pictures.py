@@ -13,12 +13,12 @@ from tasks.viewing.run_view import RunView
 
 def stages(view: RunView, index: int) -> list[StageTitle]:
     """The stages that facade number `index` has pictures of, in their order; none before it is done."""
-    return [stage.viewer for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer is not None]
+    return [stage.viewer for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer is not None]
 
 
 def picture(view: RunView, index: int, name: str) -> UInt8Array:
     """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
-    for stage in iterate_stage_pictures(view.facade(index)):
+    for stage in iterate_stage_pictures(view.stored_facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
             return stage.draw()
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")

@@ -31,16 +31,16 @@ from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 
 # What a facade may be coloured by: not what names it, nor where it lies.
-_NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
-SHOWN = tuple(column for column in COLUMNS if column.name not in _NOT_SHOWN)
+_HIDDEN_COLUMNS = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
+SHOWN_COLUMNS = tuple(column for column in COLUMNS if column.name not in _HIDDEN_COLUMNS)
 
 
 # What is kept of a building's roof and materials; a store of before that has none.
-MADE_OF = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
+APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
 
 
 @dataclass(frozen=True)
-class _Tables:
+class _PlanTables:
     """What ingest wrote: the same for every snapshot of a run.
 
     line (facades, 2, 2): ends of the foot lines, metres; position, forward, street by viewpoint; views (n, 2): viewpoint and
@@ -54,7 +54,7 @@ class _Tables:
     buildings: tuple[str, ...]
     height: np.ndarray
     height_source: tuple[str, ...]
-    made_of: Mapping[str, Sequence[Any]]
+    appearance: Mapping[str, Sequence[Any]]
     streets: tuple[dict[str, Any], ...]
     position: np.ndarray
     forward: np.ndarray
@@ -69,7 +69,7 @@ class RunView:
     out: Folder
     session: icechunk.Session
     group: StoreGroup
-    tables: _Tables
+    tables: _PlanTables
 
     @property
     def snapshot(self) -> str:
@@ -116,19 +116,19 @@ class RunView:
         """The ids under which corrections were made of what has another id now -> that one."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
-    def facade(self, index: int) -> StoredFacade:
+    def stored_facade(self, index: int) -> StoredFacade:
         """Facade number `index`."""
         chart = int(self.tables.facades.chart[index])
         exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
         return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
 
-    def overview(self) -> dict[str, Any]:
+    def block_map(self) -> dict[str, Any]:
         """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the ids of those
         to look at; the viewpoints."""
         tables = self.tables
         every = [tables.line.reshape(-1, 2), *(np.array(street["line"]) for street in tables.streets)]
         corner = np.concatenate(every).min(axis=0).round() if len(every[0]) else np.zeros(2)
-        facades = [self._row(i, corner) for i in range(len(tables.facades.id))]
+        facades = [self._facade_row(i, corner) for i in range(len(tables.facades.id))]
         extent = (np.concatenate(every) - corner).max(axis=0) if len(every[0]) else np.ones(2)
         return {
             "block": self.group.attrs["block"],
@@ -139,28 +139,28 @@ class RunView:
             "changed_from": CHANGED,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
-            "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN],
+            "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN_COLUMNS],
             "facades": facades,
             "to_look_at": [row["id"] for row in facades_to_review(facades)],
             "parse_colours": [[colour, name] for name, colour in PARSE_COLOURS.items()],
             "streets": [
-                {"id": s["id"], "name": s["name"] or s["id"], "line": _rounded(np.array(s["line"]) - corner)}
+                {"id": s["id"], "name": s["name"] or s["id"], "line": _round_to_list(np.array(s["line"]) - corner)}
                 for s in tables.streets
             ],
             "viewpoints": [
-                {"street": int(street), "at": _rounded(position[:2] - corner), "forward": _rounded(forward)}
+                {"street": int(street), "at": _round_to_list(position[:2] - corner), "forward": _round_to_list(forward)}
                 for street, position, forward in zip(tables.street, tables.position, tables.forward, strict=True)
             ],
-            "seen": self._seen(),
+            "seen": self._visible_facades(),
         }
 
-    def _row(self, index: int, corner: np.ndarray) -> dict[str, Any]:
+    def _facade_row(self, index: int, corner: np.ndarray) -> dict[str, Any]:
         tables, facades = self.tables, self.tables.facades
         record = self.records[index]
         street = tables.streets[int(facades.street[index])]
         row = {
             "id": facades.id[index],
-            "line": _rounded(tables.line[index] - corner),
+            "line": _round_to_list(tables.line[index] - corner),
             "building": tables.buildings[int(facades.building[index])],
             "street": street["name"] or street["id"],
             "azimuth_deg": round(float(tables.azimuth[index]), 1),
@@ -171,9 +171,9 @@ class RunView:
             row |= {"status": record["status"], "reason": record.get("reason")}
             row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.corrected_buildings)
             row["look_first"] = look_first(facades, index, record, row["quality"])
-        return {name: _plain(value) for name, value in row.items() if value is not None}
+        return {name: _to_python(value) for name, value in row.items() if value is not None}
 
-    def _seen(self) -> list[list[int]]:
+    def _visible_facades(self) -> list[list[int]]:
         """For every viewpoint the numbers of the facades that it sees."""
         facade = np.full(len(self.tables.placement.page), -1)
         facade[self.tables.facades.chart] = np.arange(len(self.tables.facades.id))
@@ -183,7 +183,7 @@ class RunView:
                 seen[viewpoint].append(int(facade[chart]))
         return seen
 
-    def progress(self) -> dict[str, Any]:
+    def run_progress(self) -> dict[str, Any]:
         """Units done, failed, stale and in all by stage, and why; which viewpoints are done; whether all is published."""
         stages = []
         failures = [
@@ -217,7 +217,7 @@ class RunView:
         }
 
 
-class Reader:
+class RunReader:
     """Views of the folder `out` of a run, the newest each time; safe to use from several threads."""
 
     def __init__(self, out: Folder) -> None:
@@ -227,7 +227,7 @@ class Reader:
         self._view: RunView | None = None
         self._key: tuple[str, float] | None = None
 
-    def view(self) -> RunView:
+    def open_newest(self) -> RunView:
         """The newest snapshot. Raises StoreError where there is no block in the folder yet."""
         with self._lock:
             if self._repository is None:
@@ -244,7 +244,7 @@ class Reader:
             return self._view
 
 
-def _read_tables(session: icechunk.Session) -> _Tables:
+def _read_tables(session: icechunk.Session) -> _PlanTables:
     charts, cameras, streets, buildings = (
         read_table(session, name) for name in ("charts", "viewpoints", "streets", "buildings")
     )
@@ -253,7 +253,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
     start = charts["origin"][facades.chart, :2]
     along = charts["axis_u"][facades.chart]
     normal = np.cross(charts["axis_v"][facades.chart], along)  # v runs down: v x u is outward
-    return _Tables(
+    return _PlanTables(
         facades,
         placement,
         np.stack([start, start + along[:, :2] * charts["size"][facades.chart, :1]], axis=1),
@@ -261,7 +261,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
         buildings["id"],
         buildings["height"],
         buildings["height_source"],
-        {name: buildings[name] for name in MADE_OF if name in buildings},
+        {name: buildings[name] for name in APPEARANCE_COLUMNS if name in buildings},
         tuple(
             {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}
             for i, (id_, name) in enumerate(zip(streets["id"], streets["name"], strict=True))
@@ -273,9 +273,9 @@ def _read_tables(session: icechunk.Session) -> _Tables:
     )
 
 
-def _rounded(values: np.ndarray) -> list:
+def _round_to_list(values: np.ndarray) -> list:
     return np.round(values, 2).tolist()
 
 
-def _plain(value: Any) -> Any:
+def _to_python(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value

@@ -26,7 +26,7 @@ from catalogs.query.execution import query
 from facade_core.core.errors import FacadeError, StoreError
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 from tests.pipeline import stages
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment, run
 from tests.pipeline.test_cluster import machines
@@ -91,7 +91,7 @@ def read_all_the_while(out: Path) -> Iterator[None]:
             published = (out / "current").is_file()
             try:
                 query(out)
-                Reader(out).view().overview()
+                RunReader(out).open_newest().block_map()
             except Exception as error:
                 if published or not isinstance(error, FacadeError):
                     wrong.append(repr(error))

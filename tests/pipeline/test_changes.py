@@ -20,7 +20,7 @@ from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.publish.task import publish_block
 from tasks.viewing import picture_before
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0
@@ -96,7 +96,7 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     session, changed = open_repository(out / "store").writable_session(BRANCH), records[told.id["a"]]
     data = read_stored_file(open_root(session), changed["before_file"], changed["before_digest"])
     assert b64encode(data).decode() not in json.dumps(changed), "a record says only where it is"
-    view = Reader(out).view()
+    view = RunReader(out).open_newest()
     assert picture_before(view, view.find_facade(told.id["a"])) == data
     with pytest.raises(InputError, match="no picture of how it was before"):
         picture_before(view, view.find_facade(told.id["c"]))

@@ -16,7 +16,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import repair_store
 from tasks.history import after_viewpoint
 from tasks.stages.ingest.task import ingest_block
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_4, STREETS, unpack
 from tests.pipeline.stages import write_block
 
@@ -58,7 +58,7 @@ def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> Non
         f"is of format {STORE_FORMAT + 1}, and .* reads {STORE_FORMAT}; `streetloom run BLOCK.yaml --out {run.out}` makes it anew"
     )
     with pytest.raises(FormatError, match=said):
-        Reader(Path(run.out)).view()
+        RunReader(Path(run.out)).open_newest()
     with pytest.raises(FormatError, match=said):
         after_viewpoint(run.out, "s1", 0)
     assert repair_store(run) == []

@@ -22,7 +22,7 @@ from PIL import Image
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.labels import CLASSES
-from tasks.viewing.run_view import Reader
+from tasks.viewing.run_view import RunReader
 from tests.pipeline.runs import ROOT
 from tests.pipeline.viewed import get, viewing
 
@@ -128,7 +128,7 @@ def test_what_is_stale_has_not_failed(undisturbed: tuple[Path, dict[str, Any]], 
     assert record is not None
     write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
     commit(session, "a street that is out of date")
-    said = Reader(tmp_path).view().progress()
+    said = RunReader(tmp_path).open_newest().run_progress()
     streets = next(stage for stage in said["stages"] if stage["name"] == "streets")
     assert (streets["done"], streets["failed"], streets["stale"]) == (streets["total"] - 1, 0, 1)
     assert said["failures"] == []

@@ -16,12 +16,12 @@ from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import WallRole
 from tasks.viewing.pictures import picture, stages
-from tasks.viewing.run_view import Reader, RunView
+from tasks.viewing.run_view import RunReader, RunView
 
 
 @pytest.fixture(scope="module")
 def view(undisturbed: tuple[Path, dict[str, Any]]) -> RunView:
-    return Reader(undisturbed[0]).view()
+    return RunReader(undisturbed[0]).open_newest()
 
 
 def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
@@ -38,7 +38,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         if view.tables.facades.role[index] != WallRole.STREET:
             assert facade not in shown
             continue
-        declared = [stage.report for stage in iterate_stage_pictures(view.facade(index)) if stage.report]
+        declared = [stage.report for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
         assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
@@ -61,7 +61,7 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
 ) -> None:
     images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
     index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
-    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer and stage.report]
+    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer and stage.report]
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
         kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
