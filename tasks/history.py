@@ -20,27 +20,27 @@ from tasks.stages.streets.worker import replay_street
 
 
 @dataclass(frozen=True, repr=False)
-class Moment:
+class StreetState:
     """What a street's charts held after one of its viewpoints: `window` by the geometry in `plan`, before levelling."""
 
     plan: Plan
-    window: TexelBuffer
+    buffer: TexelBuffer
 
     def charts(self) -> list[int]:
         """The charts that the street sees; all others were as they are."""
-        return sorted(self.window.layout.charts.tolist())
+        return sorted(self.buffer.layout.charts.tolist())
 
     def raster(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour (h, w, 3) and provenance (h, w), uint8, of one of the charts."""
         placement = self.plan.scene.placement
-        if chart not in self.window.layout.charts:
+        if chart not in self.buffer.layout.charts:
             raise InputError(f"the street does not see chart {chart}; charts() tells which it sees")
-        texels = self.window.layout.texel_slice(placement, chart)
+        texels = self.buffer.layout.texel_slice(placement, chart)
         shape = (int(placement.height[chart]), int(placement.width[chart]))
-        return self.window.colour[texels].reshape(*shape, 3), self.window.provenance[texels].reshape(shape)
+        return self.buffer.colour[texels].reshape(*shape, 3), self.buffer.provenance[texels].reshape(shape)
 
 
-def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
+def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
     """The charts of a street after its viewpoint `step` (0 is the first) of the run in folder `out`.
 
     The street is given by its id, or by a name that no other street has.
@@ -66,4 +66,4 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
     if field is not None:
         paint_visible_texels(window, plan.scene.placement, field)
-    return Moment(plan, window)
+    return StreetState(plan, window)

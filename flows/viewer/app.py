@@ -24,10 +24,10 @@ from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
 from flows.viewer.matching import match_routes
 from flows.viewer.model import find_model_file, model_index
-from tasks.viewing import picture, picture_before, stages
-from tasks.viewing.pictures import encode
+from tasks.viewing import draw_stage_picture, read_previous_picture, list_stage_pictures
+from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
-from tasks.viewing.street_replay import Growth
+from tasks.viewing.street_replay import StreetReplay
 
 PAGE_FOLDER = Path(__file__).parent / "page"
 # The address of a picture names its snapshot, and a snapshot never changes.
@@ -77,7 +77,7 @@ def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[Base
 
 
 def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
-    reader, growth = RunReader(out), Growth()
+    reader, growth = RunReader(out), StreetReplay()
 
     def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
@@ -104,7 +104,7 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         record: Mapping[str, Any] = view.records[index] or {}
         return JSONResponse(
             {
-                "stages": [{"stage": stage.name, "title": stage.title} for stage in stages(view, index)],
+                "stages": [{"stage": stage.name, "title": stage.title} for stage in list_stage_pictures(view, index)],
                 "elements": record.get("elements", []),
                 "change": {"map": record.get("change_map", []), "before": "before_file" in record},
                 "seconds": record.get("seconds", {}),
@@ -115,25 +115,25 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def stage(request: Request) -> Response:
         view = reader.open_newest()
-        image = picture(view, view.find_facade(request.query_params["id"]), request.query_params["stage"])
-        return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
+        image = draw_stage_picture(view, view.find_facade(request.query_params["id"]), request.query_params["stage"])
+        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.open_newest()
         return Response(
-            picture_before(view, view.find_facade(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
+            read_previous_picture(view, view.find_facade(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
         )
 
     def panorama(request: Request) -> Response:
         view = reader.open_newest()
         number = _parse_index(request, "viewpoint", len(view.tables.street))
         rgb = view.group["panoramas/rgb"][number]
-        return Response(encode(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
+        return Response(encode_picture(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
 
     def grown(request: Request) -> Response:
         view = reader.open_newest()
-        image = growth.after(view, _parse_index(request, "viewpoint", len(view.tables.street)))
-        return Response(encode(image), media_type="image/webp", headers=IMMUTABLE)
+        image = growth.draw_after(view, _parse_index(request, "viewpoint", len(view.tables.street)))
+        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
     def in_3d(request: Request) -> Response:
         return JSONResponse(model_index(out, reader.open_newest()))

@@ -22,7 +22,7 @@ from flows.viewer.guard import edit_refusal
 from tasks.corrections.correction_import import CorrectionImporter, find_block_file
 from tasks.corrections.drawable_values import drawable_values
 from tasks.engine.store.status import read_source
-from tasks.viewing.facade_state import standing
+from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 
 # Header with the token. A page of another site must send a preflight request for it, which fails.
@@ -64,7 +64,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
 
     def facade_state(id: str) -> dict[str, Any]:
         view = reader.open_newest()
-        return standing(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
+        return read_facade_state(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
 
     def facade(request: Request) -> dict[str, Any]:
         return facade_state(request.query_params.get("id", ""))

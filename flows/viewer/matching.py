@@ -15,7 +15,7 @@ from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
 from tasks.matching.match_table import TABLE, MatchDecision, PhotoMatch, lock_match_table, apply_decisions, read_match_table, write_match_table
 from tasks.matching.photo_import import import_photos, plan_photo_import
-from tasks.viewing.pictures import encode
+from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
 
 # Longer side of a displayed photo, pixels.
@@ -38,7 +38,7 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")
         image = read_picture(photos / name, max_side=MAX_PHOTO_SIDE).rgb
-        return Response(encode(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+        return Response(encode_picture(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def save(body: Any) -> dict[str, Any]:
         block = find_block_file(reader.out)

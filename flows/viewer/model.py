@@ -10,7 +10,7 @@ from catalogs.published.folders import Folder
 from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
 from tasks.viewing.run_view import RunView
-from tasks.viewing.start_view import opening
+from tasks.viewing.start_view import choose_start_view
 
 
 def model_index(out: Folder, view: RunView) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def model_index(out: Folder, view: RunView) -> dict[str, Any]:
     listed = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
     if not listed:
         raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
-    start = opening(view)
+    start = choose_start_view(view)
     return {
         "anchor": start.position if start else listed[0]["origin"],
         "heading": start.heading if start else None,

@@ -11,7 +11,7 @@ from catalogs.block.corrections import Corrections
 from tasks.viewing.run_view import APPEARANCE_COLUMNS, RunView
 
 
-def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
+def read_facade_state(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
     """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]], hide and
     keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; texels_per_metre; its building; `said`: whether it
     is a facade, that building's levels, height (None of a model), roof, materials and colours, and the exemplar that somebody
@@ -37,7 +37,7 @@ def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, A
     }
     eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
     made = {
-        what: corrections.corrected_value(building, what) or _plain(column[row])
+        what: corrections.corrected_value(building, what) or _to_json_value(column[row])
         for what, column in tables.appearance.items()
     }
     made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
@@ -65,5 +65,5 @@ def standing(view: RunView, index: int, corrections: Corrections) -> dict[str, A
     }
 
 
-def _plain(value: Any) -> Any:
+def _to_json_value(value: Any) -> Any:
     return round(float(value), 2) if isinstance(value, float | np.floating) else str(value)

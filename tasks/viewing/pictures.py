@@ -11,12 +11,12 @@ from facade_core.export.pictures.stage_pictures import StageTitle, iterate_stage
 from tasks.viewing.run_view import RunView
 
 
-def stages(view: RunView, index: int) -> list[StageTitle]:
+def list_stage_pictures(view: RunView, index: int) -> list[StageTitle]:
     """The stages that facade number `index` has pictures of, in their order; none before it is done."""
     return [stage.viewer for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer is not None]
 
 
-def picture(view: RunView, index: int, name: str) -> UInt8Array:
+def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
     """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
     for stage in iterate_stage_pictures(view.stored_facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
@@ -24,7 +24,7 @@ def picture(view: RunView, index: int, name: str) -> UInt8Array:
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")
 
 
-def picture_before(view: RunView, index: int) -> bytes:
+def read_previous_picture(view: RunView, index: int) -> bytes:
     """How facade number `index` was at the capture before, a WebP file. Raises InputError where that is not kept."""
     record = view.records[index]
     if record is None or "before_file" not in record:
@@ -32,7 +32,7 @@ def picture_before(view: RunView, index: int) -> bytes:
     return read_stored_file(view.group, record["before_file"], record["before_digest"])
 
 
-def encode(image: UInt8Array, kind: str = "WEBP", quality: int = 85) -> bytes:
+def encode_picture(image: UInt8Array, kind: str = "WEBP", quality: int = 85) -> bytes:
     """An image (h, w, 3) uint8 as a file's bytes."""
     from PIL import Image
 

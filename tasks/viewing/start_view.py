@@ -10,18 +10,18 @@ from facade_core.export.pictures.views import PHOTO_WORTH, photo_share
 from tasks.viewing.run_view import RunView
 
 # A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.
-AHEAD, NEAR_M = 0.35, 6.0
+MIN_AHEAD_COSINE, MIN_DISTANCE_M = 0.35, 6.0
 
 
 @dataclass(frozen=True)
-class Opening:
+class StartView:
     """position [east, north, up], world metres, of a viewpoint; heading along its street, degrees clockwise from north."""
 
     position: list[float]
     heading: float
 
 
-def opening(view: RunView) -> Opening | None:
+def choose_start_view(view: RunView) -> StartView | None:
     """The viewpoint that sees the largest facades ahead of it on both sides, from photos before others; None without one."""
     tables = view.tables
     facade = np.full(len(tables.placement.page), -1)
@@ -33,15 +33,15 @@ def opening(view: RunView) -> Opening | None:
     photos = np.array([photo_share(record) for record in view.records])
     worth = (1 + PHOTO_WORTH * photos) * tables.facades.width * tables.facades.height
     away = tables.line.mean(axis=1)[seen] - tables.position[viewpoint, :2]
-    far = np.maximum(np.linalg.norm(away, axis=1), NEAR_M)
+    far = np.maximum(np.linalg.norm(away, axis=1), MIN_DISTANCE_M)
     forward = tables.forward[viewpoint]
     ahead = np.einsum("ij,ij->i", away, forward) / far
     left = forward[:, 0] * away[:, 1] > forward[:, 1] * away[:, 0]
-    best, found = 0.0, Opening([], 0.0)
+    best, found = 0.0, StartView([], 0.0)
     for sense in (1.0, -1.0):
         # a street counts by both of its sides: one that is bare shows half
         sides = [
-            np.bincount(viewpoint, np.where(side & (sense * ahead > AHEAD), worth[seen], 0), len(tables.street))
+            np.bincount(viewpoint, np.where(side & (sense * ahead > MIN_AHEAD_COSINE), worth[seen], 0), len(tables.street))
             for side in (left, ~left)
         ]
         score = np.sqrt(sides[0]) + np.sqrt(sides[1])
@@ -50,5 +50,5 @@ def opening(view: RunView) -> Opening | None:
             best = float(score[chosen])
             east, north = sense * tables.forward[chosen]
             heading = float(np.degrees(np.arctan2(east, north))) % 360
-            found = Opening([float(value) for value in tables.position[chosen]], round(heading, 3))
+            found = StartView([float(value) for value in tables.position[chosen]], round(heading, 3))
     return found if best > 0 else None

@@ -23,62 +23,62 @@ from tasks.stages.streets.worker import add_viewpoint, replay_street
 from tasks.viewing.run_view import RunView
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
-SIZE = (520, 960)
-UNREACHED, BESIDE, SKY = (226, 222, 214), (188, 190, 194), (236, 240, 244)
+PICTURE_SIZE = (520, 960)
+UNREACHED_RGB, OFF_STREET_RGB, SKY_RGB = (226, 222, 214), (188, 190, 194), (236, 240, 244)
 # The camera hovers so many metres behind the street's first viewpoint and above it, and looks down along the street.
-BEHIND_M, ABOVE_M, FIELD = 14.0, 26.0, 70.0
+BEHIND_M, ABOVE_M, FIELD_OF_VIEW_DEG = 14.0, 26.0, 70.0
 # A person waits for the replay, and has the machine.
 _THREADS = os.cpu_count() or 1
 
 
 @dataclass
-class _Street:
+class _ReplayedStreet:
     """The street that was looked at last: its window with so many of its viewpoints in it, and the texel that each pixel
     of the picture shows, -1 beside the street and -2 for the sky."""
 
     view: RunView
     street: int
     plan: Plan
-    window: TexelBuffer
+    buffer: TexelBuffer
     field: MaterialField | None
     steps: int
     texel: np.ndarray
 
 
-class Growth:
+class StreetReplay:
     """Keeps the street that was looked at last, so that a step forward costs one propagation."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._street: _Street | None = None
+        self._street: _ReplayedStreet | None = None
 
-    def after(self, view: RunView, viewpoint: int) -> np.ndarray:
+    def draw_after(self, view: RunView, viewpoint: int) -> np.ndarray:
         """A viewpoint's street after it from above, (h, w, 3) uint8. Raises InputError before it is done."""
         street = int(view.tables.street[viewpoint])
         own = np.flatnonzero(view.tables.street == street)
         steps = int(np.searchsorted(own, viewpoint)) + 1
         with self._lock:
             held = self._street
-            if held is None or not _same(held, view) or held.street != street or held.steps > steps:
+            if held is None or not _is_same_run(held, view) or held.street != street or held.steps > steps:
                 if not view.group[journal_path("viewpoints")][viewpoint].item():
                     raise InputError(
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
-                plan = held.plan if held and _same(held, view) else _plan(view)
+                plan = held.plan if held and _is_same_run(held, view) else _plan(view)
                 field = stored_material_field(view.group, plan)
                 window = replay_street(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
-                held = _Street(view, street, plan, window, field, steps, _texels(plan, window, street))
+                held = _ReplayedStreet(view, street, plan, window, field, steps, _texels_in_picture(plan, window, street))
             for step in own[held.steps : steps].tolist():
                 seen = held.plan.viewpoints[step]
-                add_viewpoint(held.plan, view.group, held.window, seen, field=held.field is not None, threads=_THREADS)
+                add_viewpoint(held.plan, view.group, held.buffer, seen, field=held.field is not None, threads=_THREADS)
             if held.field is not None:
-                paint_visible_texels(held.window, held.plan.scene.placement, held.field)
+                paint_visible_texels(held.buffer, held.plan.scene.placement, held.field)
             held.steps = steps
             self._street = held
             return _draw(held)
 
 
-def _same(held: _Street, view: RunView) -> bool:
+def _is_same_run(held: _ReplayedStreet, view: RunView) -> bool:
     """Whether a view is of the run that is held: a run that goes on has a new snapshot every moment, and one plan."""
     return held.view.tables is view.tables
 
@@ -87,7 +87,7 @@ def _plan(view: RunView) -> Plan:
     return read_plan(view.session)
 
 
-def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
+def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
     """Which texel of the window each pixel of the picture shows, (h, w) int64."""
     scene = plan.scene
     places = np.array([viewpoint.position for viewpoint in plan.street_viewpoints(street)])
@@ -95,10 +95,10 @@ def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
     along[2] = 0.0
     along /= max(float(np.linalg.norm(along)), 1e-6)
     position = places[0] - BEHIND_M * along + [0.0, 0.0, ABOVE_M]
-    camera = PerspectiveCamera(position, (places[0] + places[-1]) / 2 + 6.0 * along, FIELD, SIZE)
+    camera = PerspectiveCamera(position, (places[0] + places[-1]) / 2 + 6.0 * along, FIELD_OF_VIEW_DEG, PICTURE_SIZE)
     rays = camera.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
-    texel = np.full(SIZE, -2, np.int64)
+    texel = np.full(PICTURE_SIZE, -2, np.int64)
     hit = chart != MISS
     points = camera.position + rays[hit] * depth[hit][:, None]
     row, column = scene.locate_texels(points, chart[hit])
@@ -107,7 +107,7 @@ def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
     return texel
 
 
-def _draw(held: _Street) -> np.ndarray:
-    window = held.window
-    colour = np.where((window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED, np.uint8), window.colour)
-    return np.concatenate([colour, np.array([SKY, BESIDE], np.uint8)])[held.texel]
+def _draw(held: _ReplayedStreet) -> np.ndarray:
+    window = held.buffer
+    colour = np.where((window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED_RGB, np.uint8), window.colour)
+    return np.concatenate([colour, np.array([SKY_RGB, OFF_STREET_RGB], np.uint8)])[held.texel]

@@ -21,7 +21,7 @@ from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_source, record_source
 from tasks.export.formats import export_run
 from tasks.training.corrected_facades import read_corrected_facades
-from tasks.viewing.facade_state import standing
+from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
@@ -142,7 +142,7 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
     assert query(out, where="id = 'x-2'")["height_m"].tolist() == [10.0], "its own is newer"
     # who edits it sees that, and takes it back whatever it was called
     view = RunReader(out).open_newest()
-    stands = standing(view, view.find_facade("x-2"), read_corrections(folder / "in" / "block.yaml"))
+    stands = read_facade_state(view, view.find_facade("x-2"), read_corrections(folder / "in" / "block.yaml"))
     assert (
         stands["said"]["height"],
         stands["said"]["wall_material"],

@@ -25,10 +25,10 @@ def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed:
     count = len(first.plan.street_viewpoints([one.id for one in first.plan.streets].index(street)))
     end = after_viewpoint(out, street, count - 1)
     assert first.charts() == end.charts()
-    known = [int((moment.window.provenance > Provenance.UNSEEN).sum()) for moment in (first, end)]
+    known = [int((moment.buffer.provenance > Provenance.UNSEEN).sum()) for moment in (first, end)]
     assert 0 < known[0] < known[1]
     placement = end.plan.scene.placement
-    for chart in end.window.writable.tolist():
+    for chart in end.buffer.writable.tolist():
         colour, provenance = end.raster(chart)
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + colour.shape[0]), slice(x, x + colour.shape[1]))

@@ -15,7 +15,7 @@ from catalogs.features import file_stem
 from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import WallRole
-from tasks.viewing.pictures import picture, stages
+from tasks.viewing.pictures import draw_stage_picture, list_stage_pictures
 from tasks.viewing.run_view import RunReader, RunView
 
 
@@ -65,14 +65,14 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
         kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
-        assert np.abs(picture(view, index, here.name).astype(int) - kept).mean() < 8, here.name
+        assert np.abs(draw_stage_picture(view, index, here.name).astype(int) - kept).mean() < 8, here.name
 
 
 def test_a_facade_that_is_not_done_has_none(view: RunView) -> None:
     view.journals["facades"][0], record = {"status": "failed"}, view.journals["facades"][0]
-    assert stages(view, 0) == []
+    assert list_stage_pictures(view, 0) == []
     view.journals["facades"][0] = record
-    names = [stage.name for stage in stages(view, 0)]
+    names = [stage.name for stage in list_stage_pictures(view, 0)]
     assert len(set(names)) == len(names) > 6
 
 
