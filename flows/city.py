@@ -181,7 +181,9 @@ def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog]
     started = time.monotonic()
     show(account)
     require_lock(out)
-    if account.over != (snapshots := account.products_digest()) and write_city_products(out, list(account.blocks), print_status):
+    if account.over != (snapshots := account.products_digest()) and write_city_products(
+        out, list(account.blocks), print_status
+    ):
         account = replace(account, over=snapshots)
         write_products_digest(out, account)
     return account, time.monotonic() - started

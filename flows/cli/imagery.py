@@ -114,7 +114,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     from flows.console import show_progress
     from tasks.matching.match_table import TABLE, read_match_table, write_match_table
     from tasks.matching.photo_import import import_photos, plan_photo_import
-    from tasks.matching.photo_matches import PLACE_REMEDY, MISSING_PLACE, match_photos
+    from tasks.matching.photo_matches import MISSING_PLACE, PLACE_REMEDY, match_photos
 
     if taken is not None:
         if poses is not None or out is not None:

@@ -24,7 +24,7 @@ from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
 from flows.viewer.matching import match_routes
 from flows.viewer.model import find_model_file, model_index
-from tasks.viewing import draw_stage_picture, read_previous_picture, list_stage_pictures
+from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_picture
 from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
 from tasks.viewing.street_replay import StreetReplay
@@ -121,7 +121,9 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     def earlier(request: Request) -> Response:
         view = reader.open_newest()
         return Response(
-            read_previous_picture(view, view.find_facade(request.query_params["id"])), media_type="image/webp", headers=IMMUTABLE
+            read_previous_picture(view, view.find_facade(request.query_params["id"])),
+            media_type="image/webp",
+            headers=IMMUTABLE,
         )
 
     def panorama(request: Request) -> Response:

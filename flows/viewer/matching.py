@@ -13,7 +13,15 @@ from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
-from tasks.matching.match_table import TABLE, MatchDecision, PhotoMatch, lock_match_table, apply_decisions, read_match_table, write_match_table
+from tasks.matching.match_table import (
+    TABLE,
+    MatchDecision,
+    PhotoMatch,
+    apply_decisions,
+    lock_match_table,
+    read_match_table,
+    write_match_table,
+)
 from tasks.matching.photo_import import import_photos, plan_photo_import
 from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
@@ -29,11 +37,17 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
     """
 
     def all_matches() -> dict[str, Any]:
-        return {"photos": [_match_row(match) for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()]}
+        return {
+            "photos": [
+                _match_row(match) for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()
+            ]
+        }
 
     def picture(request: Request) -> Response:
         name = request.query_params.get("name", "")
-        if not any(match.photo == name for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()):
+        if not any(
+            match.photo == name for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()
+        ):
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")

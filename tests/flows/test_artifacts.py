@@ -68,7 +68,13 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
 
 def test_blocks_of_a_city_are_a_table_those_that_want_somebody_first(told: dict[str, tuple[Any, str]]) -> None:
     done = BlockResult(0, summary={"facades_done": 7, "facades_failed": 0, "viewpoints": 3}, seconds=90.0)
-    blocks = {"x0": done, "x1": BlockResult(), "x2": BlockResult(70, reason="the disk is full"), "x3": BlockResult(1), "x4": BlockResult(75)}
+    blocks = {
+        "x0": done,
+        "x1": BlockResult(),
+        "x2": BlockResult(70, reason="the disk is full"),
+        "x3": BlockResult(1),
+        "x4": BlockResult(75),
+    }
     artifacts.publish_block_table(CityLog("My town", blocks=blocks))
     rows, description = told["my-town-blocks"]
     assert [row["block"] for row in rows] == ["x2", "x3", "x4", "x1", "x0"]
