@@ -26,11 +26,11 @@ class StreetState:
     plan: Plan
     buffer: TexelBuffer
 
-    def charts(self) -> list[int]:
+    def visible_charts(self) -> list[int]:
         """The charts that the street sees; all others were as they are."""
         return sorted(self.buffer.layout.charts.tolist())
 
-    def raster(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
+    def read_chart(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour (h, w, 3) and provenance (h, w), uint8, of one of the charts."""
         placement = self.plan.scene.placement
         if chart not in self.buffer.layout.charts:

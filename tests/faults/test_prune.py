@@ -81,7 +81,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert open_repository(run.store).list_tags() == tags
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
     assert has_all_files(open_repository(run.store), run.store)
-    assert after_viewpoint(out, "s1", 1).charts()
+    assert after_viewpoint(out, "s1", 1).visible_charts()
     assert finished_summary(run) == done
 
     assert "removed 1 published snapshots, 0 tags and 0 leftovers" in prune(out, 1)[0]

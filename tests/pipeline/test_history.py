@@ -24,12 +24,12 @@ def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed:
     first = after_viewpoint(out, street, 0)
     count = len(first.plan.street_viewpoints([one.id for one in first.plan.streets].index(street)))
     end = after_viewpoint(out, street, count - 1)
-    assert first.charts() == end.charts()
+    assert first.visible_charts() == end.visible_charts()
     known = [int((moment.buffer.provenance > Provenance.UNSEEN).sum()) for moment in (first, end)]
     assert 0 < known[0] < known[1]
     placement = end.plan.scene.placement
     for chart in end.buffer.writable.tolist():
-        colour, provenance = end.raster(chart)
+        colour, provenance = end.read_chart(chart)
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + colour.shape[0]), slice(x, x + colour.shape[1]))
         translated = provenance == Provenance.TRANSLATED
@@ -46,4 +46,4 @@ def test_what_there_is_not_is_told(undisturbed: tuple[Path, dict[str, Any]]) -> 
     with pytest.raises(InputError, match="999 is none of 0 to"):
         after_viewpoint(out, street, 999)
     with pytest.raises(InputError, match="does not see chart -5"):
-        after_viewpoint(out, street, 0).raster(-5)
+        after_viewpoint(out, street, 0).read_chart(-5)
