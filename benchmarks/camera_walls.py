@@ -36,7 +36,7 @@ from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view
-from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_from_world, camera_position
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart

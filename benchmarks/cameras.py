@@ -36,7 +36,7 @@ from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart

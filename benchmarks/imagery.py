@@ -240,7 +240,7 @@ def psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
 
 def pose_errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]:
     """Means, medians and largest over poses of the distance, metres, and the turn, degrees, from the true ones."""
-    from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+    from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 
     metres = [float(np.linalg.norm(camera_position(a) - camera_position(b))) for a, b in zip(poses, true, strict=True)]
     turns = [camera_from_world(a) @ camera_from_world(b).T for a, b in zip(poses, true, strict=True)]

@@ -35,11 +35,11 @@ from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
-from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
 from tasks.publish.opened import Published, published
+from tasks.stages.bundles.refined_poses import is_rejected, select_pose
 from tasks.stages.shared.images import read_panorama
-from tasks.stages.shared.refined_poses import is_rejected, select_pose
 
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
 # What is farther is not compared, metres; nor a view that shows less than this share of a kind.

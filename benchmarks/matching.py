@@ -22,7 +22,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
-from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_PROBABILITY, MIN_CERTAIN_PROBABILITY
+from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_CERTAIN_PROBABILITY, MIN_PROBABILITY
 
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
 

@@ -17,10 +17,10 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.stages.order import STAGE_NAMES
 
 # What becomes of a unit.
-STATES = ("done", "failed", "stale")
+UNIT_STATES = ("done", "failed", "stale")
 
 
-def metrics_of(runs: Mapping[str, Folder]) -> CollectorRegistry:
+def collect_metrics(runs: Mapping[str, Folder]) -> CollectorRegistry:
     """The metrics of runs, by the names that they are to be known by."""
     registry = CollectorRegistry()
     units = Gauge("streetloom_units", "Units in the journal.", ["run", "stage", "state"], registry=registry)
@@ -38,7 +38,7 @@ def metrics_of(runs: Mapping[str, Folder]) -> CollectorRegistry:
         for stage in STAGE_NAMES:
             records = [record for record in read_journal(root, stage) if record]
             counts = Counter(record["status"] for record in records)
-            for state in sorted({*STATES, *counts}):  # an alarm is on what grows: it is there before there is any
+            for state in sorted({*UNIT_STATES, *counts}):  # an alarm is on what grows: it is there before there is any
                 units.labels(name, stage, state).set(counts[state])
             seconds.labels(name, stage).set(sum(sum(record.get("seconds", {}).values()) for record in records))
             begun += [record["started"] for record in records if record.get("started")]

@@ -20,10 +20,10 @@ from prometheus_client.metrics_core import Metric
 from facade_core.core.errors import InputError
 
 # Where collectors take metrics, below their address.
-PATH = "/v1/metrics"
+METRICS_PATH = "/v1/metrics"
 
 
-def send(registry: CollectorRegistry, url: str) -> int:
+def send_metrics(registry: CollectorRegistry, url: str) -> int:
     """Send gauges, by their names and labels, to the collector at `url`, as http://127.0.0.1:4318. Returns how many values.
 
     Headers, certificates and how long to wait are the environment's (OTEL_EXPORTER_OTLP_*), as are more attributes of the
@@ -37,43 +37,43 @@ def send(registry: CollectorRegistry, url: str) -> int:
     provider = MeterProvider([reader], resource, shutdown_on_exit=False)
     meter = provider.get_meter("streetloom")
     for family in families:
-        meter.create_observable_gauge(family.name, [_told(family)], description=family.documentation)
-    session = _Heard()
-    with _in_silence():
-        exporter = OTLPMetricExporter(url if url.endswith(PATH) else url.rstrip("/") + PATH, session=session)
+        meter.create_observable_gauge(family.name, [_observe(family)], description=family.documentation)
+    session = _RecordingSession()
+    with _silence_exporter_log():
+        exporter = OTLPMetricExporter(url if url.endswith(METRICS_PATH) else url.rstrip("/") + METRICS_PATH, session=session)
         data = reader.get_metrics_data()
         taken = data is not None and exporter.export(data) is MetricExportResult.SUCCESS
         exporter.shutdown()
     provider.shutdown()
     if not taken:
-        why = " ".join(session.why.split())[:300]
+        why = " ".join(session.outcome.split())[:300]
         raise InputError(
             f"--otlp {url}: takes no metrics ({why}); check that a collector listens there for OTLP over HTTP"
         )
     return sum(len(family.samples) for family in families)
 
 
-def _told(family: Metric) -> Callable[[CallbackOptions], Iterable[Observation]]:
+def _observe(family: Metric) -> Callable[[CallbackOptions], Iterable[Observation]]:
     return lambda options: [Observation(sample.value, sample.labels) for sample in family.samples]
 
 
-class _Heard(requests.Session):
+class _RecordingSession(requests.Session):
     """What a collector answers, or why it does not, which the exporter tells nobody but its log."""
 
-    why = "nothing was sent"
+    outcome = "nothing was sent"
 
     def request(self, *arguments: Any, **options: Any) -> requests.Response:
         try:
             answer = super().request(*arguments, **options)
         except requests.RequestException as error:
-            self.why = str(error)
+            self.outcome = str(error)
             raise
-        self.why = f"{answer.status_code} {answer.reason}"
+        self.outcome = f"{answer.status_code} {answer.reason}"
         return answer
 
 
 @contextmanager
-def _in_silence() -> Iterator[None]:
+def _silence_exporter_log() -> Iterator[None]:
     logger = logging.getLogger("opentelemetry")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

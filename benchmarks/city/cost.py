@@ -38,7 +38,7 @@ from facade_core.plan.plan_tables import read_plan
 from tasks.city.block_counts import BlockCounts, count_from_map
 from tasks.city.block_process import run_block
 from tasks.city.blocks import read_city
-from tasks.city.city_log import BLOCKS, BlockResult
+from tasks.city.city_log import BLOCKS_FOLDER, BlockResult
 from tasks.city.cost import COEFFICIENTS
 from tasks.engine.store.commits import read_newest_journal
 from tasks.export.formats import export_run
@@ -97,7 +97,7 @@ _STAGES = {"streets": "viewpoints"}
 def by_command(folder: Path, name: str) -> Ran:
     """Run a block as `streetloom city` does, with one worker."""
     block_file, density = write_named(folder, name)
-    out = folder / BLOCKS / "one"
+    out = folder / BLOCKS_FOLDER / "one"
     out.parent.mkdir(parents=True)
     with _commits(out / "store") as commits:
         ended = run_block.fn(folder, "one", block_file, ["--workers", "1"], BlockResult(), "", "", None, tiles=True)

@@ -40,7 +40,7 @@ from benchmarks.city.runs import Look, look_at
 from benchmarks.process_usage import add_used
 from benchmarks.timing import bytes_in, figures
 from flows.city_options import CityOptions
-from tasks.city.city_log import BLOCKS, read_city_log
+from tasks.city.city_log import BLOCKS_FOLDER, read_city_log
 
 # Seconds between two looks.
 LOOK_S = 2.0
@@ -195,7 +195,7 @@ def _memory(life: Life) -> dict[str, Any]:
 
 
 def _megabytes(out: Path, named: str) -> float:
-    return sum(bytes_in(one) for one in (out / BLOCKS).glob(f"*/{named}")) / 1e6
+    return sum(bytes_in(one) for one in (out / BLOCKS_FOLDER).glob(f"*/{named}")) / 1e6
 
 
 def write_city(folder: Path, texture: Mapping[str, float], metres: float, exemplars: int) -> Path:
@@ -282,7 +282,7 @@ def _one_photo(city: Path, out: Path, asked: CityOptions) -> dict[str, Any]:
     """A photo of one facade of the smallest block that has a street."""
     summaries = {name: ended.summary for name, ended in read_city_log(out).blocks.items()}
     block = min((n for n in summaries if summaries[n].get("viewpoints")), key=lambda n: summaries[n]["facades_done"])
-    facade = add_photo(city, out / BLOCKS / block)
+    facade = add_photo(city, out / BLOCKS_FOLDER / block)
     return {"facade": facade, "of": block} | again(city, out, asked)
 
 

@@ -18,6 +18,12 @@ from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overh
 from facade_core.geometry.buildings.extrusion import add_extrusion, facets_above
 from facade_core.geometry.buildings.facets import Facets, group_facets, walled_share
 from facade_core.geometry.buildings.gutters import build_gutters
+from facade_core.geometry.buildings.neighbours import (
+    eaves_obstacles,
+    free_outline,
+    level_building_parts,
+    roof_neighbours,
+)
 from facade_core.geometry.buildings.roof_details import RoofDetail
 from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
 from facade_core.geometry.buildings.roof_shapes import GRID_M, build_roof_shell
@@ -26,7 +32,6 @@ from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_ve
 from facade_core.geometry.charts import ChartBuilder, Charts, Mesh
 from facade_core.geometry.ground.ground_charts import add_ground
 from facade_core.geometry.ground.terrain import Terrain
-from facade_core.geometry.neighbours import eaves_obstacles, free_outline, level_building_parts, roof_neighbours
 
 # Footprint vertices nearer than this to the straight wall do not split it into two facades; metres.
 COLLINEAR_TOLERANCE_M = 0.2

@@ -20,7 +20,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, assign_waves, place_viewpoints
 from facade_core.geometry.texel_density import min_texel_density, texel_density
 from facade_core.geometry.walls import WallRole, free_wall_shares
-from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
+from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
 from facade_core.plan.core_region import CoreRegion, core_charts, core_facades, core_streets, core_viewpoints
 from facade_core.plan.facades import Facades, find_facades

@@ -17,7 +17,7 @@ from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import is_main_surface
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, WALL_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.plan.facades import Facades
 from facade_core.plan.identity import SceneObjects, build_scene_objects
 

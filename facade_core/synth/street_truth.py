@@ -19,7 +19,7 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.synth.exemplars import paint_exemplar_set
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders

@@ -30,15 +30,15 @@ def metrics(out: Folder, otlp: str | None) -> None:
 
     from catalogs.published.runs import find_stores, publish_hint
     from facade_core.core.errors import InputError
-    from tasks.metrics import metrics_of
+    from tasks.metrics import collect_metrics
 
     if not (runs := find_stores(out)):
         raise InputError(f"{out}: holds no run; {publish_hint(out, 'makes one')}")
     if otlp is None:
-        click.echo(generate_latest(metrics_of(runs)).decode(), nl=False)
+        click.echo(generate_latest(collect_metrics(runs)).decode(), nl=False)
         return
     try:
-        from tasks.otlp import send
+        from tasks.otlp import send_metrics
     except ModuleNotFoundError as error:
         raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
-    print_line(f"{otlp}: took {send(metrics_of(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")
+    print_line(f"{otlp}: took {send_metrics(collect_metrics(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")

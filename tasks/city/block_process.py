@@ -21,7 +21,7 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
-from tasks.city.city_log import BLOCKS, BlockResult, block_tileset
+from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset
 from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
@@ -63,7 +63,7 @@ def run_block(
     """
     begun = time.time()
     try:
-        ended = _run_and_export(out / BLOCKS / name, block_file, options, before, deadline, tiles)
+        ended = _run_and_export(out / BLOCKS_FOLDER / name, block_file, options, before, deadline, tiles)
     except Exception as error:  # no process or memory left: other blocks continue
         log.debug("block %s could not be run", name, exc_info=True)
         ended = BlockResult(MACHINE_EXIT_CODE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")

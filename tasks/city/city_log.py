@@ -18,11 +18,11 @@ from facade_core.core.errors import BlockFileError, InputError
 from tasks.city.block_counts import BlockCounts
 from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import COUNT_NAMES, load_cost_model
-from tasks.city.source_digests import city_source_digest, block_code_version
+from tasks.city.source_digests import block_code_version, city_source_digest
 
 # In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
 # is; what all come to. In that of a block: how it ended last.
-BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", CITY_FILE_NAME, "over.json", "summary.json", "ended.json"
+BLOCKS_FOLDER, CITY_LOG_FILE, PRODUCTS_FILE, SUMMARY_FILE, RESULT_FILE = "blocks", CITY_FILE_NAME, "over.json", "summary.json", "ended.json"
 # Folder of removed blocks, which a search for runs skips.
 REMOVED_BLOCKS = ".gone"
 # Keys of the blocks' summaries that the city's summary adds up.
@@ -62,7 +62,7 @@ def block_tileset(block: Folder, snapshot: str) -> Folder:
     return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
 
 
-def is_up_to_date(out: Folder, name: str, ended: BlockResult, digest: str, *, tiles: bool = False) -> bool:
+def is_up_to_date(out: Folder, name: str, result: BlockResult, digest: str, *, tiles: bool = False) -> bool:
     """Report whether a block is finished and published in its present form.
 
     Units that failed because of their input do not count: they would fail again.
@@ -75,12 +75,12 @@ def is_up_to_date(out: Folder, name: str, ended: BlockResult, digest: str, *, ti
     digest : digest of the block's present input; empty if it cannot be used.
     tiles : require 3D Tiles of the newest snapshot too.
     """
-    if ended.code not in (0, 1) or not digest or ended.digest != digest or ended.version != block_code_version():
+    if result.code not in (0, 1) or not digest or result.digest != digest or result.version != block_code_version():
         return False
-    snapshot = find_current_snapshot(out / BLOCKS / name)
-    if snapshot is None or snapshot.id != ended.snapshot:
+    snapshot = find_current_snapshot(out / BLOCKS_FOLDER / name)
+    if snapshot is None or snapshot.id != result.snapshot:
         return False
-    return not tiles or (ended.tiles == snapshot.id and block_tileset(out / BLOCKS / name, snapshot.id).is_file())
+    return not tiles or (result.tiles == snapshot.id and block_tileset(out / BLOCKS_FOLDER / name, snapshot.id).is_file())
 
 
 @dataclass(frozen=True)
@@ -218,15 +218,15 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
 
 def _hide_removed_blocks(out: Folder, names: Collection[str]) -> None:
     """Move the runs of removed blocks out of reach of queries; other blocks publish their content now."""
-    if (out / BLOCKS).is_dir():
-        for folder in [one for one in (out / BLOCKS).iterdir() if one.name not in names and one.is_dir()]:
+    if (out / BLOCKS_FOLDER).is_dir():
+        for folder in [one for one in (out / BLOCKS_FOLDER).iterdir() if one.name not in names and one.is_dir()]:
             move_folder(folder, out / REMOVED_BLOCKS / folder.name)
 
 
 def read_city_log(out: Folder) -> CityLog:
     """Load the log in a city's folder; an empty one if it cannot be read."""
     try:
-        held = json.loads((out / ACCOUNT).read_text(encoding="utf-8"))
+        held = json.loads((out / CITY_LOG_FILE).read_text(encoding="utf-8"))
         names = list(held["digests"])
         blocks = dict(zip(names, map_concurrently(lambda name: _read_block_result(out, name), names, out), strict=True))
         return CityLog(**held, blocks=blocks, over=_read_products_digest(out))
@@ -236,36 +236,36 @@ def read_city_log(out: Folder) -> CityLog:
 
 def _read_block_result(out: Folder, name: str) -> BlockResult:
     try:
-        return BlockResult(**json.loads((out / BLOCKS / name / ENDED).read_text(encoding="utf-8")))
+        return BlockResult(**json.loads((out / BLOCKS_FOLDER / name / RESULT_FILE).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):  # the block runs again, and resumes
         return BlockResult()
 
 
 def _read_products_digest(out: Folder) -> str:
     try:
-        return str(json.loads((out / OVER).read_text(encoding="utf-8"))["snapshots"])
+        return str(json.loads((out / PRODUCTS_FILE).read_text(encoding="utf-8"))["snapshots"])
     except (OSError, ValueError, TypeError, KeyError):  # the products are written again
         return ""
 
 
 def write_city_log(out: Folder, account: CityLog) -> None:
     """Write the city's log without the results of its blocks."""
-    _write(out / ACCOUNT, {key: value for key, value in asdict(account).items() if key not in ("blocks", "over")})
+    _write(out / CITY_LOG_FILE, {key: value for key, value in asdict(account).items() if key not in ("blocks", "over")})
 
 
 def write_block_result(out: Folder, name: str, ended: BlockResult) -> None:
     """Write a block's result into the block's folder, so that the cost does not grow with their number."""
-    _write(out / BLOCKS / name / ENDED, asdict(ended))
+    _write(out / BLOCKS_FOLDER / name / RESULT_FILE, asdict(ended))
 
 
 def write_products_digest(out: Folder, account: CityLog) -> None:
     """Record which snapshots the city's products show."""
-    _write(out / OVER, {"snapshots": account.over})
+    _write(out / PRODUCTS_FILE, {"snapshots": account.over})
 
 
 def write_city_summary(out: Folder, summary: Mapping[str, Any]) -> None:
     """Write the summary of the city."""
-    _write(out / SUMMARY, summary)
+    _write(out / SUMMARY_FILE, summary)
 
 
 def _write(path: Folder, value: Any) -> None:

@@ -19,7 +19,7 @@ from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
-from tasks.city.city_log import BLOCKS, block_tileset
+from tasks.city.city_log import BLOCKS_FOLDER, block_tileset
 
 TILESET = "tileset.json"
 OVERVIEW = "overview.glb"
@@ -42,9 +42,9 @@ def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str],
     -------
     True if every product could be written.
     """
-    found = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS / name), names, out)
+    found = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS_FOLDER / name), names, out)
     published = [(name, snapshot) for name, snapshot in zip(names, found, strict=True) if snapshot is not None]
-    runs = [(PublishedRun(snapshot.out, f"{BLOCKS}/{name}"), snapshot.id) for name, snapshot in published]
+    runs = [(PublishedRun(snapshot.out, f"{BLOCKS_FOLDER}/{name}"), snapshot.id) for name, snapshot in published]
     steps: list[tuple[str, Callable[[], object]]] = [
         (CATALOG, lambda: write_catalog(out, on_left_out=lambda line: None)),
         (JOINED, lambda: merge_run_items(out, runs)),

@@ -224,9 +224,9 @@ class CorrectionDiff:
     @cached_property
     def _measured_heights(self) -> dict[str, float]:
         """Height of each building in CityJSON exports."""
-        from tasks.export.city import exported_heights
+        from tasks.export.city import compute_building_heights
 
-        return exported_heights(self.results)
+        return compute_building_heights(self.results)
 
     def _is_same(self, id: str, what: str, value: Any, stands: Any) -> bool:
         if stands is None:

@@ -10,5 +10,5 @@ class Finding:
     """One line on a concern; well: False where something is to be done, which the line names; None for what is good to know."""
 
     concern: str
-    well: bool | None
+    is_well: bool | None
     said: str

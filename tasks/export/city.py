@@ -273,7 +273,7 @@ def building_attributes(results: Published, building: int, body: Any) -> dict[st
     }
 
 
-def exported_heights(results: Published) -> dict[str, float]:
+def compute_building_heights(results: Published) -> dict[str, float]:
     """Compute the measured height of each building by id, as exports state it."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import pack_charts

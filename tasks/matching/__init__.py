@@ -1,1 +1,1 @@
-"""Photos without names, matched to facades: found, told in a table that a person mends or confirms, taken."""
+"""Matching of unnamed photos to facades, by way of a table that a person confirms."""

@@ -1,4 +1,4 @@
-"""The table of matches: which facade each photo shows, and what it may show; a person mends it, or decides in the viewer."""
+"""Table of matches between photos and facades, which a person edits or confirms in the viewer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SEPARATOR = "; "
 
 @dataclass(frozen=True)
 class FacadeCandidate:
-    """A facade that a photo may show, with what probability, and what speaks for it, in a line."""
+    """Facade that a photo may show, its probability, and the reasons in one line."""
 
     facade: str
     probability: float
@@ -37,8 +37,17 @@ class FacadeCandidate:
 
 @dataclass(frozen=True)
 class PhotoMatch:
-    """A photo's row: the facade it shows ("" for none, or not decided yet), who decided that ("": nobody but the matching, or
-    a hand in the table), the candidates, the likeliest first; where it was taken and its heading, degrees, where known."""
+    """Row of one photo.
+
+    Attributes
+    ----------
+    photo : file name.
+    facade : id of the facade; "" if there is none or it is undecided.
+    decided_by : who decided in the viewer; "" after an edit of the table or without a decision.
+    candidates : most probable first.
+    place : position in the block's frame, metres; None if unknown.
+    heading : degrees; None if unknown.
+    """
 
     photo: str
     facade: str
@@ -49,12 +58,13 @@ class PhotoMatch:
 
     @property
     def is_decided(self) -> bool:
+        """Report whether the table or a person names the result."""
         return bool(self.facade or self.decided_by)
 
 
 @dataclass(frozen=True)
 class MatchTable:
-    """Rows by column as they stand in a file, what separates its columns, and the columns."""
+    """Rows of a table file by column, its columns and their separator."""
 
     path: Path
     columns: tuple[str, ...]
@@ -62,14 +72,23 @@ class MatchTable:
     separator: str = ","
 
     def matches(self) -> list[PhotoMatch]:
-        """The rows that name a photo, read."""
+        """Parse the rows that name a photo."""
         return [_parse_match(row) for row in self.rows if row["photo"]]
 
 
 def format_match_row(
     photo: str, facade: str | None, candidates: Sequence[FacadeCandidate], pose: Pose, *, has_heading: bool
 ) -> dict[str, str]:
-    """A row of what was found; heading: whether the photo states one."""
+    """Format the result for one photo as a row of the table.
+
+    Parameters
+    ----------
+    photo : file name.
+    facade : id of the facade; None if a person must decide.
+    candidates : most probable first.
+    pose : pose in the block's frame.
+    has_heading : the photo states a heading.
+    """
     return {
         "photo": photo,
         "facade": facade or "",
@@ -84,7 +103,12 @@ def format_match_row(
 
 
 def read_match_table(path: Path) -> MatchTable:
-    """Raises InputError for a file that is none."""
+    """Load a table of matches.
+
+    Raises
+    ------
+    InputError : the file is not such a table.
+    """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = file.readlines()
@@ -108,8 +132,10 @@ def read_match_table(path: Path) -> MatchTable:
 
 
 def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
-    """The names of a table's columns. One without a name has the next of `remark`, `remark 2`, ..., where something stands in
-    it: what somebody wrote is not lost when the table is written again."""
+    """Name the columns of a table.
+
+    A filled column without a name becomes `remark`, `remark 2`, ..., so that rewriting keeps its text.
+    """
     columns = list(header) + [""] * (max(map(len, cells), default=0) - len(header))
     free = (name for number in count(1) if (name := REMARK_COLUMN if number == 1 else f"{REMARK_COLUMN} {number}") not in header)
     filled = {at for row in cells for at, cell in enumerate(row) if cell.strip()}
@@ -118,7 +144,7 @@ def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list
 
 @contextmanager
 def lock_match_table(table: Path) -> Iterator[None]:
-    """Wait until no other process or thread changes a table: who reads it, and writes what became of it, loses nothing."""
+    """Hold an exclusive lock on a table between reading and writing it."""
     handle = os.open(table.parent, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -128,7 +154,17 @@ def lock_match_table(table: Path) -> Iterator[None]:
 
 
 def write_match_table(table: MatchTable, *, new: bool = False) -> None:
-    """In one step. Raises InputError for a new one where somebody wrote one meanwhile."""
+    """Write a table atomically.
+
+    Parameters
+    ----------
+    table : table to write.
+    new : refuse to replace an existing file.
+
+    Raises
+    ------
+    InputError : `new`, and the file was written meanwhile.
+    """
     text = io.StringIO(newline="")
     rows = csv.DictWriter(text, table.columns, delimiter=table.separator)
     rows.writeheader()
@@ -148,8 +184,15 @@ def write_match_table(table: MatchTable, *, new: bool = False) -> None:
 
 @dataclass(frozen=True)
 class MatchDecision:
-    """What somebody says that a photo shows ("" for no facade of the block), or, not `decided`, that it is as `facade` says
-    again; stood: facade and by of its row when they looked."""
+    """Decision of a person about one photo.
+
+    Attributes
+    ----------
+    photo : file name.
+    facade : id of the facade that it shows; "" for none of the block.
+    is_decided : False restores the undecided row with `facade`.
+    previous : facade and author of the row when the person saw it.
+    """
 
     photo: str
     facade: str
@@ -158,8 +201,18 @@ class MatchDecision:
 
 
 def apply_decisions(table: MatchTable, decisions: Sequence[MatchDecision], *, who: str) -> MatchTable:
-    """The table with what somebody decided in it. Raises InputError for a photo that it has not, and for a row that somebody
-    else changed meanwhile."""
+    """Return the table with decisions applied.
+
+    Parameters
+    ----------
+    table : table as read under its lock.
+    decisions : at most one for each photo.
+    who : author of the decisions.
+
+    Raises
+    ------
+    InputError : a photo is not in the table, or its row changed meanwhile.
+    """
     said = {one.photo: one for one in decisions}
     if missing := set(said) - {row["photo"] for row in table.rows}:
         raise InputError(f"{table.path} has no photo {min(missing)!r} any more; load the page again")
@@ -189,7 +242,7 @@ def _parse_match(row: Mapping[str, str]) -> PhotoMatch:
 
 
 def _parse_number(text: str) -> float | None:
-    """What a cell says, in whatever way a spreadsheet wrote it; None where it is no number."""
+    """Parse a number in a spreadsheet's notation; None if it is not one."""
     try:
         value = float(text.replace(",", "."))
     except ValueError:

@@ -1,4 +1,4 @@
-"""The photos of a table of matches taken: copied to a block's, under their facades' names."""
+"""Import of matched photos into a block's photo folder, named after their facades."""
 
 from __future__ import annotations
 
@@ -21,9 +21,18 @@ FOLDER = "photos"
 
 @dataclass(frozen=True)
 class PhotoImport:
-    """What is to be done, checked: of how many photos, into which folder, which are copied there by facade, and which go from
-    there, as they were taken for another facade before; whether the block file names the folder; what is wrong with rows that
-    nobody asked for, whose photos stay as they are."""
+    """Checked plan of an import.
+
+    Attributes
+    ----------
+    block : block file.
+    count : photos with a facade.
+    folder : target folder.
+    copies : photos to copy by facade.
+    removals : earlier copies under another facade, to remove.
+    is_named_in_block : the block file names the folder.
+    faults : faults of rows outside the request, whose photos do not change.
+    """
 
     block: Path
     count: int
@@ -39,12 +48,21 @@ _Fault = tuple[set[str], str]
 
 
 def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, requested: Collection[str] | None = None) -> PhotoImport:
-    """What it is to take the photos of a table that have a facade.
+    """Plan the import of a table's photos that have a facade.
 
-    A copy of a photo that the table decides otherwise now goes, never the photo itself. asked: the photos whose rows must be
-    right, all without; a wrong row of another is left out and told. Raises InputError for a photo that is not there, a facade
-    that the block has not, one that has two photos, or another photo already; for a block whose photos are rectified, one that
-    would have no photo left, and one that has those of its city.
+    Removes a copy, never the photo itself, if the table assigns that photo otherwise now.
+
+    Parameters
+    ----------
+    block_file : block file.
+    folder : folder of the photos.
+    table : table of matches.
+    requested : photos whose rows must be valid; None: all. Faults of other rows are listed in the result.
+
+    Raises
+    ------
+    InputError : a requested photo is missing, its facade is unknown, or the facade has another photo; the block has
+        rectified photos, would have no photo left, or takes its photos from its city.
     """
     block = read_block(block_file)
     if block.part is not None:
@@ -78,7 +96,7 @@ def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, request
 def _conflict(
     photos: Mapping[str, Path], gone: Mapping[str, Path], there: Path, facade: str, photo: Path
 ) -> str | None:
-    """What another photo of a facade, among the block's, of which some are `gone`, or in their folder, keeps one from."""
+    """Describe the conflict between a photo and another photo of its facade; None without one."""
     old, at = photos.get(facade), _copy_path(there, facade, photo)
     if old is not None and facade not in gone and file_digest(old) != file_digest(photo):
         return f"{facade} has the photo {old}; remove one of both"
@@ -88,7 +106,7 @@ def _conflict(
 
 
 def import_photos(done: PhotoImport) -> str | None:
-    """Copy them. Returns what is to be written into the block file by hand where it could not be."""
+    """Copy the photos; return the entry for the block file if it could not be added automatically."""
     if done.copies:
         done.folder.mkdir(exist_ok=True)
     arriving = {}
@@ -106,13 +124,15 @@ def import_photos(done: PhotoImport) -> str | None:
 
 
 def _copy_path(folder: Path, facade: str, photo: Path) -> Path:
-    """Where the copy of a photo of a facade is."""
+    """Return the path of the copy of a facade's photo."""
     return folder / f"{facade}{photo.suffix.lower()}"
 
 
 def _outdated_copies(photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]) -> dict[str, Path]:
-    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Where one is no
-    copy, but that photo, it is a fault."""
+    """Find the block's photos that are copies of photos with another facade in the table, by facade.
+
+    A photo of the block that is the original itself is a fault.
+    """
     said: dict[int, list[tuple[Path, str]]] = {}
     for match in table.matches():
         path = folder / match.photo
@@ -133,7 +153,7 @@ def _outdated_copies(photos: Mapping[str, Path], folder: Path, table: MatchTable
 
 
 def _photos_by_facade(table: MatchTable, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
-    """Photos by the facade that a table names for them; those of two of one facade are both at fault."""
+    """Map each facade that the table names to its photo; two photos of one facade are both faults."""
     found: dict[str, list[str]] = {}
     for line, row in enumerate(table.rows, 2):
         name, facade = row["photo"], row["facade"]

@@ -1,4 +1,4 @@
-"""Photos matched to the walls of a block: which facade each may show, by where it was taken and what it shows."""
+"""Matching of photos to the walls of a block by pose and content."""
 
 from __future__ import annotations
 
@@ -36,12 +36,25 @@ _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
 def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[MatchTable, list[Fault]]:
-    """Which facades the photos in a folder show, as taken from the street, as the table that goes to `path`; and a fault for
-    each photo that cannot be told.
+    """Match the street photos in a folder to facades.
 
-    Where a photo was taken, and its heading, are read in `poses`, else in its EXIF. Raises InputError where the block, the
-    folder or the poses cannot be read, none of the photos has a place, and where there is a table already, which a person may
-    have mended.
+    Poses come from `poses`, else from EXIF.
+
+    Parameters
+    ----------
+    block_file : block file.
+    folder : folder of photos.
+    path : path of the new table.
+    poses : file of poses; None: EXIF only.
+
+    Returns
+    -------
+    table : table for `path`; this function does not write it.
+    faults : a fault for each photo that cannot be matched.
+
+    Raises
+    ------
+    InputError : block, folder or poses cannot be read, no photo has a place, or the table exists and may be edited.
     """
     if path.exists():
         raise InputError(
@@ -68,7 +81,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
 
 
 def _read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
-    """Where a photo was taken, or what is wrong with that; None where nothing says it."""
+    """Read the place of a photo, or the fault in it; None if nothing states one."""
     try:
         return stated.get(path.name) or stated.get(path.stem) or read_exif_pose(path)
     except InputError as error:
@@ -108,7 +121,7 @@ def _match_photo(plan: Plan, terrain: Terrain, block: Block, path: Path, place: 
 
 
 def _reasons(found: WallLikelihoods, wall: int, height: float) -> str:
-    """What speaks for a wall, in a line; its height by the model, metres."""
+    """Describe the evidence for a wall in one line; `height`: height of the wall in the model, metres."""
     said = [f"before the camera from {100 * found.hit_share[wall]:.0f} % of the places near the stated one"]
     if np.isfinite(found.heading_offset_deg[wall]):
         said.append(f"{abs(found.heading_offset_deg[wall]):.0f} degrees off the stated heading")

@@ -14,10 +14,10 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import Values, read_plan, read_table
 from tasks.engine.store.status import store_code_version
+from tasks.stages.bundles.refined_poses import read_refined_poses
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 from tasks.stages.poses.record import RefinedPoseRecord
-from tasks.stages.shared.refined_poses import read_refined_poses
 
 if TYPE_CHECKING:
     import icechunk

@@ -1,4 +1,4 @@
-"""What stands of a facade for who corrects it: its elements, as corrected or as found, and the lines they may snap to."""
+"""State of a facade for the correction editor: current elements, grid lines and building attributes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,27 @@ from tasks.viewing.run_view import APPEARANCE_COLUMNS, RunView
 
 
 def read_facade_state(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
-    """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]], hide and
-    keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; texels_per_metre; its building; `said`: whether it
-    is a facade, that building's levels, height (None of a model), roof, materials and colours, and the exemplar that somebody
-    chose for it; `exemplars`: those there are to choose of; and the corrections that count, each with who, when and
-    why. What is known by its place counts too."""
+    """Return the current state of a facade, corrected or published, as JSON values.
+
+    Targets with a new id keep their corrections.
+
+    Parameters
+    ----------
+    view : snapshot of the run.
+    index : index of the facade.
+    corrections : corrections of the block.
+
+    Returns
+    -------
+    size : [w, h] of its pictures, texels; `texels_per_metre`.
+    elements : [[class, left, top, right, bottom]], texels.
+    hide, keep : [[left, top, right, bottom]], texels.
+    rows, columns : lines of the lattice, texels.
+    building : id of the building.
+    said : facade flag, levels, height (None for a model), roof, materials, colours and chosen exemplar.
+    exemplars : names of available exemplars.
+    corrected : corrections in effect, each with author, time and reason.
+    """
     tables, corrections = view.tables, corrections.rename_targets(view.renamed_ids)
     row = int(tables.facades.building[index])
     facade, building = tables.facades.id[index], tables.buildings[row]

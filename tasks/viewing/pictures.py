@@ -1,4 +1,4 @@
-"""A facade's stages as pictures, drawn from the store when somebody looks."""
+"""Stage pictures of a facade, drawn from the store on request."""
 
 from __future__ import annotations
 
@@ -12,12 +12,23 @@ from tasks.viewing.run_view import RunView
 
 
 def list_stage_pictures(view: RunView, index: int) -> list[StageTitle]:
-    """The stages that facade number `index` has pictures of, in their order; none before it is done."""
+    """List the stages with pictures of a facade in their order; empty until it is done."""
     return [stage.viewer for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer is not None]
 
 
 def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
-    """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
+    """Draw a stage's picture (h, w, 3) uint8.
+
+    Parameters
+    ----------
+    view : snapshot of the run.
+    index : index of the facade.
+    name : name of a stage from `list_stage_pictures`.
+
+    Raises
+    ------
+    InputError : the facade has no such picture.
+    """
     for stage in iterate_stage_pictures(view.stored_facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
             return stage.draw()
@@ -25,7 +36,12 @@ def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
 
 
 def read_previous_picture(view: RunView, index: int) -> bytes:
-    """How facade number `index` was at the capture before, a WebP file. Raises InputError where that is not kept."""
+    """Return the WebP file of a facade at the previous capture.
+
+    Raises
+    ------
+    InputError : the store has no such picture.
+    """
     record = view.records[index]
     if record is None or "before_file" not in record:
         raise InputError(f"{view.tables.facades.id[index]}: no picture of how it was before")
@@ -33,7 +49,7 @@ def read_previous_picture(view: RunView, index: int) -> bytes:
 
 
 def encode_picture(image: UInt8Array, kind: str = "WEBP", quality: int = 85) -> bytes:
-    """An image (h, w, 3) uint8 as a file's bytes."""
+    """Encode an image (h, w, 3) uint8 as a file's bytes."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""A run's folder as the viewer reads it: always the newest snapshot of the store, so that a run is followed as it goes."""
+"""Snapshots of a run's store for the viewer, which follows the newest one."""
 
 from __future__ import annotations
 
@@ -41,10 +41,14 @@ APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_materi
 
 @dataclass(frozen=True)
 class _PlanTables:
-    """What ingest wrote: the same for every snapshot of a run.
+    """Tables of the ingest stage, the same for every snapshot of a run.
 
-    line (facades, 2, 2): ends of the foot lines, metres; position, forward, street by viewpoint; views (n, 2): viewpoint and
-    chart that it sees.
+    Attributes
+    ----------
+    line : (facades, 2, 2) ends of foot lines, metres.
+    appearance : columns of roof and materials by building.
+    position, forward, street : columns of the viewpoints.
+    views : (n, 2) pairs of viewpoint and visible chart.
     """
 
     facades: Facades
@@ -64,7 +68,7 @@ class _PlanTables:
 
 @dataclass(frozen=True, eq=False)
 class RunView:
-    """One snapshot of a run's store. published: whether the run's newest published results are of this snapshot."""
+    """Snapshot of a run's store."""
 
     out: Folder
     session: icechunk.Session
@@ -77,23 +81,23 @@ class RunView:
 
     @property
     def published_snapshot(self) -> str | None:
-        """The snapshot that was published last; an older one than this while a run goes on."""
+        """Return the newest published snapshot, which may be older than this one during a run."""
         found = find_current_snapshot(self.out)
         return found.id if found else None
 
     @cached_property
     def journals(self) -> Journals:
-        """The records of every stage."""
+        """Records of every stage."""
         return read_typed_journals(self.group)
 
     @property
     def records(self) -> list[FacadeRecord | None]:
-        """Those of the facades."""
+        """Return the records of the facades."""
         return self.journals["facades"]
 
     @cached_property
     def corrected_buildings(self) -> frozenset[str]:
-        """The buildings that somebody corrected."""
+        """Buildings with corrections."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
@@ -101,30 +105,37 @@ class RunView:
         return {name: i for i, name in enumerate(self.tables.facades.id)}
 
     def find_facade(self, facade: str) -> int:
-        """Raises InputError for a facade that the block does not have."""
+        """Return the index of a facade.
+
+        Raises
+        ------
+        InputError : the block has no such facade.
+        """
         if facade not in self.facade_numbers:
             raise InputError(f"no facade {facade} in this block; its page lists those there are")
         return self.facade_numbers[facade]
 
     @cached_property
     def exemplars(self) -> list[str]:
-        """Those that could be prepared."""
+        """Names of the prepared exemplars."""
         return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
 
     @cached_property
     def renamed_ids(self) -> dict[str, str]:
-        """The ids under which corrections were made of what has another id now -> that one."""
+        """Present id by the id at the time of a correction."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
     def stored_facade(self, index: int) -> StoredFacade:
-        """Facade number `index`."""
+        """Return the stored data of a facade."""
         chart = int(self.tables.facades.chart[index])
         exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
         return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
 
     def block_map(self) -> dict[str, Any]:
-        """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the ids of those
-        to look at; the viewpoints."""
+        """Return the block as a map: facades with catalogue columns, streets, viewpoints and review hints.
+
+        Lines are in metres from `origin`, y up.
+        """
         tables = self.tables
         every = [tables.line.reshape(-1, 2), *(np.array(street["line"]) for street in tables.streets)]
         corner = np.concatenate(every).min(axis=0).round() if len(every[0]) else np.zeros(2)
@@ -174,7 +185,7 @@ class RunView:
         return {name: _to_python(value) for name, value in row.items() if value is not None}
 
     def _visible_facades(self) -> list[list[int]]:
-        """For every viewpoint the numbers of the facades that it sees."""
+        """List the indices of visible facades for each viewpoint."""
         facade = np.full(len(self.tables.placement.page), -1)
         facade[self.tables.facades.chart] = np.arange(len(self.tables.facades.id))
         seen: list[list[int]] = [[] for _ in self.tables.street]
@@ -184,7 +195,7 @@ class RunView:
         return seen
 
     def run_progress(self) -> dict[str, Any]:
-        """Units done, failed, stale and in all by stage, and why; which viewpoints are done; whether all is published."""
+        """Return unit counts, failures and stale units by stage, finished viewpoints and publication state."""
         stages = []
         failures = [
             {"stage": str(kind), "unit": str(unit), "reason": str(reason)}
@@ -218,7 +229,7 @@ class RunView:
 
 
 class RunReader:
-    """Views of the folder `out` of a run, the newest each time; safe to use from several threads."""
+    """Reader of the newest snapshot of a run's folder; thread-safe."""
 
     def __init__(self, out: Folder) -> None:
         self.out = out
@@ -228,7 +239,12 @@ class RunReader:
         self._key: tuple[str, float] | None = None
 
     def open_newest(self) -> RunView:
-        """The newest snapshot. Raises StoreError where there is no block in the folder yet."""
+        """Open the newest snapshot.
+
+        Raises
+        ------
+        StoreError : the folder has no ingested block yet.
+        """
         with self._lock:
             if self._repository is None:
                 self._repository = open_repository(self.out / "store")

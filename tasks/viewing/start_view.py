@@ -1,4 +1,4 @@
-"""Where a walk through the block begins: on the street that shows most, at the place and in the direction that do."""
+"""Start of a walk through the block: position and heading with the best view of facades."""
 
 from __future__ import annotations
 
@@ -15,14 +15,23 @@ MIN_AHEAD_COSINE, MIN_DISTANCE_M = 0.35, 6.0
 
 @dataclass(frozen=True)
 class StartView:
-    """position [east, north, up], world metres, of a viewpoint; heading along its street, degrees clockwise from north."""
+    """Start of a walk.
+
+    Attributes
+    ----------
+    position : [east, north, up] of a viewpoint, world metres.
+    heading : heading along its street, degrees clockwise from north.
+    """
 
     position: list[float]
     heading: float
 
 
 def choose_start_view(view: RunView) -> StartView | None:
-    """The viewpoint that sees the largest facades ahead of it on both sides, from photos before others; None without one."""
+    """Choose the viewpoint with the largest facades ahead on both sides; photos count more.
+
+    None without a viewpoint that sees a facade.
+    """
     tables = view.tables
     facade = np.full(len(tables.placement.page), -1)
     facade[tables.facades.chart] = np.arange(len(tables.facades.id))

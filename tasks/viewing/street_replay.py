@@ -1,4 +1,4 @@
-"""A street as it was after any of its viewpoints, replayed from the panoramas."""
+"""Pictures of a street after any of its viewpoints, replayed from the panoramas."""
 
 from __future__ import annotations
 
@@ -33,8 +33,13 @@ _THREADS = os.cpu_count() or 1
 
 @dataclass
 class _ReplayedStreet:
-    """The street that was looked at last: its window with so many of its viewpoints in it, and the texel that each pixel
-    of the picture shows, -1 beside the street and -2 for the sky."""
+    """Street of the newest request.
+
+    Attributes
+    ----------
+    steps : viewpoints in the buffer.
+    texel : (h, w) texel of each pixel, -1 off the street and -2 for the sky.
+    """
 
     view: RunView
     street: int
@@ -46,14 +51,19 @@ class _ReplayedStreet:
 
 
 class StreetReplay:
-    """Keeps the street that was looked at last, so that a step forward costs one propagation."""
+    """Cache of the newest street, so that one step forward costs one propagation."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._street: _ReplayedStreet | None = None
 
     def draw_after(self, view: RunView, viewpoint: int) -> np.ndarray:
-        """A viewpoint's street after it from above, (h, w, 3) uint8. Raises InputError before it is done."""
+        """Draw a viewpoint's street after that viewpoint from above, (h, w, 3) uint8.
+
+        Raises
+        ------
+        InputError : the viewpoint is not textured yet.
+        """
         street = int(view.tables.street[viewpoint])
         own = np.flatnonzero(view.tables.street == street)
         steps = int(np.searchsorted(own, viewpoint)) + 1
@@ -79,7 +89,7 @@ class StreetReplay:
 
 
 def _is_same_run(held: _ReplayedStreet, view: RunView) -> bool:
-    """Whether a view is of the run that is held: a run that goes on has a new snapshot every moment, and one plan."""
+    """Report whether a view belongs to the cached run; its snapshots change, its plan does not."""
     return held.view.tables is view.tables
 
 
@@ -88,7 +98,7 @@ def _plan(view: RunView) -> Plan:
 
 
 def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
-    """Which texel of the window each pixel of the picture shows, (h, w) int64."""
+    """Find the texel of the buffer behind each pixel of the picture, (h, w) int64."""
     scene = plan.scene
     places = np.array([viewpoint.position for viewpoint in plan.street_viewpoints(street)])
     along = places[-1] - places[0] if len(places) > 1 else np.array([*plan.street_viewpoints(street)[0].forward, 0.0])

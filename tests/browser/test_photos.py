@@ -15,7 +15,15 @@ from benchmarks.matching import photo_of
 from catalogs.block.reader import read_block
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import synthetic_street
-from tasks.matching.match_table import COLUMNS, TABLE, FacadeCandidate, MatchTable, format_match_row, read_match_table, write_match_table
+from tasks.matching.match_table import (
+    COLUMNS,
+    TABLE,
+    FacadeCandidate,
+    MatchTable,
+    format_match_row,
+    read_match_table,
+    write_match_table,
+)
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import HOUSES, STREET, made
 from tests.pipeline.stages import EAST, NORTH, write_block

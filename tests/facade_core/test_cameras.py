@@ -18,7 +18,7 @@ from facade_core.imagery.cameras.ground import (
     trusted_ground_texels,
 )
 from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.synth.street_paint import ground_pattern
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street

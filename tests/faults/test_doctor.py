@@ -25,7 +25,7 @@ from tasks.engine.store.status import record_source
 
 
 def wrong(out: Path) -> dict[str, str]:
-    return {finding.concern: finding.said for finding in examine_folder(out) if finding.well is False}
+    return {finding.concern: finding.said for finding in examine_folder(out) if finding.is_well is False}
 
 
 def contents(out: Path) -> set[str]:
@@ -102,7 +102,7 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     settings = yaml.safe_load(block.read_text())
     block.write_text(yaml.safe_dump(settings | {"seed": 4}))
     assert wrong(out) == {}, "what is stale is whole"
-    [said] = [finding.said for finding in examine_folder(out) if finding.concern == "stale" and finding.well is None]
+    [said] = [finding.said for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None]
     assert "streets (block's settings changed)" in said
     assert said.endswith(f"made again by the next run: `streetloom run {block} --out {out}`")
     block.write_text(yaml.safe_dump(settings | {"name": "other"}))
@@ -113,23 +113,23 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
 
 
 def test_the_environment_is_as_declared(tmp_path: Path) -> None:
-    assert [f for f in examine_machine(tmp_path / "not" / "yet") if f.well is False] == []
+    assert [f for f in examine_machine(tmp_path / "not" / "yet") if f.is_well is False] == []
 
 
 def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     from facade_core.parsing import network
 
     missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
-    assert missing.well is False
+    assert missing.is_well is False
     assert "is not <1, not-there is missing; `make setup`" in missing.said
     for path in network.SHIPPED_NETWORK.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "network.onnx").write_bytes(b"cut")
     whole, cut = models({network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network})
-    assert whole.well
-    assert cut.well is False
+    assert whole.is_well
+    assert cut.is_well is False
     assert "checksum" in cut.said
-    assert disk(tmp_path, 1).well
+    assert disk(tmp_path, 1).is_well
     assert "make room" in disk(tmp_path / "not" / "yet", 1 << 60).said
 
 

@@ -17,7 +17,7 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.facade import paint_facade as paint
-from tasks.stages.shared.refined_poses import read_refined_poses
+from tasks.stages.bundles.refined_poses import read_refined_poses
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0

@@ -20,7 +20,16 @@ from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import read_city
-from tasks.matching.match_table import COLUMNS, MatchDecision, MatchTable, lock_match_table, apply_decisions, format_match_row, read_match_table, write_match_table
+from tasks.matching.match_table import (
+    COLUMNS,
+    MatchDecision,
+    MatchTable,
+    apply_decisions,
+    format_match_row,
+    lock_match_table,
+    read_match_table,
+    write_match_table,
+)
 from tasks.matching.photo_import import import_photos, plan_photo_import
 from tests.pipeline.stages import EAST, NORTH, write_block
 

@@ -11,10 +11,10 @@ from shapely import MultiPolygon, Polygon
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Shell
 from facade_core.geometry.buildings.facets import Facets
+from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
 from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles
 from facade_core.geometry.ground.terrain import Terrain
-from facade_core.geometry.neighbours import NEIGHBOUR_GAP_M
 
 # Metres; wider gaps between a building and the terrain are closed by a skirt.
 MIN_SKIRT_M = 0.05

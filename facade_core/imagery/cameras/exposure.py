@@ -12,7 +12,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
 
 # Side in metres of the world grid's squares whose colours are compared; larger than the error of a pose.
 GRID_SQUARE_M = 2.0

@@ -13,7 +13,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.parsing.segmenter import parse
 
 # Perspective views around a panorama that the parser labels; it was trained on such pictures, not on bent

@@ -15,7 +15,7 @@ from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
-from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_position
+from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_position
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_view
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.shared_walls import PatchMatches
 from facade_core.imagery.poses.wall_lines import LINE_SIGMA_DEG, WallLines
 

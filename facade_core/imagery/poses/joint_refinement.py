@@ -10,8 +10,8 @@ import numpy as np
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.bundle_adjustment import BundleAdjustment
-from facade_core.imagery.poses.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.shared_walls import PatchMatches, WallAgreement, match_shared_walls
 from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_slope
 

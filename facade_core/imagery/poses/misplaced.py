@@ -9,6 +9,7 @@ import numpy as np
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.panorama_camera import camera_position
 from facade_core.imagery.poses.outlines import (
     COARSE_RESOLUTION,
     Gradients,
@@ -19,7 +20,6 @@ from facade_core.imagery.poses.outlines import (
     sample_outline,
     search_gradients,
 )
-from facade_core.imagery.poses.panorama_camera import camera_position
 
 # Outlines fit elsewhere from this fit on. By chance they fit up to 0.23, at the true position from 0.35 on.
 MIN_OTHER_FIT = 0.3

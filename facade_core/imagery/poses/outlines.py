@@ -12,7 +12,7 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 
 # Farther edges, in metres, do not constrain a position.
 MAX_OUTLINE_DISTANCE_M = 60.0

@@ -10,6 +10,7 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.outlines import (
     HORIZONTAL_COST,
     STATED_HEIGHT_COST,
@@ -21,7 +22,6 @@ from facade_core.imagery.poses.outlines import (
     sample_outline,
     search_gradients,
 )
-from facade_core.imagery.poses.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_slope, solve_turn
 
 # Fewer lines do not determine a rotation,

@@ -13,8 +13,8 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.bundles import MIN_WALL_SHARE
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 

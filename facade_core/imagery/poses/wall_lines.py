@@ -11,7 +11,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import rectify_view
 
 # Width in pixels of the scan that finds the walls.

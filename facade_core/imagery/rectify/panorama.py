@@ -14,12 +14,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import (
-    camera_from_world,
-    camera_position,
-    is_in_view,
-    project_to_panorama,
-)
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.resampling import ChartRaster, PanoramaLens, compute_footprints, resample_panorama
 

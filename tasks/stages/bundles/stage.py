@@ -17,9 +17,9 @@ from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.geometry.walls import WallRole
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_bundles
 from facade_core.imagery.poses.joint_refinement import MAX_TURN_PIXELS, PriorPose
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan, Sightings
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
@@ -27,12 +27,12 @@ from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, mat
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
+from tasks.stages.bundles.refined_poses import select_pose
 from tasks.stages.bundles.worker import BundleMember, process_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
-from tasks.stages.shared.refined_poses import select_pose
 
 # Bytes kept of each panorama of a bundle.
 SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3

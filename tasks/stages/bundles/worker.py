@@ -12,8 +12,8 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.exposure import sample_ground
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
-from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup

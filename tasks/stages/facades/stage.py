@@ -25,6 +25,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
+from tasks.stages.bundles.refined_poses import is_rejected, read_refined_poses, select_pose
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import facade_captures
 from tasks.stages.facades.forecast import forecast_facades
@@ -41,7 +42,6 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.refined_poses import is_rejected, read_refined_poses, select_pose
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 MAX_SHOP_DISTANCE_M = 15.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from catalogs.block.reader import Block
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, match_by_name
@@ -17,6 +17,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
+from tasks.stages.bundles.nearby_panoramas import find_panoramas
 from tasks.stages.grounds.worker import process_ground
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_after_poses
@@ -29,7 +30,6 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.nearby_panoramas import find_panoramas
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.

@@ -18,7 +18,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import detect_on_panorama
-from facade_core.imagery.poses.panorama_camera import camera_position
+from facade_core.imagery.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_rejections
 from tasks.stages.shared.images import read_panorama

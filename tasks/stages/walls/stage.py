@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
+from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
@@ -19,6 +19,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
+from tasks.stages.bundles.nearby_panoramas import find_panoramas
 from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import hex_chart_ids, panorama_parts
 from tasks.stages.shared.memory import (
@@ -30,7 +31,6 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.nearby_panoramas import find_panoramas
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.worker import process_walls
 

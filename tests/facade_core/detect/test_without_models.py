@@ -37,7 +37,7 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
     assert not seen.lines
     assert not seen.private_mask((40, 60)).any()
     found = second_opinion()
-    assert (found.concern, found.well) == ("privacy", None)
+    assert (found.concern, found.is_well) == ("privacy", None)
     assert "no-such-package not installed; `make detect-setup`" in found.said
 
 

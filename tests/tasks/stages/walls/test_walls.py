@@ -20,7 +20,7 @@ from facade_core.plan.ingest import IngestSettings, ingest, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import differing_parts
-from tasks.stages.shared.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
+from tasks.stages.bundles.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
 from tasks.stages.walls.stage import WALLS, wall_names, wall_units
 
 # Before the gap between the first two houses, and 200 m on before the third.

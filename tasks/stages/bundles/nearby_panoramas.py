@@ -15,8 +15,8 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
+from tasks.stages.bundles.refined_poses import read_refined_poses, select_pose
 from tasks.stages.poses.record import PoseRecord
-from tasks.stages.shared.refined_poses import read_refined_poses, select_pose
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # Panoramas at most that a surface is taken from, the nearest to its middle: with pieces of ground of 32 m and a panorama each
