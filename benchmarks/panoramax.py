@@ -117,17 +117,17 @@ def fetched(api: str, data: Path, folder: Path) -> dict[str, Any]:
     block.write_text("".join(line for line in text.splitlines(True) if "panoramas:" not in line), encoding="utf-8")
     of_block = fetch_for_block(block, stac_service(api))
     assert of_block.choice is not None
-    same = [_likeness(folder / "strasbourg" / one.file, data) for one in first.account.pictures.values()]
+    same = [_likeness(folder / "strasbourg" / one.file, data) for one in first.log.pictures.values()]
     stated = json.loads((data / "city" / "amsterdam" / "poses_and_walls.json").read_text(encoding="utf-8"))
     places = np.array(list(stated["camera_positions"].values()))[:, :2]
     poses = [panorama.pose for panorama in read_block(block).panoramas]
     off = [float(np.hypot(*(places - (pose.x, pose.y)).T).min()) for pose in poses]
     return {
         "offered": first.offered,
-        "fetched": len(first.account.pictures),
+        "fetched": len(first.log.pictures),
         "faults": [f"{fault.id}: {fault.reason}" for fault in first.faults],
-        "licences": sorted({str(one.licence) for one in first.account.pictures.values()}),
-        "days": sorted({str(one.captured) for one in first.account.pictures.values()}),
+        "licences": sorted({str(one.licence) for one in first.log.pictures.values()}),
+        "days": sorted({str(one.captured) for one in first.log.pictures.values()}),
         "pictures_that_are_those_uploaded": sum(same),
         "asked_for_by_a_second_run": second.chosen - second.earlier,
         "block": {

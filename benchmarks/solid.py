@@ -50,8 +50,8 @@ def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
     from catalogs.block.reader import read_block
     from facade_core.core.grouping import group_rows
+    from facade_core.export.attribution import Attribution
     from facade_core.export.bodies.building_models import build_building_model
-    from facade_core.export.city_models.attribution import Attribution
     from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
     from facade_core.export.models.textured_mesh import (
         MIN_TRIANGLE_M2,

@@ -41,7 +41,7 @@ _SMALL = 512
 
 
 @dataclass(frozen=True)
-class Fetched:
+class ImageryFetch:
     """What was fetched.
 
     Args:
@@ -58,7 +58,7 @@ class Fetched:
     """
 
     service: str
-    account: FetchLog
+    log: FetchLog
     offered: int
     chosen: int
     earlier: int
@@ -66,11 +66,11 @@ class Fetched:
     faults: tuple[Fault, ...]
     refused: int
     missing: int
-    named: str | None = None
+    manual_entry: str | None = None
 
     def lines(self) -> list[str]:
         """What was done, one fact a line."""
-        there = [one for one in self.account.pictures.values() if not one.refused]
+        there = [one for one in self.log.pictures.values() if not one.refused]
         licences = sorted({one.licence or "not stated" for one in there})
         days = sorted(one.captured for one in there if one.captured)
         choice = self.choice
@@ -91,7 +91,7 @@ class Fetched:
             ),
             f"fetched    {self.chosen - self.earlier - self.missing}, {self.earlier} were there"
             + (f"; of all of them {self.refused} cannot be used" if self.refused else ""),
-            f"pictures   {len(there)}, {sum(one.bytes for one in there) / 1e6:.1f} MB, in {self.account.folder}",
+            f"pictures   {len(there)}, {sum(one.bytes for one in there) / 1e6:.1f} MB, in {self.log.folder}",
             f"licences   {', '.join(licences) if there else '-'}",
             *([f"taken      {days[0]} to {days[-1]}"] if days else []),
         ]
@@ -103,9 +103,9 @@ def fetch_for_block(
     *,
     to: Path | None = None,
     dates: str | None = None,
-    most: int | None = None,
+    max_count: int | None = None,
     licence: str | None = None,
-) -> Fetched:
+) -> ImageryFetch:
     """Fetch the panoramas that a block's facades need, into the folder that its file names for them; where it names none, into
     `to` (beside it, `panoramas/`), which it names then.
 
@@ -125,7 +125,7 @@ def fetch_for_block(
     offers, faults = _asked(service, ImageryQuery(_box(block), dates, licence, block.crs.to_string()))
     report_progress("search", 1)
     choice = _choice(block, offers)
-    chosen = [offers[i] for i in choice.chosen[:most]]
+    chosen = [offers[i] for i in choice.chosen[:max_count]]
     fetched = _fetched(service, account, offers, chosen, faults, choice)
     if named is not None or not any(not one.refused for one in account.pictures.values()):
         return fetched
@@ -145,7 +145,7 @@ def fetch_for_box(
     dates: str | None = None,
     most: int | None = None,
     licence: str | None = None,
-) -> Fetched:
+) -> ImageryFetch:
     """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
     wanted = ImageryQuery(box, dates, licence)
     account = read_fetch_log(to)
@@ -204,7 +204,7 @@ def _fetched(
     chosen: Sequence[RemotePanorama],
     faults: tuple[Fault, ...],
     choice: PanoramaChoice | None,
-) -> Fetched:
+) -> ImageryFetch:
     earlier = sum(account.find_picture(service.name, offer.id) is not None for offer in chosen)
     begin_stage("fetch", len(chosen))
 
@@ -216,7 +216,7 @@ def _fetched(
     finally:
         account.write_poses()
     held = [account.find_picture(service.name, offer.id) for offer in chosen]
-    return Fetched(
+    return ImageryFetch(
         service.name,
         account,
         len(offers),

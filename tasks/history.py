@@ -52,15 +52,17 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
     plan = read_plan(session)
     chosen = [index for index, one in enumerate(plan.streets) if street in (one.id, one.name)]
     if len(chosen) != 1:
-        said = "several streets have the name" if chosen else "no street has the id or name"
+        problem = "several streets have the name" if chosen else "no street has the id or name"
         known = [plan.streets[index] for index in chosen or range(min(5, len(plan.streets)))]
         raise InputError(
-            f"{out}: {said} {street!r}; there are {', '.join(f'{o.id} ({o.name})' if o.name else o.id for o in known)}"
+            f"{out}: {problem} {street!r}; there are {', '.join(f'{o.id} ({o.name})' if o.name else o.id for o in known)}"
         )
-    own = plan.street_viewpoints(chosen[0])
-    if not 0 <= step < len(own):
-        raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
-    if not group[journal_path("viewpoints")][own[step].id].item():
+    viewpoints = plan.street_viewpoints(chosen[0])
+    if not 0 <= step < len(viewpoints):
+        raise InputError(
+            f"{out}: street {street} has {len(viewpoints)} viewpoints; {step} is none of 0 to {len(viewpoints) - 1}"
+        )
+    if not group[journal_path("viewpoints")][viewpoints[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
     field = stored_material_field(group, plan)
     window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)

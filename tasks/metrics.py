@@ -29,7 +29,7 @@ def collect_metrics(runs: Mapping[str, Folder]) -> CollectorRegistry:
     )
     latest = Gauge("streetloom_unit_latest", "When the newest unit was begun, Unix time.", ["run"], registry=registry)
     commits = Gauge("streetloom_snapshots", "Commits that the store keeps.", ["run"], registry=registry)
-    held = Gauge("streetloom_store_bytes", "Bytes of the store.", ["run"], registry=registry)
+    store_bytes = Gauge("streetloom_store_bytes", "Bytes of the store.", ["run"], registry=registry)
     current = Gauge("streetloom_published", "Whether something is published.", ["run"], registry=registry)
     for name, folder in runs.items():
         repository = open_repository(folder / "store")
@@ -44,6 +44,6 @@ def collect_metrics(runs: Mapping[str, Folder]) -> CollectorRegistry:
             begun += [record["started"] for record in records if record.get("started")]
         latest.labels(name).set(max(begun))
         commits.labels(name).set(sum(1 for _ in repository.ancestry(branch=BRANCH)))
-        held.labels(name).set(sum(file_sizes(folder / "store").values()))
+        store_bytes.labels(name).set(sum(file_sizes(folder / "store").values()))
         current.labels(name).set(find_current_snapshot(folder) is not None)
     return registry

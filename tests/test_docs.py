@@ -12,14 +12,15 @@ from pathlib import Path
 import pytest
 from defusedxml import ElementTree
 
-from docs.drawing import drawn
-from tests.test_layers import HOUSE, STOREYS
+from docs.drawing import as_mermaid, as_svg, read_layers
+from tests.test_layers import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 PAGES = sorted(
     [
         ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
         ROOT / "deploy" / "README.md",
         *(page for folder in ("docs", "catalogs", "facade_core") for page in (ROOT / folder).rglob("*.md")),
     ]
@@ -27,7 +28,9 @@ PAGES = sorted(
 FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
 # "tasks/units/", "readers/files.py", "osm.py"; of the house, or below the page's own folder
-PATH = re.compile(rf"(?<![\w./-])((?:{'|'.join((*HOUSE, 'deploy', 'docs'))})/[\w./-]*|[\w./-]*\w\.py)(?![\w*{{-])")
+PATH = re.compile(
+    rf"(?<![\w./-])((?:{'|'.join((*PACKAGES, 'benchmarks', 'tests', 'deploy', 'docs'))})/[\w./-]*|[\w./-]*\w\.py)(?![\w*{{-])"
+)
 NAME = re.compile(r"(?<![\w./-])((?:facade_core|tasks|flows|catalogs|benchmarks)(?:[.:][A-Za-z_]\w*)+)(?!\w*[/-])")
 LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
 
@@ -93,38 +96,21 @@ def test_what_is_gone_is_found() -> None:
     assert missing("`flows.block:city_block`, `catalogs.open(out)`, `catalogs.readers`", ARCHITECTURE) == []
 
 
-@pytest.mark.parametrize("layer", STOREYS)
-def test_the_drawing_shows_the_storeys(layer: str) -> None:
-    """The text as it stands, and the boxes of the diagram: the lowest storey is 1."""
-    text = ARCHITECTURE.read_text(encoding="utf-8")
-    storeys = dict(enumerate(STOREYS[layer], 1))
-    part = re.search(rf"^{layer} .*\n((?:  \d.*\n)+)", text, re.MULTILINE)
-    assert part is not None
-    lines = [line.split() for line in part[1].splitlines()]
-    assert [(int(number), tuple(rooms)) for number, *rooms in lines] == sorted(storeys.items(), reverse=True)
-    boxes = re.findall(rf'\b{layer[0]}(\d)\["([^"]+)"\]', text)
-    assert {int(number): tuple(rooms.split(" · ")) for number, rooms in boxes} == storeys
+def test_the_drawing_shows_the_contracts() -> None:
+    layers = read_layers()
+    assert f"```mermaid\n{as_mermaid(layers)}```" in ARCHITECTURE.read_text(encoding="utf-8")
+    texts = " · ".join(text.text or "" for text in ElementTree.fromstring(as_svg(layers)).iter("text")).split(" · ")
+    assert {name for rows in layers.values() for row in rows for name in row} <= set(texts)
 
 
-def test_the_site_draws_them_all() -> None:
-    flowchart = re.search(
-        r"^```mermaid\n(.*?)^```$", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
-    )
-    assert flowchart is not None
-    drawn_text = [text.text or "" for text in ElementTree.fromstring(drawn(flowchart[1])).iter("text")]
-    rooms = [room for storeys in STOREYS.values() for rooms in storeys for room in rooms]
-    assert sorted(room for text in drawn_text for room in text.split(" · ") if room in rooms) == sorted(rooms)
-    assert {"flows", *STOREYS, "facade_core"} <= set(drawn_text)
-
-
-def test_every_room_has_its_line() -> None:
+def test_every_package_has_its_line() -> None:
     rows = re.findall(r"^\| `([^`]+)/` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE)
-    rooms = {
+    packages = {
         path.parent.relative_to(ROOT).as_posix()
-        for layer in ("flows", "tasks", "catalogs", "facade_core")
-        for path in (ROOT / layer).glob("*/__init__.py")
+        for package in PACKAGES
+        for path in (ROOT / package).glob("*/__init__.py")
     }
-    assert rooms | {"flows"} == set(rows)
+    assert packages | {"flows"} == set(rows)
 
 
 def commands_of_figures() -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, NumericArray, UInt8Array
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, NumericArray, UInt8Array
 
 # Metres from a seam at which its offset has fallen to 1 / e.
 SEAM_DECAY_M = 2.0
@@ -119,7 +119,7 @@ def level_seam(colour: UInt8Array, fixed: BoolArray, free: BoolArray, *, reach: 
     return levelled
 
 
-def _membrane(values: np.ndarray, known: np.ndarray) -> Float32Array:
+def _membrane(values: FloatArray, known: BoolArray) -> Float32Array:
     """Interpolate known values (h, w, c) smoothly, with free borders, by relaxation from coarse to fine."""
     import cv2
 

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array
+from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
 
 _BYTES = np.arange(256) / 255
 # IEC 61966-2-1.
 _LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def srgb_to_linear(image: np.ndarray) -> Float32Array:
+def srgb_to_linear(image: UInt8Array) -> Float32Array:
     """Convert sRGB bytes (...) to linear light (...), 0 to 1."""
     return _LINEAR[image]
 
 
-def linear_to_srgb(light: np.ndarray) -> np.ndarray:
+def linear_to_srgb(light: FloatArray) -> UInt8Array:
     """Convert linear light (...) to sRGB bytes (...); values beyond 0 to 1 are clipped."""
     x = np.clip(light, 0, 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
     return np.rint(255 * encoded).astype(np.uint8)
 
 
-def smooth_known(light: np.ndarray, known: BoolArray, sigma: float, *, wrap: bool = False) -> np.ndarray:
+def smooth_known(light: FloatArray, known: BoolArray, sigma: float, *, wrap: bool = False) -> Float32Array:
     """Compute Gaussian means of the known light around each pixel.
 
     Where no known pixel is near, ever wider means are used (pull-push).

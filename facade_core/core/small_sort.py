@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def argsort_few(values: Float64Array) -> np.ndarray:
+def argsort_few(values: Float64Array) -> Int64Array:
     """Return the stable ascending order (k,) of a few values (k,)."""
     order = np.empty(len(values), np.int64)
     for i in range(len(values)):

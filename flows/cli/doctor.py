@@ -51,7 +51,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     for finding in chain(examine_machine(disk), _examine_runs(out) if out else ()):
         found.append(finding)
         if not as_json:
-            print_line(f"{FINDING_WORDS[finding.is_well]:<6} {finding.concern:<10} {finding.said}")
+            print_line(f"{FINDING_WORDS[finding.is_well]:<6} {finding.concern:<10} {finding.message}")
     well = all(finding.well is not False for finding in found)
     if as_json:
         lines = [{"concern": f.concern, "state": FINDING_WORDS[f.well], "said": f.said} for f in found]
@@ -69,4 +69,4 @@ def _examine_runs(out: Folder) -> Iterator[Finding]:
         yield from examine_folder(out)
     for name, folder in runs.items():
         for finding in examine_folder(folder):
-            yield replace(finding, said=f"{name}: {finding.said}")
+            yield replace(finding, said=f"{name}: {finding.message}")

@@ -13,7 +13,7 @@ from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
-    from tasks.fetching import Fetched
+    from tasks.fetching import ImageryFetch
 
 # Unusable pictures that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -163,7 +163,7 @@ def fetch_block_imagery(
     dates: str | None = None,
     most: int | None = None,
     licence: str | None = None,
-) -> Fetched:
+) -> ImageryFetch:
     """Fetch the panoramas of a block, with progress bars in a terminal.
 
     Parameters
@@ -177,11 +177,11 @@ def fetch_block_imagery(
 
     with show_progress(quiet=not sys.stderr.isatty()):
         return fetch_for_block(
-            block_file, resolve_service(source, poses), to=to, dates=dates, most=most, licence=licence
+            block_file, resolve_service(source, poses), to=to, dates=dates, max_count=most, licence=licence
         )
 
 
-def report_fetched(fetched: Fetched) -> None:
+def report_fetched(fetched: ImageryFetch) -> None:
     """Print the fetched pictures; exit with 1 if another run may fetch the missing ones."""
     for fault in fetched.faults[:MAX_LISTED_FAULTS]:
         print_notice(f"{fault.id}: {fault.reason}")
@@ -189,8 +189,8 @@ def report_fetched(fetched: Fetched) -> None:
         print_notice(f"{len(fetched.faults) - MAX_LISTED_FAULTS} pictures more cannot be used")
     for line in fetched.lines():
         print_line(line)
-    if fetched.named:
-        print_notice(f"write into the block file: {fetched.named}")
+    if fetched.manual_entry:
+        print_notice(f"write into the block file: {fetched.manual_entry}")
     if fetched.missing:
         print_notice(f"{fetched.missing} pictures could not be had; run the same command again")
         sys.exit(1)

@@ -55,7 +55,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
     from flows.console import show_progress
-    from tasks.training.corrected_facades import read_corrected_facades
+    from tasks.training.corrected_facades import load_corrected_facades
     from tasks.training.parser import train_corrected, train_fold, train_network
 
     if corrections and (data or fold):
@@ -64,7 +64,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
     with show_progress(quiet=False):
         if data is None:
-            model = train_corrected(read_corrected_facades(corrections), out, seed=seed)
+            model = train_corrected(load_corrected_facades(corrections), out, seed=seed)
         elif fold:
             model = train_fold(data, out, fold, seed=seed)
         else:
@@ -97,11 +97,11 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
     from flows.console import show_progress
-    from tasks.training.corrected_facades import layout_record, read_corrected_facades
+    from tasks.training.corrected_facades import layout_record, load_corrected_facades
     from tasks.training.layout import train_layout
 
     with show_progress(quiet=False):
-        added = [layout_record(facade) for facade in read_corrected_facades(corrections)] if corrections else []
+        added = [layout_record(facade) for facade in load_corrected_facades(corrections)] if corrections else []
         model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
     print_line(model)
 

@@ -1,1 +1,1 @@
-"""Cities: cut into blocks that are run one by one, and what is published over all of them."""
+"""Cities: partition into blocks, a run for each block, and products over all blocks."""

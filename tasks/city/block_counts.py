@@ -57,24 +57,27 @@ NO_COUNTS = BlockCounts(0, 0, 0, 0, 0, 0)
 def count_from_map(block: Block) -> BlockCounts:
     """Count the core of a block from its outlines and centrelines."""
     part = block.part
-    own = {b.id for b in block.buildings} if part is None else set(part.buildings)
+    core = {b.id for b in block.buildings} if part is None else set(part.buildings)
     walked = {s.id for s in block.streets} if part is None else set(part.streets)
-    mine = [building for building in block.buildings if building.id in own]
+    mine = [building for building in block.buildings if building.id in core]
     lines = [street.line for street in block.streets if street.id in walked]
     spacing, width = block.texture.viewpoint_spacing, block.texture.panorama_width
     viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
-    cells = _ground_cells(block, own, walked)
+    cells = _ground_cells(block, core, walked)
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
     density = _TexelDensity(block)
-    texels = sum(density.texels_per_m2(shapely.box(x, y, x + GROUND_CELL_M, y + GROUND_CELL_M)) * GROUND_CELL_M**2 for x, y in cells)
+    texels = sum(
+        density.texels_per_m2(shapely.box(x, y, x + GROUND_CELL_M, y + GROUND_CELL_M)) * GROUND_CELL_M**2
+        for x, y in cells
+    )
     texels += sum(building.footprint.area for building in mine) * density.coarsest**2  # no street sees roofs
-    free, of_walls = _count_walls(block, mine, density)
+    free, wall_texels = _count_walls(block, mine, density)
     return BlockCounts(
         facades=free,
         viewpoints=viewpoints,
         ground=len(cells),
         exemplars=exemplars,
-        megatexels=(texels + of_walls) / 1e6,
+        megatexels=(texels + wall_texels) / 1e6,
         megapixels=viewpoints * width * (width // 2) / 1e6,
     )
 
@@ -136,13 +139,16 @@ def _edges(ring: shapely.LinearRing) -> ObjectArray:
 def _ground_cells(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:
     """List south-western corners of the ground cells whose centres are nearest to the block's core."""
     shapes = [*(b.footprint for b in block.buildings), *(s.line for s in block.streets)]
-    own = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
-    low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[own]), (2, 2))
+    in_core = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
+    low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[in_core]), (2, 2))
     reach = block.texture.visibility_range
-    first, last = (np.floor((low - reach) / GROUND_CELL_M).astype(int), np.ceil((high + reach) / GROUND_CELL_M).astype(int))
+    first, last = (
+        np.floor((low - reach) / GROUND_CELL_M).astype(int),
+        np.ceil((high + reach) / GROUND_CELL_M).astype(int),
+    )
     x, y = (np.arange(a, b) * GROUND_CELL_M + GROUND_CELL_M / 2 for a, b in zip(first, last, strict=True))
     middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     cell, near = shapely.STRtree(shapes).query_nearest(
         shapely.points(middles), max_distance=max(reach, GROUND_MARGIN_M), all_matches=False
     )
-    return [(x, y) for x, y in (middles[cell[own[near]]] - GROUND_CELL_M / 2).tolist()]
+    return [(x, y) for x, y in (middles[cell[in_core[near]]] - GROUND_CELL_M / 2).tolist()]

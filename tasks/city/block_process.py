@@ -41,7 +41,7 @@ def run_block(
     name: str,
     block_file: Path,
     options: Sequence[str],
-    before: BlockResult,
+    previous: BlockResult,
     digest: str,
     version: str,
     deadline: float | None,
@@ -63,7 +63,7 @@ def run_block(
     """
     begun = time.time()
     try:
-        ended = _run_and_export(out / BLOCKS_FOLDER / name, block_file, options, before, deadline, tiles)
+        ended = _run_and_export(out / BLOCKS_FOLDER / name, block_file, options, previous, deadline, tiles)
     except Exception as error:  # no process or memory left: other blocks continue
         log.debug("block %s could not be run", name, exc_info=True)
         ended = BlockResult(MACHINE_EXIT_CODE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
@@ -73,14 +73,14 @@ def run_block(
 def _run_and_export(
     folder: Folder, block_file: Path, options: Sequence[str], before: BlockResult, ends: float | None, tiles: bool
 ) -> BlockResult:
-    ran = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
-    code, processor = ran.code, ran.processor_s
+    command = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
+    code, processor = command.code, command.processor_s
     try:
-        summary: dict[str, Any] = json.loads(ran.output.strip().splitlines()[-1])
+        summary: dict[str, Any] = json.loads(command.output.strip().splitlines()[-1])
     except (IndexError, ValueError):
         summary = {}
     failures = [f"{one['unit']}: {one['reason']}" for one in summary.get("failures", ())]
-    reason = "" if code == 0 else _failure_reason(failures, ran.last_line)
+    reason = "" if code == 0 else _failure_reason(failures, command.last_line)
     published = find_current_snapshot(folder)
     snapshot = published.id if published else ""
     tiled = before.tiles if snapshot and before.tiles == snapshot and block_tileset(folder, snapshot).is_file() else ""
@@ -92,8 +92,10 @@ def _run_and_export(
             reason = f"3D Tiles: {exported.last_line}"
         else:
             tiled = snapshot
-    told = {key: value for key, value in summary.items() if key not in _OMITTED_KEYS}
-    return BlockResult(code=code, snapshot=snapshot, tiles=tiled, summary=told, reason=reason, processor=round(processor, 1))
+    summary_facts = {key: value for key, value in summary.items() if key not in _OMITTED_KEYS}
+    return BlockResult(
+        code=code, snapshot=snapshot, tiles=tiled, summary=summary_facts, reason=reason, processor=round(processor, 1)
+    )
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,10 @@ def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
         finally:
             os.close(handle)
         code = process.returncode = os.waitstatus_to_exitcode(status)
-        output, lines = _read_text(printed), [line.removeprefix("streetloom: ") for line in _read_text(said).strip().splitlines()]
+        output, lines = (
+            _read_text(printed),
+            [line.removeprefix("streetloom: ") for line in _read_text(said).strip().splitlines()],
+        )
     processor = used.ru_utime + used.ru_stime
     if not in_time:
         return CommandResult(DEADLINE_EXIT_CODE, "its time was up; what is done is kept", output, processor)

@@ -80,18 +80,18 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     BlockFileError : the city file or a file that it names cannot be used.
     InputError : the folder of block files holds none.
     """
-    values, asked = _read_city_keys(path)
-    if isinstance(asked, str):
-        return _city_from_files(path, values, asked, before or {})
-    keys = asked.keys
+    values, city_keys = _read_city_keys(path)
+    if isinstance(city_keys, str):
+        return _city_from_files(path, values, city_keys, before or {})
+    keys = city_keys.keys
     file = BlockFile(path)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
     adopt_corrections(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
-    cuts = partition_index(whole, asked.metres)
-    rest, city = _rebase_paths(asked.values, path.parent, folder), os.path.relpath(path, folder)
+    cuts = partition_index(whole, city_keys.metres)
+    rest, city = _rebase_paths(city_keys.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(select_parts(whole, cuts), cuts, strict=True):
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
@@ -174,14 +174,14 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
 def _rebase_paths(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:
     """Rewrite relative paths of a block file for another folder."""
 
-    def moved(text: str) -> str:
+    def rebase(text: str) -> str:
         return text if text.startswith(("~", "$")) or Path(text).is_absolute() else os.path.relpath(before_ / text, now)
 
     def walk(value: Any, key: str) -> Any:
         if isinstance(value, Mapping):
             return {name: walk(one, f"{key}.{name}" if key else name) for name, one in value.items()}
         if key in _PATHS:
-            return [moved(one) for one in value] if isinstance(value, list) else moved(value)
+            return [rebase(one) for one in value] if isinstance(value, list) else rebase(value)
         return value
 
     return walk(values, "")

@@ -20,9 +20,15 @@ from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import COUNT_NAMES, load_cost_model
 from tasks.city.source_digests import block_code_version, city_source_digest
 
-# In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
-# is; what all come to. In that of a block: how it ended last.
-BLOCKS_FOLDER, CITY_LOG_FILE, PRODUCTS_FILE, SUMMARY_FILE, RESULT_FILE = "blocks", CITY_FILE_NAME, "over.json", "summary.json", "ended.json"
+# Folder of the runs of blocks, in the city's folder.
+BLOCKS_FOLDER = "blocks"
+# Log of the city without results.
+CITY_LOG_FILE = CITY_FILE_NAME
+# Digest of the snapshots that the city's products show.
+PRODUCTS_FILE = "over.json"
+SUMMARY_FILE = "summary.json"
+# Result of a block, in the block's folder.
+RESULT_FILE = "ended.json"
 # Folder of removed blocks, which a search for runs skips.
 REMOVED_BLOCKS = ".gone"
 # Keys of the blocks' summaries that the city's summary adds up.
@@ -80,7 +86,9 @@ def is_up_to_date(out: Folder, name: str, result: BlockResult, digest: str, *, t
     snapshot = find_current_snapshot(out / BLOCKS_FOLDER / name)
     if snapshot is None or snapshot.id != result.snapshot:
         return False
-    return not tiles or (result.tiles == snapshot.id and block_tileset(out / BLOCKS_FOLDER / name, snapshot.id).is_file())
+    return not tiles or (
+        result.tiles == snapshot.id and block_tileset(out / BLOCKS_FOLDER / name, snapshot.id).is_file()
+    )
 
 
 @dataclass(frozen=True)
@@ -128,19 +136,21 @@ class CityLog:
         at_once : blocks that run at the same time.
         planned : counts from the plan by block name; see `CostModel.estimate`.
         """
-        told = [BlockCounts(**self.told[name]) for name in names]
-        return load_cost_model().estimate(told, workers, at_once, [planned[name] for name in names] if planned else ())
+        counts = [BlockCounts(**self.told[name]) for name in names]
+        return load_cost_model().estimate(
+            counts, workers, at_once, [planned[name] for name in names] if planned else ()
+        )
 
-    def with_result(self, name: str, how: BlockResult) -> CityLog:
+    def with_result(self, name: str, result: BlockResult) -> CityLog:
         """Return a copy with the result of one block replaced."""
-        return replace(self, blocks={**self.blocks, name: how})
+        return replace(self, blocks={**self.blocks, name: result})
 
     def pending_blocks(self, out: Folder, *, tiles: bool = False) -> list[str]:
         """List the blocks that are not up to date, in their order."""
-        found = map_concurrently(
+        up_to_date = map_concurrently(
             lambda name: is_up_to_date(out, name, self.blocks[name], self.digests[name], tiles=tiles), self.blocks, out
         )
-        return [name for name, standing in zip(self.blocks, found, strict=True) if not standing]
+        return [name for name, is_current in zip(self.blocks, up_to_date, strict=True) if not is_current]
 
     def products_digest(self) -> str:
         """Compute the digest of the snapshots that the city's products show when written now."""
@@ -148,14 +158,14 @@ class CityLog:
 
     def summary(self, out: Folder) -> dict[str, Any]:
         """Sum up the results of all blocks."""
-        found = [ended.summary for ended in self.blocks.values() if ended.summary]
+        summaries = [ended.summary for ended in self.blocks.values() if ended.summary]
         digests = [f"{name} {ended.summary.get('atlas_digest')}" for name, ended in sorted(self.blocks.items())]
         return {
             "city": self.name,
             "out": str(out),
             "blocks": len(self.blocks),
             "blocks_done": sum(ended.code in (0, 1) for ended in self.blocks.values()),
-            **{key: sum(int(summary.get(key, 0)) for summary in found) for key in SUMMED_KEYS},
+            **{key: sum(int(summary.get(key, 0)) for summary in summaries) for key in SUMMED_KEYS},
             "atlas_digest": unit_key(digests),
             "failures": [
                 {"unit": f"block {name}", "reason": ended.reason or f"ended with {ended.code}", "code": ended.code}
@@ -191,29 +201,29 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
         name = read_city_name(city_file)
     except ValueError as error:
         raise BlockFileError(f"{city_file}: {error}") from error
-    account = read_city_log(out)
+    log = read_city_log(out)
     if (out / "store").is_dir():
         raise InputError(f"{out}: holds the run of a block; give city {name} a folder of its own with --out")
-    if account.blocks and account.name != name:
-        raise InputError(f"{out}: holds city {account.name}; give city {name} a folder of its own with --out")
+    if log.blocks and log.name != name:
+        raise InputError(f"{out}: holds city {log.name}; give city {name} a folder of its own with --out")
     local = local_folder(out)
-    files = {name: local / "input" / f"{name}.yaml" for name in account.blocks}
-    counted = all(one.keys() == set(COUNT_NAMES) for one in account.told.values())
-    whole = account.told.keys() == account.blocks.keys() and all(
+    files = {name: local / "input" / f"{name}.yaml" for name in log.blocks}
+    counted = all(one.keys() == set(COUNT_NAMES) for one in log.told.values())
+    whole = log.told.keys() == log.blocks.keys() and all(
         file.is_file() and file.with_suffix(".npz").is_file() for file in files.values()
     )
-    if source and counted and whole and account.source == f"{source} {block_code_version()}":
-        return account, files
+    if source and counted and whole and log.source == f"{source} {block_code_version()}":
+        return log, files
     before = {
-        one: CityBlock(one, Path(), account.digests[one], BlockCounts(**account.told[one]), of)
-        for one, of in account.sources.items()
+        one: CityBlock(one, Path(), log.digests[one], BlockCounts(**log.told[one]), of)
+        for one, of in log.sources.items()
         if counted
     }
-    found = read_city(city_file, local, before)
-    account = account.for_city(found, f"{source} {block_code_version()}" if source else "")
-    _hide_removed_blocks(out, account.blocks)  # before the log is written: after a kill the city is partitioned again
-    write_city_log(out, account)
-    return account, {block.name: block.file for block in found.blocks}
+    city = read_city(city_file, local, before)
+    log = log.for_city(city, f"{source} {block_code_version()}" if source else "")
+    _hide_removed_blocks(out, log.blocks)  # before the log is written: after a kill the city is partitioned again
+    write_city_log(out, log)
+    return log, {block.name: block.file for block in city.blocks}
 
 
 def _hide_removed_blocks(out: Folder, names: Collection[str]) -> None:
@@ -226,10 +236,10 @@ def _hide_removed_blocks(out: Folder, names: Collection[str]) -> None:
 def read_city_log(out: Folder) -> CityLog:
     """Load the log in a city's folder; an empty one if it cannot be read."""
     try:
-        held = json.loads((out / CITY_LOG_FILE).read_text(encoding="utf-8"))
-        names = list(held["digests"])
+        values = json.loads((out / CITY_LOG_FILE).read_text(encoding="utf-8"))
+        names = list(values["digests"])
         blocks = dict(zip(names, map_concurrently(lambda name: _read_block_result(out, name), names, out), strict=True))
-        return CityLog(**held, blocks=blocks, over=_read_products_digest(out))
+        return CityLog(**values, blocks=blocks, over=_read_products_digest(out))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return CityLog("")
 
@@ -248,19 +258,19 @@ def _read_products_digest(out: Folder) -> str:
         return ""
 
 
-def write_city_log(out: Folder, account: CityLog) -> None:
+def write_city_log(out: Folder, log: CityLog) -> None:
     """Write the city's log without the results of its blocks."""
-    _write(out / CITY_LOG_FILE, {key: value for key, value in asdict(account).items() if key not in ("blocks", "over")})
+    _write(out / CITY_LOG_FILE, {key: value for key, value in asdict(log).items() if key not in ("blocks", "over")})
 
 
-def write_block_result(out: Folder, name: str, ended: BlockResult) -> None:
+def write_block_result(out: Folder, name: str, result: BlockResult) -> None:
     """Write a block's result into the block's folder, so that the cost does not grow with their number."""
-    _write(out / BLOCKS_FOLDER / name / RESULT_FILE, asdict(ended))
+    _write(out / BLOCKS_FOLDER / name / RESULT_FILE, asdict(result))
 
 
-def write_products_digest(out: Folder, account: CityLog) -> None:
+def write_products_digest(out: Folder, log: CityLog) -> None:
     """Record which snapshots the city's products show."""
-    _write(out / PRODUCTS_FILE, {"snapshots": account.over})
+    _write(out / PRODUCTS_FILE, {"snapshots": log.over})
 
 
 def write_city_summary(out: Folder, summary: Mapping[str, Any]) -> None:

@@ -42,8 +42,8 @@ def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str],
     -------
     True if every product could be written.
     """
-    found = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS_FOLDER / name), names, out)
-    published = [(name, snapshot) for name, snapshot in zip(names, found, strict=True) if snapshot is not None]
+    snapshots = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS_FOLDER / name), names, out)
+    published = [(name, snapshot) for name, snapshot in zip(names, snapshots, strict=True) if snapshot is not None]
     runs = [(PublishedRun(snapshot.out, f"{BLOCKS_FOLDER}/{name}"), snapshot.id) for name, snapshot in published]
     steps: list[tuple[str, Callable[[], object]]] = [
         (CATALOG, lambda: write_catalog(out, on_left_out=lambda line: None)),
@@ -78,9 +78,9 @@ def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
         )
     if not children:
         return
-    found = np.array(spheres)
-    centre = (found[:, :3].min(axis=0) + found[:, :3].max(axis=0)) / 2
-    radius = float((np.linalg.norm(found[:, :3] - centre, axis=1) + found[:, 3]).max())
+    all_spheres = np.array(spheres)
+    centre = (all_spheres[:, :3].min(axis=0) + all_spheres[:, :3].max(axis=0)) / 2
+    radius = float((np.linalg.norm(all_spheres[:, :3] - centre, axis=1) + all_spheres[:, 3]).max())
     root = {
         "boundingVolume": {"sphere": [*centre.tolist(), radius]},
         "geometricError": 2 * radius,
@@ -120,7 +120,9 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
     with tempfile.TemporaryDirectory(dir=local_folder(out), prefix=f".{OVERVIEW}.") as name:
-        parts = [read_glb_file(file) for file in map_concurrently(lambda file: _local_copy(file, Path(name)), files, out)]
+        parts = [
+            read_glb_file(file) for file in map_concurrently(lambda file: _local_copy(file, Path(name)), files, out)
+        ]
         extras = [part.document["scenes"][0]["extras"] for part in parts]
         if parts:
             model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
@@ -133,6 +135,6 @@ def _local_copy(file: Folder, folder: Path) -> Path:
     """Return a local path of a block's overview; downloads it from a bucket."""
     if isinstance(file, Path):
         return file
-    brought = folder / f"{file.parent.parent.parent.name}.glb"
-    brought.write_bytes(file.read_bytes())
-    return brought
+    target = folder / f"{file.parent.parent.parent.name}.glb"
+    target.write_bytes(file.read_bytes())
+    return target

@@ -58,7 +58,11 @@ class CostModel:
         return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) / workers
 
     def estimate(
-        self, counts_by_block: Sequence[BlockCounts], workers: int, at_once: int = 1, planned: Sequence[Mapping[str, float]] = ()
+        self,
+        counts_by_block: Sequence[BlockCounts],
+        workers: int,
+        at_once: int = 1,
+        planned: Sequence[Mapping[str, float]] = (),
     ) -> dict[str, Any]:
         """Predict counts, hours, gigabytes, commits and the bottleneck of some blocks.
 
@@ -69,13 +73,13 @@ class CostModel:
         at_once : blocks that run at the same time.
         planned : counts of each block from its plan, which replace those of the map; empty without a plan.
         """
-        blocks = [one.multiply(self.counted) for one in counts_by_block]
+        blocks = [counts_of_block.multiply(self.counted) for counts_of_block in counts_by_block]
         if planned:
-            blocks = [replace(one, **known) for one, known in zip(blocks, planned, strict=True)]
+            blocks = [replace(counts_of_block, **known) for counts_of_block, known in zip(blocks, planned, strict=True)]
         counts = sum(blocks, NO_COUNTS)
         spent = counts.multiply(self.seconds)
         shares = asdict(spent) | {name: getattr(spent, name) / workers for name in COUNT_NAMES if name != "blocks"}
-        longest = max((self.clock_seconds(one, workers) for one in blocks), default=0.0)
+        longest = max((self.clock_seconds(counts_of_block, workers) for counts_of_block in blocks), default=0.0)
         hours = max(self.clock_seconds(counts, workers) / max(1, min(at_once, len(counts_by_block))), longest) / 3600
         most = max(shares, key=lambda name: shares[name])
         return {
@@ -97,7 +101,7 @@ def load_cost_model() -> CostModel:
     return parse_cost_model(json.loads(COEFFICIENTS.read_text(encoding="utf-8")))
 
 
-def parse_cost_model(held: Mapping[str, Any]) -> CostModel:
+def parse_cost_model(values: Mapping[str, Any]) -> CostModel:
     """Build a model from the content of its file."""
-    parts = {name: BlockCounts(**held[name]) for name in ("counted", "seconds", "bytes", "commits")}
-    return CostModel(fitted=held["fitted"], **parts)
+    parts = {name: BlockCounts(**values[name]) for name in ("counted", "seconds", "bytes", "commits")}
+    return CostModel(fitted=values["fitted"], **parts)

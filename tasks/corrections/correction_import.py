@@ -158,10 +158,10 @@ def _correction_author(who: str, why: str, when: datetime | None = None) -> Corr
 
 def _diff_block(out: Folder, results: Published, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
     block = find_block_file(out)
-    told = CorrectionDiff(results, read_corrections(block))
-    new = told.compute(named, said, by)
+    diff = CorrectionDiff(results, read_corrections(block))
+    new = diff.compute(named, said, by)
     notes, unchanged = find_unaffected_walls(results, new)
-    return _BlockDiff(block, new, [*told.notes, *notes], unchanged)
+    return _BlockDiff(block, new, [*diff.notes, *notes], unchanged)
 
 
 def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
@@ -172,17 +172,17 @@ def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
             by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
     for block, new in by_file.values():
         add_corrections(block, new)
-    every = [
+    effective = [
         one
-        for of in of_blocks
-        for one in of.corrections
-        if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
+        for diff in of_blocks
+        for one in diff.corrections
+        if one.id not in diff.unchanged or one.kind in FACADE_CORRECTION_KINDS
     ]
     facades, buildings = (
-        len({one.id for one in every if one.kind in kind})
+        len({one.id for one in effective if one.kind in kind})
         for kind in (FACADE_CORRECTION_KINDS, BUILDING_CORRECTION_KINDS)
     )
-    notes = tuple(note for of in of_blocks for note in of.notes)
+    notes = tuple(note for diff in of_blocks for note in diff.notes)
     return ImportResult(tuple(by_file), _rerun_command(out, of_blocks[0].block), facades, buildings, notes)
 
 
@@ -199,25 +199,25 @@ def _rerun_command(out: Folder, block: Path) -> str:
 def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
     """Import the corrections of a file into the blocks that own their targets."""
     runs = {run.name: run.folder for run in find_runs(out)[0]}
-    of: dict[str, str] = {}
+    run_by_id: dict[str, str] = {}
     facades: list[str] = []
     for name, folder in runs.items():
         with current_snapshot(folder).hold_for_reading() as snapshot:
-            mine, houses = _read_ids(snapshot.items)
+            mine, buildings = _read_ids(snapshot.items)
         facades += mine
-        of |= dict.fromkeys((*mine, *houses), name)
+        run_by_id |= dict.fromkeys((*mine, *buildings), name)
     said = read_annotations(path, facades_by_picture_name(facades))
-    if any(id not in of for id, _, _ in said):  # the catalogue lacks buildings without a facade
+    if any(id not in run_by_id for id, _, _ in said):  # the catalogue lacks buildings without a facade
         for name, folder in runs.items():
             with published(folder) as results:
-                of |= {results.names[index]: name for index in results.choose(()).tolist()}
+                run_by_id |= {results.names[index]: name for index in results.choose(()).tolist()}
     by_block = defaultdict(list)
     for one in said:
-        if one[0] not in of:
-            near = get_close_matches(one[0], of, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(of)[:3])}"
+        if one[0] not in run_by_id:
+            near = get_close_matches(one[0], run_by_id, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(run_by_id)[:3])}"
             raise InputError(f"{path}: no block of the city in {out} has {one[0]}; {hint}")
-        by_block[of[one[0]]].append(one)
+        by_block[run_by_id[one[0]]].append(one)
     diffs = []
     for name, some in by_block.items():
         with published(runs[name]) as results:

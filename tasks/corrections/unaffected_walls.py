@@ -31,17 +31,19 @@ class UnaffectedWalls(NamedTuple):
 def find_unaffected_walls(results: Published, new: Sequence[Correction]) -> UnaffectedWalls:
     """Find the walls and buildings that new corrections of materials and colours do not change."""
     plan = results.plan
-    houses = {name: index for index, name in results.names.items()}
+    buildings = {name: index for index, name in results.names.items()}
     none = {one.id for one in new if one.kind == "facade" and one.value is False}
-    stated = sorted({one.id for one in new if one.kind in _WALL_KINDS and one.value is not None and one.id in houses})
-    kept = {id: walls for id in stated if (walls := _count_textured_facades(results, houses[id], none))}
+    stated = sorted(
+        {one.id for one in new if one.kind in _WALL_KINDS and one.value is not None and one.id in buildings}
+    )
+    kept = {id: walls for id in stated if (walls := _count_textured_facades(results, buildings[id], none))}
     if not kept:
         return UnaffectedWalls((), frozenset())
     others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _WALL_KINDS}
     whole = {
         id
         for id in kept
-        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.textured_charts(houses[id]))
+        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.textured_charts(buildings[id]))
         and id not in others
     }
     names = ", ".join([*kept][:3]) + (", ..." if len(kept) > 3 else "")
@@ -56,7 +58,7 @@ def _count_textured_facades(results: Published, building: int, none: Collection[
     """Count a building's facades with a texture, without those that are corrected to be none."""
     facades = results.plan.facades
     return sum(
-        of == building and id not in none and made["status"] == "done" and made["source"] != PLAIN_SOURCE
-        for of, id, made in zip(facades.building.tolist(), facades.id, results.records, strict=True)
-        if made is not None
+        owner == building and id not in none and record["status"] == "done" and record["source"] != PLAIN_SOURCE
+        for owner, id, record in zip(facades.building.tolist(), facades.id, results.records, strict=True)
+        if record is not None
     )

@@ -11,4 +11,4 @@ class Finding:
 
     concern: str
     is_well: bool | None
-    said: str
+    message: str

@@ -35,7 +35,7 @@ from tasks.engine.store.status import read_source, unpublished_reason
 from tasks.stages.ingest.task import ingest_block
 
 # Charts and panoramas whose digests are computed again.
-SAMPLE = 64
+MAX_VERIFIED_UNITS = 64
 
 
 def examine_folder(out: Folder) -> Iterator[Finding]:
@@ -55,20 +55,20 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         attrs = dict(group.attrs)
     except FormatError as error:
         yield Finding("store", False, str(error))
-        yield from _published(out, None, again)
+        yield from _check_published(out, None, again)
         return
     except (StoreError, *DAMAGE_ERRORS) as error:
         line = str(error).strip().splitlines()[0].strip(" x")
         yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")
-        yield from _published(out, None, again)
+        yield from _check_published(out, None, again)
         return
-    yield _units(attrs, records, group, again)
-    yield from _store(out, repository, session, group, again)
-    yield from _published(out, session.snapshot_id, again)
-    yield _stale(out, source, session, group)
+    yield _check_units(attrs, records, group, again)
+    yield from _check_store(out, repository, session, group, again)
+    yield from _check_published(out, session.snapshot_id, again)
+    yield _check_stale(out, source, session, group)
 
 
-def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str) -> Finding:
+def _check_units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str) -> Finding:
     # a street from which no wall is seen has nothing to be done, and no record
     seen = set(group["viewpoints/street"][:].tolist())
     streets = [record for index, record in enumerate(records["streets"]) if record or index in seen]
@@ -79,7 +79,7 @@ def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group
     return Finding("units", not left, f"block {attrs.get('block')}: {told}{f'; {again} goes on' if left else ''}")
 
 
-def _store(out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
+def _check_store(out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
     """Records against arrays: what sizes and listings show, then every chunk, then digests of some."""
     store = out / "store"
     mended = f"{again} makes it again"
@@ -100,19 +100,19 @@ def _store(out: Folder, repository: Any, session: icechunk.Session, group: Store
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")
         return
     plan = read_plan(session)
-    if wrong := find_differing_units(group, plan, SAMPLE):
+    if wrong := find_differing_units(group, plan, MAX_VERIFIED_UNITS):
         mark_suspect(out)
         told = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
         yield Finding("store", False, f"texels are not those of their records: {told}; {mended}")
     elif not wounds:
         yield Finding(
-            "store", True, f"all chunks can be read; digests of {SAMPLE} charts and panoramas at most are right"
+            "store", True, f"all chunks can be read; digests of {MAX_VERIFIED_UNITS} charts and panoramas at most are right"
         )
     if is_suspect(out):
         yield Finding("store", None, "the next run reads all of it before it starts")
 
 
-def _published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]:
+def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]:
     current = find_current_snapshot(out)
     there = out / "published"
     folders = sorted(path.name for path in there.iterdir() if path.is_dir()) if there.is_dir() else []
@@ -135,7 +135,7 @@ def _published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]
         )
 
 
-def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
+def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
     """What a run with the block file as it is now would do again, and why: tried on a copy."""
     if source is None:
         return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
@@ -149,7 +149,7 @@ def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: S
             return Finding(
                 "stale", False, f"{source} is block {run.block} now; the folder holds {group.attrs.get('block')}"
             )
-        with _copy(out) as copy:
+        with _writable_copy(out) as copy:
             tried = replace(run, out=str(copy))
             outline = ingest_block.fn(tried, block)
             said = forecast_work(replace(tried, ingested=outline.ingested), block, outline).said
@@ -164,7 +164,7 @@ def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: S
 
 
 @contextmanager
-def _copy(out: Path) -> Iterator[Path]:
+def _writable_copy(out: Path) -> Iterator[Path]:
     """A folder with a store that can be written to without a trace: Icechunk writes no file twice, so links do."""
     try:
         folder = Path(tempfile.mkdtemp(prefix=".doctor-", suffix=".tmp", dir=out))

@@ -17,22 +17,22 @@ PACKAGE = "streetloom"
 ROOT = Path(__file__).resolve().parent.parent.parent
 CONSTRAINTS = ROOT / "deploy" / "constraints" / "constraints.txt"
 # Packages that are named in one line at most.
-NAMED = 5
+MAX_NAMED_PACKAGES = 5
 # Less room than this is not enough for any block.
-ROOM = 1 << 30
+MIN_FREE_BYTES = 1 << 30
 
 
 def examine_machine(folder: Path) -> Iterator[Finding]:
     """What is to be said of this machine; folder: where runs are kept."""
-    yield _python()
-    yield from packages(requires(PACKAGE) or ())
-    yield _rays()
-    yield from models(_shipped())
-    yield second_opinion()
-    yield disk(folder)
+    yield _check_python()
+    yield from check_packages(requires(PACKAGE) or ())
+    yield _check_open3d()
+    yield from check_models(_shipped_models())
+    yield check_detectors()
+    yield check_disk(folder)
 
 
-def _python() -> Finding:
+def _check_python() -> Finding:
     from packaging.specifiers import SpecifierSet
 
     wanted = SpecifierSet(metadata(PACKAGE)["Requires-Python"] or "")
@@ -44,7 +44,7 @@ def _python() -> Finding:
     return Finding("python", True, f"{found} at {sys.executable}")
 
 
-def packages(declared: Iterable[str]) -> Iterator[Finding]:
+def check_packages(declared: Iterable[str]) -> Iterator[Finding]:
     """Those that are declared, as metadata write them, against what is installed, and all that are pinned."""
     from packaging.requirements import Requirement
 
@@ -53,28 +53,28 @@ def packages(declared: Iterable[str]) -> Iterator[Finding]:
         if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
             continue
         count += 1
-        installed = _version(requirement.name)
+        installed = _installed_version(requirement.name)
         if installed is None:
             wrong.append(f"{requirement.name} is missing")
         elif not requirement.specifier.contains(installed, prereleases=True):
             wrong.append(f"{requirement.name} {installed} is not {requirement.specifier}")
     if wrong:
-        yield Finding("packages", False, f"{_listed(wrong)}; `make setup` installs what is pinned")
+        yield Finding("packages", False, f"{_shorten_list(wrong)}; `make setup` installs what is pinned")
     else:
         yield Finding("packages", True, f"{count} as declared")
     if not CONSTRAINTS.is_file():
         return
     others = [
         f"{name} {found} (pinned {pinned})"
-        for name, pinned in _pinned()
-        if (found := _version(name)) is not None and found != pinned
+        for name, pinned in _read_constraints()
+        if (found := _installed_version(name)) is not None and found != pinned
     ]
     if others:
-        said = f"{len(others)} are not as tested: {_listed(others)}; `make setup` installs those of {CONSTRAINTS.name}"
+        said = f"{len(others)} are not as tested: {_shorten_list(others)}; `make setup` installs those of {CONSTRAINTS.name}"
         yield Finding("packages", None, said)
 
 
-def _pinned() -> Iterator[tuple[str, str]]:
+def _read_constraints() -> Iterator[tuple[str, str]]:
     from packaging.markers import Marker
 
     for line in CONSTRAINTS.read_text(encoding="utf-8").splitlines():
@@ -84,7 +84,7 @@ def _pinned() -> Iterator[tuple[str, str]]:
                 yield name, pinned
 
 
-def _rays() -> Finding:
+def _check_open3d() -> Finding:
     from facade_core.geometry.raycast import load_open3d
 
     try:
@@ -94,7 +94,7 @@ def _rays() -> Finding:
         return Finding("rays", False, f"open3d cannot be loaded ({said}); `make setup` installs it with its libusb")
 
 
-def _shipped() -> dict[Path, Callable[[Path], object]]:
+def _shipped_models() -> dict[Path, Callable[[Path], object]]:
     """The files of the models that come with the package, and what loads each."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing import network
@@ -107,7 +107,7 @@ def _shipped() -> dict[Path, Callable[[Path], object]]:
     }
 
 
-def models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding]:
+def check_models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding]:
     """Whether each file of a model is whole, by what loads it."""
     for path, load in shipped.items():
         try:
@@ -118,7 +118,7 @@ def models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding
             yield Finding("models", True, f"{path.name} has its checksum and loads")
 
 
-def second_opinion() -> Finding:
+def check_detectors() -> Finding:
     """Whether faces and number plates are looked for by models of other packages, beside the parser."""
     from facade_core.imagery.detect import models as detect
 
@@ -135,24 +135,24 @@ def second_opinion() -> Finding:
     return Finding("privacy", True, "faces, number plates and shops' names are looked for in pictures")
 
 
-def disk(folder: Path, least: int = ROOM) -> Finding:
+def check_disk(folder: Path, min_free_bytes: int = MIN_FREE_BYTES) -> Finding:
     """Whether the disk of a folder has so many bytes left."""
     while not folder.exists():
         folder = folder.parent
     usage = shutil.disk_usage(folder)
     free = f"{usage.free / (1 << 30):.1f} GB free of {usage.total / (1 << 30):.0f} for {folder}"
     return Finding(
-        "disk", usage.free >= least, free if usage.free >= least else f"{free}: make room before the next run"
+        "disk", usage.free >= min_free_bytes, free if usage.free >= min_free_bytes else f"{free}: make room before the next run"
     )
 
 
-def _version(name: str) -> str | None:
+def _installed_version(name: str) -> str | None:
     try:
         return version(name)
     except PackageNotFoundError:
         return None
 
 
-def _listed(texts: list[str]) -> str:
-    more = f" and {len(texts) - NAMED} more" if len(texts) > NAMED else ""
-    return ", ".join(texts[:NAMED]) + more
+def _shorten_list(texts: list[str]) -> str:
+    more = f" and {len(texts) - MAX_NAMED_PACKAGES} more" if len(texts) > MAX_NAMED_PACKAGES else ""
+    return ", ".join(texts[:MAX_NAMED_PACKAGES]) + more

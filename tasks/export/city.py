@@ -183,23 +183,23 @@ def city_objects(
     """
     from facade_core.export.city_models.cityjson import build_geometry
 
-    made = building_model(results, drawn, triangles, index, layouts, pool.origin)
-    opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
-    name, lod = results.names[index], "3" if opened else "2"
+    model = building_model(results, drawn, triangles, index, layouts, pool.origin)
+    has_openings = any(surface["type"] in ("Window", "Door") for surface in model.body.surfaces)
+    name, lod = results.names[index], "3" if has_openings else "2"
 
     def geometry(part: Any) -> list[dict[str, Any]]:
         return [build_geometry(part.faces, part.surfaces, pool, lod, "Solid" if part.is_solid else "MultiSurface")]
 
-    attributes = building_attributes(results, index, made.body)
+    attributes = building_attributes(results, index, model.body)
     attributes[EXPORTED_HEIGHT_ATTRIBUTE] = attributes["measuredHeight"]
-    for surface in made.body.surfaces:
+    for surface in model.body.surfaces:
         if "facade" in surface:
             surface["isFacade"] = is_facade(results, surface["facade"])
-    body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
-    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.attachments]
+    body = {"type": "Building", "attributes": attributes, "geometry": geometry(model.body)}
+    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in model.attachments]
     if layouts:
-        wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in made.balconies]
-        wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in made.ledges]
+        wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in model.balconies]
+        wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in model.ledges]
     installations: dict[str, Any] = {}
     for number, (kind, attributes, part) in enumerate(wanted):
         installations[_unused_id(f"{name}-{kind}-{number}", taken)] = {

@@ -51,8 +51,8 @@ def write_citygml(results: Published, buildings: np.ndarray, folder: Path) -> tu
     triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(results, buildings)
     ids = {index: xml_id(results.names[index]) for index in buildings.tolist()}
-    mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
-    corners = source.mesh.vertices[source.mesh.triangles[mine].ravel()]
+    selection = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
+    corners = source.mesh.vertices[source.mesh.triangles[selection].ravel()]
     extent = np.array([corners.min(axis=0), corners.max(axis=0)])
     name = f"{file_stem(results.block)}.gml"
     with open_city_model(folder / name, results.block, results.crs, extent, results.attribution) as file:
@@ -85,20 +85,20 @@ def _building(
     from facade_core.export.city_models.cityjson import VertexPool
 
     origin = model_origin(results)
-    made = building_model(results, drawn, triangles, index, layouts, origin)
-    lod = "3" if any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces) else "2"
+    model = building_model(results, drawn, triangles, index, layouts, origin)
+    lod = "3" if any(surface["type"] in ("Window", "Door") for surface in model.body.surfaces) else "2"
     textured = PolygonWriter(id, VertexPool(origin))
-    bounds, ids = boundary_surfaces(textured, made.body.faces, made.body.surfaces, lod)
+    bounds, ids = boundary_surfaces(textured, model.body.faces, model.body.surfaces, lod)
     installations = []
-    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in made.attachments]
-    wanted += [("balcony", {"facade": facade}, part) for facade, part in made.balconies]
-    wanted += [("ledge", {"facade": facade}, part) for facade, part in made.ledges]
+    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in model.attachments]
+    wanted += [("balcony", {"facade": facade}, part) for facade, part in model.balconies]
+    wanted += [("ledge", {"facade": facade}, part) for facade, part in model.ledges]
     for number, (kind, said, part) in enumerate(wanted):
         textured.prefix = f"{id}-{kind}-{number}"
         installations.append(
             (textured.prefix, kind, said, boundary_surfaces(textured, part.faces, part.surfaces, lod)[0])
         )
-    said = building_attributes(results, index, made.body)
+    said = building_attributes(results, index, model.body)
     member = _member()
     building = add_element(member, "bldg:Building", gml_id=id)
     if "name" in said:
@@ -112,7 +112,7 @@ def _building(
     add_element(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
     if "storeysAboveGround" in said:
         add_element(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
-    shell = [solid_element(lod, ids)] if made.body.is_solid else []
+    shell = [solid_element(lod, ids)] if model.body.is_solid else []
     if lod == "2":
         building.extend(shell)
     for prefix, kind, own, within in installations:

@@ -51,12 +51,12 @@ def write_factored(
 
     start = time.monotonic()
     source = results.textured
-    made = build_factored_walls(results, buildings, [NEAR_DETAIL], 1)
-    pieces_of = made.details[0]
+    walls = build_factored_walls(results, buildings, [NEAR_DETAIL], 1)
+    pieces_of = walls.details[0]
     whole = merge_pieces(pieces_of.values())
-    pictures = pack_textures(whole, made.libraries)
+    pictures = pack_textures(whole, walls.libraries)
     frame = local_frame(results.plan.scene.mesh)
-    others = np.setdiff1d(source.select_charts(shown), made.charts)
+    others = np.setdiff1d(source.select_charts(shown), walls.charts)
     pages, parts = pack_unfactored_charts(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
         parts[building] = build_parts(pieces, pictures, frame) | parts.get(building, {})
@@ -74,18 +74,18 @@ def write_factored(
         copyright=results.attribution.line,
     )
     (folder / "block.glb").write_bytes(data)
-    told = _texture_statistics(pictures, whole, texture_memory_bytes(pages)) | {
+    statistics = _texture_statistics(pictures, whole, texture_memory_bytes(pages)) | {
         "bytes": len(data),
         "picture_bytes": sum(map(len, encoded)),
         "triangles": sum(len(part.triangles) for own in parts.values() for part in own.values()),
         "draw_calls": sum(map(len, parts.values())),
         "buildings": len(buildings),
-        "facades": len(made.charts),
+        "facades": len(walls.charts),
         "seconds": round(time.monotonic() - start, 1),
     }
-    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
+    (folder / STATISTICS_FILE).write_text(json.dumps(statistics, indent=1) + "\n")
     report_progress("export", 1)
-    return ["block.glb"], made.notes
+    return ["block.glb"], walls.notes
 
 
 def write_factored_tiles(
@@ -124,11 +124,11 @@ def write_factored_tiles(
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
     frame, extras, notes = place_on_earth(results, local_frame(source.mesh).origin)
     cells = build_quadtree(source)
-    made = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
-    far, near = made.details
+    walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
+    far, near = walls.details
     every = merge_pieces([*far.values(), *near.values()])
     pictures, used, features = (
-        pack_textures(every, made.libraries),
+        pack_textures(every, walls.libraries),
         texture_encoder("jpeg"),
         build_feature_table(results),
     )
@@ -151,7 +151,7 @@ def write_factored_tiles(
     names = [f"pictures/{k}.jpg" for k in range(len(pictures.pictures))]
     for name, picture in zip(names, pictures.pictures, strict=True):
         write_picture(name, used.encode(picture))
-    others = np.setdiff1d(source.select_charts(shown), made.charts)
+    others = np.setdiff1d(source.select_charts(shown), walls.charts)
     leaves = FactoredLeaves(
         {"far": far, "near": near},
         pictures,
@@ -181,7 +181,7 @@ def write_factored_tiles(
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     coarse = tiled.page_texels * used.bytes_per_texel * MIPMAP_FACTOR
-    told = _texture_statistics(pictures, merge_pieces(near.values()), leaves.texture_bytes) | {
+    statistics = _texture_statistics(pictures, merge_pieces(near.values()), leaves.texture_bytes) | {
         "texture_mb_of_coarse_tiles": round(coarse / 1e6, 1),
         "texture_mb": round((texture_memory_bytes(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),
         "bytes": tiled.bytes + picture_bytes,
@@ -190,11 +190,11 @@ def write_factored_tiles(
         "triangles": leaves.triangles,
         "draw_calls": tiled.draw_calls,
         "buildings": len(buildings),
-        "facades": len(made.charts),
+        "facades": len(walls.charts),
         "seconds": round(time.monotonic() - start, 1),
     }
-    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
-    return ["tileset.json"], [*notes, *made.notes]
+    (folder / STATISTICS_FILE).write_text(json.dumps(statistics, indent=1) + "\n")
+    return ["tileset.json"], [*notes, *walls.notes]
 
 
 def _texture_statistics(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, Any]:

@@ -61,17 +61,23 @@ def build_factored_walls(
 
     source = results.textured
     planes = _planar_walls(results, buildings)
-    libraries, of, notes = _build_libraries(results, list(planes))
+    libraries, library_index, notes = _build_libraries(results, list(planes))
     begin_stage("export", len(planes) + other_units)
     of_building = group_rows(source.charts.building[source.mesh.chart])
     by_detail: list[dict[int, WallPieces]] = [{} for _ in details]
-    for index, own in planes.items():
+    for index, polygons in planes.items():
         building = int(results.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        seen = WallDecomposition(_read_facade(results, index), libraries[of[index]])
+        decomposition = WallDecomposition(_read_facade(results, index), libraries[library_index[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             build_wall(
-                seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, WallPieces())
+                decomposition,
+                polygons,
+                source.charts,
+                library_index[index],
+                detail,
+                list(behind),
+                pieces.setdefault(building, WallPieces()),
             )
         report_progress("export", 1)
     charts = np.array(sorted(int(results.plan.facades.chart[index]) for index in planes), np.int64)
@@ -91,11 +97,11 @@ def _planar_walls(results: Published, buildings: np.ndarray) -> dict[int, list[A
         chart = int(results.plan.facades.chart[index])
         triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
         corners = source.mesh.vertices[triangles]
-        own = [
+        polygons = [
             WallPolygon(outline, corners.reshape(-1, 3)) for outline in chart_outlines(source.coordinates[triangles])
         ]
-        if own and all(map(is_planar, own)):
-            planes[index] = own
+        if polygons and all(map(is_planar, polygons)):
+            planes[index] = polygons
     return planes
 
 
@@ -111,7 +117,7 @@ def _build_libraries(
     given = _original_exemplars(results)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
-    of: dict[int, int] = {}
+    library_index: dict[int, int] = {}
     coarse = 0
     placement = results.plan.scene.placement
     begin_stage("libraries", len({_facade_source(results, index) for index in facades}))
@@ -124,7 +130,7 @@ def _build_libraries(
                 fine = _read_original(given.get(source), image)
                 coarse += fine is None
                 density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
-                made = build_library(image, labels, elements(labels), density, fine, seed=k)
+                library = build_library(image, labels, elements(labels), density, fine, seed=k)
             else:
                 chart = int(results.plan.facades.chart[index])
                 image, labels = (
@@ -132,18 +138,18 @@ def _build_libraries(
                     for name in ("atlas/seed", "facade_maps/labels")
                 )
                 density = float(placement.texels_per_metre[chart])
-                made = build_library(image, labels, results.elements(index), density, seed=chart)
+                library = build_library(image, labels, results.elements(index), density, seed=chart)
             number[source] = len(libraries)
-            libraries.append(made)
+            libraries.append(library)
             report_progress("libraries", 1)
-        of[index] = number[source]
+        library_index[index] = number[source]
     notes = []
     if coarse:
         notes = [
             f"{coarse} exemplars are not where the block file says, or show something that was made anew: their elements "
             "have no more texels than the store"
         ]
-    return libraries, of, notes
+    return libraries, library_index, notes
 
 
 def _facade_source(results: Published, index: int) -> str:

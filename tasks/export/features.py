@@ -105,10 +105,13 @@ def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
 
 def list_building_rows(results: Published) -> dict[int, dict[str, Any]]:
     """Return the row of each building by index, with the catalogue's columns."""
-    of: dict[str, list[dict[str, Any]]] = {}
+    rows_by_building: dict[str, list[dict[str, Any]]] = {}
     for row in _read_facade_rows(results).values():
-        of.setdefault(row["building"], []).append(row)
-    return {building: _building_row(results, building, of.get(name, [])) for building, name in results.names.items()}
+        rows_by_building.setdefault(row["building"], []).append(row)
+    return {
+        building: _building_row(results, building, rows_by_building.get(name, []))
+        for building, name in results.names.items()
+    }
 
 
 def _property(column: ItemColumn) -> MetadataProperty:

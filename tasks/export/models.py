@@ -101,14 +101,14 @@ def write_models(
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
-    def write(path: Path, those: np.ndarray) -> None:
-        drawn = pack_charts(source, source.select_charts(those))
+    def write(path: Path, selection: np.ndarray) -> None:
+        drawn = pack_charts(source, source.select_charts(selection))
         nodes, _ = build_nodes([drawn], results.names, frame)
         pages = range(len(drawn.layout.pages))
-        looks = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
+        textures_by_page = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
         time: TimeOfDay = "night or day" if night else "day or night"
         named = results.attribution.line
-        path.write_bytes(encode_glb(nodes, looks, extras=extras, copyright=named, time=time))
+        path.write_bytes(encode_glb(nodes, textures_by_page, extras=extras, copyright=named, time=time))
         report_progress("export", 1)
 
     for building in buildings.tolist():
@@ -163,17 +163,17 @@ def write_3dtiles(
     chosen = np.isin(source.charts.building[source.mesh.chart], add_ground(results, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = results.plan.scene.spec.texels_per_metre
-    frame, extras, said = place_on_earth(results, local_frame(source.mesh).origin)
-    notes += said
+    frame, extras, earth_notes = place_on_earth(results, local_frame(source.mesh).origin)
+    notes += earth_notes
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = build_shells(source, density * COARSE_SCALE, lambda: report_progress("export", 1))
-    most = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
-    scale = view_scale(source, shells, cells, encoded, most * 1e6, time)
+    view_mb = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
+    scale = view_scale(source, shells, cells, encoded, view_mb * 1e6, time)
     if scale < 1:
         notes.append(
-            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {most:g} MB of a graphics card "
+            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {view_mb:g} MB of a graphics card "
             "at most; --max-texture-mb inf keeps all"
         )
     for name in ("tiles", "tilesets"):
@@ -198,13 +198,13 @@ def write_3dtiles(
     )
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    held = relative_texel_count(source.maps is not None, time)
-    told = {
+    texel_factor = relative_texel_count(source.maps is not None, time)
+    statistics = {
         "draw_calls": tiled.draw_calls,
         "bytes": tiled.bytes,
-        "texture_mb": round(tiled.page_texels * held * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
+        "texture_mb": round(tiled.page_texels * texel_factor * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
         "texels_used": round(tiled.used_texels / max(tiled.page_texels, 1), 4),
         "scale": round(scale, 4),
     }
-    (folder / STATISTICS_FILE).write_text(json.dumps(told, indent=1) + "\n")
+    (folder / STATISTICS_FILE).write_text(json.dumps(statistics, indent=1) + "\n")
     return ["tileset.json"], notes

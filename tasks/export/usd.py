@@ -85,14 +85,14 @@ def write_usd(
         write_usd_building(folder / parts[node.name], node, pages, about, time)
         report_progress("export", 1)
     stem = file_stem(results.block)
-    said_of_all: dict[str, Any] = {
+    metadata: dict[str, Any] = {
         "block": results.block,
         "crs": results.crs,
         "origin": json.dumps(frame.origin.tolist()),
         "snapshot": results.snapshot.id,
         **results.attribution.tags(),
     }
-    write_usd_block(folder / f"{stem}.usda", parts, said_of_all, results.attribution.line, time)
+    write_usd_block(folder / f"{stem}.usda", parts, metadata, results.attribution.line, time)
     packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
     for name in packed:  # a package stores modification times: a constant keeps its bytes reproducible
         os.utime(folder / name, (PACKAGE_TIME_S, PACKAGE_TIME_S))

@@ -126,8 +126,8 @@ def read_match_table(path: Path) -> MatchTable:
     known = (*names, *(name for name in COLUMNS if name not in names))
     rows = []
     for row in cells:
-        said = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
-        rows.append({name: said.get(name, "") for name in known})
+        values = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
+        rows.append({name: values.get(name, "") for name in known})
     return MatchTable(path, known, tuple(rows), separator)
 
 
@@ -137,9 +137,13 @@ def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list
     A filled column without a name becomes `remark`, `remark 2`, ..., so that rewriting keeps its text.
     """
     columns = list(header) + [""] * (max(map(len, cells), default=0) - len(header))
-    free = (name for number in count(1) if (name := REMARK_COLUMN if number == 1 else f"{REMARK_COLUMN} {number}") not in header)
-    filled = {at for row in cells for at, cell in enumerate(row) if cell.strip()}
-    return [name or (next(free) if at in filled else "") for at, name in enumerate(columns)]
+    free = (
+        name
+        for number in count(1)
+        if (name := REMARK_COLUMN if number == 1 else f"{REMARK_COLUMN} {number}") not in header
+    )
+    filled = {index for row in cells for index, cell in enumerate(row) if cell.strip()}
+    return [name or (next(free) if index in filled else "") for index, name in enumerate(columns)]
 
 
 @contextmanager
@@ -213,18 +217,18 @@ def apply_decisions(table: MatchTable, decisions: Sequence[MatchDecision], *, wh
     ------
     InputError : a photo is not in the table, or its row changed meanwhile.
     """
-    said = {one.photo: one for one in decisions}
-    if missing := set(said) - {row["photo"] for row in table.rows}:
+    by_photo = {decision.photo: decision for decision in decisions}
+    if missing := set(by_photo) - {row["photo"] for row in table.rows}:
         raise InputError(f"{table.path} has no photo {min(missing)!r} any more; load the page again")
     rows = []
     for row in table.rows:
-        one = said.get(row["photo"])
-        if one is None:
+        decision = by_photo.get(row["photo"])
+        if decision is None:
             rows.append(row)
             continue
-        if (row["facade"], row["by"]) != one.previous:
-            raise InputError(f"{one.photo} was decided in {table.path} meanwhile; load the page again and look")
-        rows.append({**row, "facade": one.facade, "by": who if one.is_decided else ""})
+        if (row["facade"], row["by"]) != decision.previous:
+            raise InputError(f"{decision.photo} was decided in {table.path} meanwhile; load the page again and look")
+        rows.append({**row, "facade": decision.facade, "by": who if decision.is_decided else ""})
     return replace(table, rows=tuple(rows))
 
 

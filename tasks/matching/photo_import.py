@@ -47,7 +47,9 @@ class PhotoImport:
 _Fault = tuple[set[str], str]
 
 
-def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, requested: Collection[str] | None = None) -> PhotoImport:
+def plan_photo_import(
+    block_file: Path, folder: Path, table: MatchTable, requested: Collection[str] | None = None
+) -> PhotoImport:
     """Plan the import of a table's photos that have a facade.
 
     Removes a copy, never the photo itself, if the table assigns that photo otherwise now.
@@ -77,20 +79,22 @@ def plan_photo_import(block_file: Path, folder: Path, table: MatchTable, request
         )
     faults: list[_Fault] = []
     wanted = _photos_by_facade(table, folder, set(make_plan(replace(block, panoramas=())).facades.id), faults)
-    gone = _outdated_copies(block.photos, folder, table, faults)
-    there = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
+    outdated = _outdated_copies(block.photos, folder, table, faults)
+    target = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
     for facade, photo in list(wanted.items()):
-        if reason := _conflict(block.photos, gone, there, facade, photo):
+        if reason := _conflict(block.photos, outdated, target, facade, photo):
             faults.append(({photo.name}, f"{table.path}: {photo.name}: {reason}"))
             del wanted[facade]
     for photos, reason in faults:
         if requested is None or photos & set(requested):
             raise InputError(reason)
-    if block.photos and not wanted and len(gone) == len(block.photos):
-        raise InputError(f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {there}")
-    copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in gone}
-    told = tuple(reason for _, reason in faults)
-    return PhotoImport(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos), told)
+    if block.photos and not wanted and len(outdated) == len(block.photos):
+        raise InputError(
+            f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {target}"
+        )
+    copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in outdated}
+    messages = tuple(reason for _, reason in faults)
+    return PhotoImport(block_file, len(wanted), target, copied, tuple(outdated.values()), bool(block.photos), messages)
 
 
 def _conflict(
@@ -128,7 +132,9 @@ def _copy_path(folder: Path, facade: str, photo: Path) -> Path:
     return folder / f"{facade}{photo.suffix.lower()}"
 
 
-def _outdated_copies(photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]) -> dict[str, Path]:
+def _outdated_copies(
+    photos: Mapping[str, Path], folder: Path, table: MatchTable, faults: list[_Fault]
+) -> dict[str, Path]:
     """Find the block's photos that are copies of photos with another facade in the table, by facade.
 
     A photo of the block that is the original itself is a fault.
@@ -144,9 +150,9 @@ def _outdated_copies(photos: Mapping[str, Path], folder: Path, table: MatchTable
         same = [(photo, name) for photo, name in alike if file_digest(photo) == file_digest(path)]
         if not same or facade in {name for _, name in same}:
             continue
-        if own := [photo for photo, _ in same if photo.samefile(path)]:
+        if originals := [photo for photo, _ in same if photo.samefile(path)]:
             reason = f"{path} is the block's own photo, of which no copy is kept; match a copy of {folder}"
-            faults.append(({photo.name for photo in own}, reason))
+            faults.append(({photo.name for photo in originals}, reason))
             continue
         found[facade] = path
     return found

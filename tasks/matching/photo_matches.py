@@ -35,7 +35,9 @@ PLACE_REMEDY = "give their places with --poses FILE.csv (file,lon,lat,heading), 
 _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
-def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[MatchTable, list[Fault]]:
+def match_photos(
+    block_file: Path, folder: Path, path: Path, poses: Path | None = None
+) -> tuple[MatchTable, list[Fault]]:
     """Match the street photos in a folder to facades.
 
     Poses come from `poses`, else from EXIF.
@@ -88,7 +90,9 @@ def _read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePos
         return str(error)
 
 
-def _match_photo(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePose | str | None) -> dict[str, str]:
+def _match_photo(
+    plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePose | str | None
+) -> dict[str, str]:
     if place is None:
         raise InputError(MISSING_PLACE)
     if isinstance(place, str):

@@ -11,7 +11,7 @@ from catalogs.published.folders import Folder
 from catalogs.stac.facts import SourceFact
 from catalogs.stac.snapshot import item_stem
 from facade_core.core.errors import InputError
-from facade_core.export.city_models.attribution import Attribution, DataSource
+from facade_core.export.attribution import Attribution, DataSource
 
 
 def attribution_of(

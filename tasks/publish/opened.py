@@ -21,7 +21,7 @@ from tasks.publish.attribution import read_attribution
 from tasks.publish.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
-    from facade_core.export.city_models.attribution import Attribution
+    from facade_core.export.attribution import Attribution
     from facade_core.export.models.textured_mesh import TexturedMesh
 
 

@@ -17,7 +17,7 @@ from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
-from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.attribution import Attribution
 from facade_core.export.models.glb import replace_copyright
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
 from facade_core.export.models.pages import downscale

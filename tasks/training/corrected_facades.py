@@ -65,7 +65,7 @@ class CorrectedFacade:
         )
 
 
-def read_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
+def load_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
     """Collect the facades of published runs whose elements were corrected.
 
     Parameters
@@ -93,8 +93,8 @@ def _read_run(out: Folder) -> list[CorrectedFacade]:
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     found = []
     with published(out) as run:
-        said, _ = match_corrections(run.plan, read_corrections(block), run.crs)
-        for index, one in sorted(said.items()):
+        corrections, _ = match_corrections(run.plan, read_corrections(block), run.crs)
+        for index, one in sorted(corrections.items()):
             record = run.records[index]
             if one.elements is None or not one.facade or not record or "lattice" not in record:
                 continue

@@ -29,16 +29,16 @@ GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
 def train_materials(data: Path, out: Path) -> Path:
     """Learn grain examples from the CC0 pictures in `data`/materials, and write materials.npz into `out`."""
     examples: dict[str, GrainExample] = {}
-    told = {}
+    sources = {}
     begin_stage("examples", len(EXAMPLE_NAMES))
     for name in EXAMPLE_NAMES:
         file, width, structure = GRAIN_PHOTOS[name]
         image, digest = read_picture_file(data / "materials" / file)
         examples[name] = learn_grain(image, width, structure=structure)
-        told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
+        sources[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
         report_progress("examples", 1)
     path = out / "materials.npz"
-    save_examples(examples, path, sources=told)
+    save_examples(examples, path, sources=sources)
     return path
 
 

@@ -192,8 +192,8 @@ def correct_pixel_share(photos: Sequence[LabelledFacade], model: Path) -> float:
 
 def _model_card(photos: Sequence[LabelledFacade], course: TrainingSchedule, seed: int, figures: str) -> str:
     runs = Counter(photo.name.partition("/")[0] for photo in photos)
-    told = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
-    return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=told, figures=figures)
+    rows = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
+    return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=rows, figures=figures)
 
 
 _CARD = """# Model card: network.onnx, a facade parser that learnt from corrections

@@ -3,4 +3,4 @@
 from tasks.viewing.pictures import draw_stage_picture, list_stage_pictures, read_previous_picture
 from tasks.viewing.run_view import RunReader, RunView
 
-__all__ = ["RunReader", "RunView", "draw_stage_picture", "read_previous_picture", "list_stage_pictures"]
+__all__ = ["RunReader", "RunView", "draw_stage_picture", "list_stage_pictures", "read_previous_picture"]

@@ -41,9 +41,11 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     record: Mapping[str, Any] = view.records[index] or {}
     elements = corrections.corrected_value(facade, "elements")
     if elements is None:
-        found = [list(element[:5]) for element in record.get("elements", [])]
+        current_elements = [list(element[:5]) for element in record.get("elements", [])]
     else:
-        found = [[label, x0 * width, y0 * height, x1 * width, y1 * height] for label, x0, y0, x1, y1 in elements]
+        current_elements = [
+            [label, x0 * width, y0 * height, x1 * width, y1 * height] for label, x0, y0, x1, y1 in elements
+        ]
     masks = {
         what: [
             [x0 * width, y0 * height, x1 * width, y1 * height]
@@ -52,17 +54,19 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
         for what in ("hide", "keep")
     }
     eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
-    made = {
+    appearance = {
         what: corrections.corrected_value(building, what) or _to_json_value(column[row])
         for what, column in tables.appearance.items()
     }
-    made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
+    appearance["roof_height"] = (
+        None if appearance.get("roof_shape", "") in ("", "flat") else appearance["roof_height"] or None
+    )
     lattice = record.get("lattice", {})
-    said = [one for id in (facade, building) for one in corrections.by_target.get(id, {}).values()]
+    effective = [one for id in (facade, building) for one in corrections.by_target.get(id, {}).values()]
     return {
         "size": [width, height],
         "texels_per_metre": width / float(tables.facades.width[index]),
-        "elements": found,
+        "elements": current_elements,
         **masks,
         "rows": list(lattice.get("rows", [0, height])),
         "columns": list(lattice.get("columns", [0, width])),
@@ -72,11 +76,11 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
             "levels": corrections.corrected_value(building, "levels") or int(tables.facades.floors[index]),
             "height": None if tables.height_source[row] == "model" else round(eaves, 2),
             "exemplar": corrections.corrected_value(building, "exemplar") or "",
-            **dict.fromkeys(APPEARANCE_COLUMNS, "") | made,
+            **dict.fromkeys(APPEARANCE_COLUMNS, "") | appearance,
         },
         "exemplars": view.exemplars,
         "corrected": [
-            {"id": one.id, "what": one.kind, "who": one.who, "when": one.when, "why": one.why} for one in said
+            {"id": one.id, "what": one.kind, "who": one.who, "when": one.when, "why": one.why} for one in effective
         ],
     }
 

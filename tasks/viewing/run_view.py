@@ -203,16 +203,18 @@ class RunView:
         ]
         outdated: list[dict[str, str]] = []
         for stage, records in cast(Mapping[str, Sequence[Record | None]], self.journals).items():
-            made = [record for record in records if record]
-            stale = [record for record in made if record["status"] == "stale"]
-            failed = [record for record in made if record["status"] == "failed"]
+            present = [record for record in records if record]
+            stale = [record for record in present if record["status"] == "stale"]
+            failed = [record for record in present if record["status"] == "failed"]
             if records:
-                done = len(made) - len(failed) - len(stale)
+                done = len(present) - len(failed) - len(stale)
                 counts = {"done": done, "failed": len(failed), "stale": len(stale), "total": len(records)}
                 stages.append({"name": stage, **counts})
             outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
-            failures += [{"stage": stage, "unit": unit, "reason": reason} for unit, reason in rejected_pictures(made)]
+            failures += [
+                {"stage": stage, "unit": unit, "reason": reason} for unit, reason in rejected_pictures(present)
+            ]
         return {
             "snapshot": self.snapshot,
             "published": self.published_snapshot,

@@ -50,7 +50,9 @@ def choose_start_view(view: RunView) -> StartView | None:
     for sense in (1.0, -1.0):
         # a street counts by both of its sides: one that is bare shows half
         sides = [
-            np.bincount(viewpoint, np.where(side & (sense * ahead > MIN_AHEAD_COSINE), worth[seen], 0), len(tables.street))
+            np.bincount(
+                viewpoint, np.where(side & (sense * ahead > MIN_AHEAD_COSINE), worth[seen], 0), len(tables.street)
+            )
             for side in (left, ~left)
         ]
         score = np.sqrt(sides[0]) + np.sqrt(sides[1])

@@ -65,32 +65,41 @@ class StreetReplay:
         InputError : the viewpoint is not textured yet.
         """
         street = int(view.tables.street[viewpoint])
-        own = np.flatnonzero(view.tables.street == street)
-        steps = int(np.searchsorted(own, viewpoint)) + 1
+        viewpoints = np.flatnonzero(view.tables.street == street)
+        steps = int(np.searchsorted(viewpoints, viewpoint)) + 1
         with self._lock:
-            held = self._street
-            if held is None or not _is_same_run(held, view) or held.street != street or held.steps > steps:
+            replayed = self._street
+            if (
+                replayed is None
+                or not _is_same_run(replayed, view)
+                or replayed.street != street
+                or replayed.steps > steps
+            ):
                 if not view.group[journal_path("viewpoints")][viewpoint].item():
                     raise InputError(
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
-                plan = held.plan if held and _is_same_run(held, view) else _plan(view)
+                plan = replayed.plan if replayed and _is_same_run(replayed, view) else _plan(view)
                 field = stored_material_field(view.group, plan)
                 window = replay_street(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
-                held = _ReplayedStreet(view, street, plan, window, field, steps, _texels_in_picture(plan, window, street))
-            for step in own[held.steps : steps].tolist():
-                seen = held.plan.viewpoints[step]
-                add_viewpoint(held.plan, view.group, held.buffer, seen, field=held.field is not None, threads=_THREADS)
-            if held.field is not None:
-                paint_visible_texels(held.buffer, held.plan.scene.placement, held.field)
-            held.steps = steps
-            self._street = held
-            return _draw(held)
+                replayed = _ReplayedStreet(
+                    view, street, plan, window, field, steps, _texels_in_picture(plan, window, street)
+                )
+            for step in viewpoints[replayed.steps : steps].tolist():
+                seen = replayed.plan.viewpoints[step]
+                add_viewpoint(
+                    replayed.plan, view.group, replayed.buffer, seen, field=replayed.field is not None, threads=_THREADS
+                )
+            if replayed.field is not None:
+                paint_visible_texels(replayed.buffer, replayed.plan.scene.placement, replayed.field)
+            replayed.steps = steps
+            self._street = replayed
+            return _draw(replayed)
 
 
-def _is_same_run(held: _ReplayedStreet, view: RunView) -> bool:
+def _is_same_run(replayed: _ReplayedStreet, view: RunView) -> bool:
     """Report whether a view belongs to the cached run; its snapshots change, its plan does not."""
-    return held.view.tables is view.tables
+    return replayed.view.tables is view.tables
 
 
 def _plan(view: RunView) -> Plan:
@@ -117,7 +126,9 @@ def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> np.ndarr
     return texel
 
 
-def _draw(held: _ReplayedStreet) -> np.ndarray:
-    window = held.buffer
-    colour = np.where((window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED_RGB, np.uint8), window.colour)
-    return np.concatenate([colour, np.array([SKY_RGB, OFF_STREET_RGB], np.uint8)])[held.texel]
+def _draw(replayed: _ReplayedStreet) -> np.ndarray:
+    window = replayed.buffer
+    colour = np.where(
+        (window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED_RGB, np.uint8), window.colour
+    )
+    return np.concatenate([colour, np.array([SKY_RGB, OFF_STREET_RGB], np.uint8)])[replayed.texel]

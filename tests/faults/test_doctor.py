@@ -18,14 +18,14 @@ from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import command_line
 from flows.lock import lock_folder
 from tasks.doctor import examine_folder, examine_machine
-from tasks.doctor.machine import disk, models, packages
+from tasks.doctor.machine import check_disk, check_models, check_packages
 from tasks.engine.run import Run
 from tasks.engine.store.integrity import is_suspect, repair_store
 from tasks.engine.store.status import record_source
 
 
 def wrong(out: Path) -> dict[str, str]:
-    return {finding.concern: finding.said for finding in examine_folder(out) if finding.is_well is False}
+    return {finding.concern: finding.message for finding in examine_folder(out) if finding.is_well is False}
 
 
 def contents(out: Path) -> set[str]:
@@ -102,7 +102,7 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     settings = yaml.safe_load(block.read_text())
     block.write_text(yaml.safe_dump(settings | {"seed": 4}))
     assert wrong(out) == {}, "what is stale is whole"
-    [said] = [finding.said for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None]
+    [said] = [finding.message for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None]
     assert "streets (block's settings changed)" in said
     assert said.endswith(f"made again by the next run: `streetloom run {block} --out {out}`")
     block.write_text(yaml.safe_dump(settings | {"name": "other"}))
@@ -119,18 +119,18 @@ def test_the_environment_is_as_declared(tmp_path: Path) -> None:
 def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     from facade_core.parsing import network
 
-    missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
+    missing, *_ = check_packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
     assert missing.is_well is False
-    assert "is not <1, not-there is missing; `make setup`" in missing.said
+    assert "is not <1, not-there is missing; `make setup`" in missing.message
     for path in network.SHIPPED_NETWORK.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "network.onnx").write_bytes(b"cut")
-    whole, cut = models({network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network})
+    whole, cut = check_models({network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network})
     assert whole.is_well
     assert cut.is_well is False
-    assert "checksum" in cut.said
-    assert disk(tmp_path, 1).is_well
-    assert "make room" in disk(tmp_path / "not" / "yet", 1 << 60).said
+    assert "checksum" in cut.message
+    assert check_disk(tmp_path, 1).is_well
+    assert "make room" in check_disk(tmp_path / "not" / "yet", 1 << 60).message
 
 
 def test_the_command_exits_by_what_it_found(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

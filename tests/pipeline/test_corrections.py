@@ -20,7 +20,7 @@ from tasks.corrections.correction_import import CorrectionImporter, import_corre
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_source, record_source
 from tasks.export.formats import export_run
-from tasks.training.corrected_facades import read_corrected_facades
+from tasks.training.corrected_facades import load_corrected_facades
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
@@ -210,9 +210,9 @@ def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatc
     import_corrections(folder / "out", own(folder, {"facade_id": "a-0", "elements": said}), who="anna")
     import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "keep": [[0.0, 0.0, 0.5, 0.5]]}), who="anna")
     with pytest.raises(InputError, match="1 facades have corrected elements"):
-        read_corrected_facades([folder / "out"])
+        load_corrected_facades([folder / "out"])
     monkeypatch.setattr("tasks.training.corrected_facades.MIN_FACADES", 1)
-    (one,) = read_corrected_facades([folder / "out"])
+    (one,) = load_corrected_facades([folder / "out"])
     assert (one.name, [list(e) for e in one.elements]) == ("small/a-0", said)
     assert one.image.shape == (*one.photo_mask.shape, 3)
     assert one.photo_mask.mean() > 0.9, "of a photo"

@@ -20,7 +20,7 @@ from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_serv
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
-from tasks.fetching import Fetched, fetch_for_block, fetch_for_box
+from tasks.fetching import ImageryFetch, fetch_for_block, fetch_for_box
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
@@ -50,7 +50,7 @@ def names(folder: Path) -> set[str]:
 def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(served: Imagery, tmp_path: Path) -> None:
     block_file = write_block(tmp_path / "in")
     found = fetch_for_block(block_file, stac_service(served.stac()))
-    assert (found.offered, found.earlier, found.faults, found.missing, found.named) == (6, 0, (), 0, None)
+    assert (found.offered, found.earlier, found.faults, found.missing, found.manual_entry) == (6, 0, (), 0, None)
     assert found.choice is not None
     assert 0 < found.chosen < 6
     assert found.choice.reached >= 0.9 * found.choice.shown > 0
@@ -196,6 +196,6 @@ def _real_server() -> str:
 
 def test_a_real_panoramax_answers(tmp_path: Path) -> None:
     """One that `python -m benchmarks.panoramax --fill` filled with the panoramas of the data folder."""
-    found: Fetched = fetch_for_box((7.0, 48.0, 8.0, 49.0), tmp_path / "p", resolve_service(_real_server()))
+    found: ImageryFetch = fetch_for_box((7.0, 48.0, 8.0, 49.0), tmp_path / "p", resolve_service(_real_server()))
     assert (found.offered, found.missing, found.faults) == (13, 0, ())
-    assert {one.licence for one in found.account.pictures.values()} == {"etalab-2.0"}
+    assert {one.licence for one in found.log.pictures.values()} == {"etalab-2.0"}

@@ -19,10 +19,10 @@ from facade_core.export.bodies.balconies import (
 )
 from facade_core.export.bodies.building_body import BuildingBody, build_body
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
+from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.bodies.openings import place_openings
 from facade_core.export.bodies.patches import Patch, PolygonMesh, patch_components, triangulate_patch, weld_polygons
 from facade_core.export.bodies.recess import recess_opening
-from facade_core.export.city_models.cityjson import ModelFace
 from facade_core.export.models.textured_mesh import PackedCharts
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.city_models.cityjson import METRES_PER_UNIT, UV_DECIMALS, ModelFace, VertexPool
+from facade_core.export.attribution import Attribution
+from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.city_models.cityjson import METRES_PER_UNIT, UV_DECIMALS, VertexPool
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

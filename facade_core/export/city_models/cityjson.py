@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.attribution import Attribution
+from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.bodies.patches import GRID_M
-from facade_core.export.city_models.attribution import Attribution
 
 # Metres per unit of a vertex.
 METRES_PER_UNIT = GRID_M
@@ -21,24 +22,6 @@ METADATA_EXTENDED = {
     "url": "https://raw.githubusercontent.com/cityjson/metadata-extended/0.6/metadata-extended.ext.json",
     "version": "0.6",
 }
-
-
-@dataclass(frozen=True)
-class ModelFace:
-    """Planar face.
-
-    Attributes
-    ----------
-    rings : (k, 3) corners, exterior first, unclosed, counter-clockwise as seen from outside, world metres.
-    semantic : index of its semantic surface.
-    uv : (k, 2) texture coordinates of each ring, u right and v up.
-    page : texture page; None without.
-    """
-
-    rings: tuple[np.ndarray, ...]
-    semantic: int
-    uv: tuple[np.ndarray, ...] = ()
-    page: int | None = None
 
 
 @dataclass

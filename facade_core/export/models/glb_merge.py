@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from facade_core.export.city_models.attribution import merge_attribution_lines
+from facade_core.export.attribution import merge_attribution_lines
 from facade_core.export.models.glb import (
     BINARY_CHUNK,
     HEADER_BYTES,

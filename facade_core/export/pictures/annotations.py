@@ -8,7 +8,7 @@ from typing import Any
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.attribution import Attribution
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.grouping import group_rows
-from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, relative_texel_count

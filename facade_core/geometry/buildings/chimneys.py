@@ -54,7 +54,7 @@ def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None
     heights = _roof_heights(roof, places)
     faces = RoofDetailBuilder()
     turn = _longest_edge_direction(outline)
-    built: list[np.ndarray] = []
+    built: list[Float64Array] = []
     for place in places[np.argsort(-np.nan_to_num(heights, nan=-np.inf), kind="stable")]:
         if len(built) == (2 if outline.area > MIN_ROOF_OF_TWO_M2 else 1):
             break

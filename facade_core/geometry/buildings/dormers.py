@@ -60,7 +60,7 @@ ROOFLIGHT_SIZE_M = (0.78, 1.18)
 ROOFLIGHT_ABOVE_EAVES_M = (1.0, 1.6)
 
 # Metres along an edge, behind it and above it -> world point (3,).
-RoofPoint = Callable[[float, float, float], np.ndarray]
+RoofPoint = Callable[[float, float, float], Float64Array]
 
 
 class DormerShape(NamedTuple):

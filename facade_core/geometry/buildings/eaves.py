@@ -153,7 +153,7 @@ def _overhang_slope(edge: RoofEdge) -> float:
     return STEEP_OVERHANG_SLOPE if edge.slope > MAX_OVERHANG_SLOPE else edge.slope
 
 
-def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], list[RoofEdge]]:
+def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[Float64Array, Float64Array]], list[RoofEdge]]:
     """Compute the outer ends (3,) of edges; edges too short for their mitres are dropped."""
     while True:
         if len(edges) > MAX_EDGES:
@@ -174,7 +174,7 @@ def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[np.ndarray, np.ndarra
             return ends, edges
         number = np.cumsum([0, *(not one for one in short)])
 
-        def renumber(other: int, short: list[bool] = short, number: np.ndarray = number) -> int:
+        def renumber(other: int, short: list[bool] = short, number: Int64Array = number) -> int:
             return -1 if other < 0 or short[other] else int(number[other])
 
         edges = [

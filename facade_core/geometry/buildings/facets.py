@@ -252,7 +252,7 @@ def _grow_facets(
     order: Int64Array,
     key: Int64Array,
     by_edge: Int64Array,
-) -> tuple[np.ndarray, np.ndarray, bool]:
+) -> tuple[Int64Array, Int64Array, bool]:
     """Grow facets over shared edges from seeds in `order`.
 
     area (t,) is the doubled area of triangles; key (3 t,) identifies the undirected edge from each corner, and by_edge

@@ -39,7 +39,7 @@ OUTLET_DROP_M = 0.07
 MIN_PIPE_M = 2.0
 
 
-def build_gutters(id: str, overhang: Overhang, foot: Callable[[np.ndarray], float]) -> RoofDetail | None:
+def build_gutters(id: str, overhang: Overhang, foot: Callable[[Float64Array], float]) -> RoofDetail | None:
     """Build the gutters and pipes of a building; a piece of gutter has at most 10 triangles, a pipe 12.
 
     Parameters
@@ -148,7 +148,7 @@ def _gutter_runs(edges: list[RoofEdge], eaves: list[bool]) -> list[list[int]]:
 
 
 def _add_pipe(
-    faces: RoofDetailBuilder, overhang: Overhang, number: int, at_end: bool, foot: Callable[[np.ndarray], float]
+    faces: RoofDetailBuilder, overhang: Overhang, number: int, at_end: bool, foot: Callable[[Float64Array], float]
 ) -> None:
     """Add a pipe from the gutter of an eave, at its end or its start, down the wall."""
     edge, ends = overhang.edges[number], overhang.ends[number]

@@ -22,11 +22,11 @@ class RoofDetailBuilder:
 
     def __init__(self) -> None:
         self._kinds: list[int] = []
-        self._polygons: list[list[list[np.ndarray]]] = []
-        self._along: list[np.ndarray] = []
-        self._normals: list[np.ndarray] = []
+        self._polygons: list[list[list[Float64Array]]] = []
+        self._along: list[Float64Array] = []
+        self._normals: list[Float64Array] = []
 
-    def add_polygon(self, kind: int, corners: list[Float64Array], along: np.ndarray | None = None) -> None:
+    def add_polygon(self, kind: int, corners: list[Float64Array], along: Float64Array | None = None) -> None:
         """Add a polygon as one chart.
 
         Parameters
@@ -61,7 +61,7 @@ class RoofDetailBuilder:
     def build(self) -> RoofDetail:
         """Return the detail, longest facets first, so that shorter ones share their chunks."""
         order = np.argsort([-np.linalg.norm(own[0][1] - own[0][0]) for own in self._polygons], kind="stable").tolist()
-        vertices: list[np.ndarray] = []
+        vertices: list[Float64Array] = []
         triangles: list[tuple[int, int, int]] = []
         facet: list[int] = []
         for number, i in enumerate(order):

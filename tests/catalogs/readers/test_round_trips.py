@@ -28,8 +28,9 @@ from catalogs.readers.vectors.graphml import read_graphml
 from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
 from catalogs.readers.walls import read_walls
 from facade_core.core.types import SEMANTICS
-from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.city_models.cityjson import ModelFace, VertexPool, build_geometry, empty_document
+from facade_core.export.attribution import Attribution
+from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
 
 EAST, NORTH = 385_000.0, 6_672_000.0
 FRAME = "EPSG:3067"

@@ -15,7 +15,7 @@ from facade_core.imagery.detect.plates import is_plate
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import TextLine
 from facade_core.synth.facade import paint_facade as paint
-from tasks.doctor.machine import second_opinion
+from tasks.doctor.machine import check_detectors
 from tasks.engine.stage_code import stage_code
 
 
@@ -36,9 +36,9 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
     assert not seen.has_private_boxes()
     assert not seen.lines
     assert not seen.private_mask((40, 60)).any()
-    found = second_opinion()
+    found = check_detectors()
     assert (found.concern, found.is_well) == ("privacy", None)
-    assert "no-such-package not installed; `make detect-setup`" in found.said
+    assert "no-such-package not installed; `make detect-setup`" in found.message
 
 
 def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:

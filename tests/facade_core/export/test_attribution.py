@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from facade_core.export.city_models.attribution import Attribution, DataSource, merge_attribution_lines
+from facade_core.export.attribution import Attribution, DataSource, merge_attribution_lines
 
 OSM = "OpenStreetMap contributors, ODbL 1.0"
 

@@ -14,8 +14,9 @@ from facade_core.core.grouping import group_rows
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import extend_windows_behind_railings, place_balconies
 from facade_core.export.bodies.building_models import build_building_model, ground_faces
+from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.bodies.openings import chart_outlines, place_openings
-from facade_core.export.city_models.cityjson import ModelFace, VertexPool, build_geometry
+from facade_core.export.city_models.cityjson import VertexPool, build_geometry
 from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, pack_charts
 from facade_core.geometry.charts import ChartKind
 

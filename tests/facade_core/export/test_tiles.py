@@ -16,7 +16,7 @@ from PIL import Image
 from pyproj import Transformer
 
 from facade_core.core.errors import InputError
-from facade_core.export.city_models.attribution import Attribution, DataSource
+from facade_core.export.attribution import Attribution, DataSource
 from facade_core.export.lighting.relighting import relight
 from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
 from facade_core.export.models.features import FeatureTable, MetadataProperty
