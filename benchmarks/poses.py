@@ -89,7 +89,7 @@ def _compare(told: dict[str, list[float]], seen: ChartView, foretold: FusedView,
     size = (both.shape[1], both.shape[0])
     there = replace(
         other,
-        rgb=cv2.warpAffine(other.rgb, moved, size),
+        rgb=np.asarray(cv2.warpAffine(other.rgb, moved, size), np.uint8),
         seen=cv2.warpAffine(other.seen.astype(np.uint8), moved, size, flags=cv2.INTER_NEAREST) > 0,
     )
     best = ssim(shown, there)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def parse_crs(text: str) -> CRS:
 
 def coordinate_transform(
     source: CRS | str, target: CRS | str
-) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+) -> Callable[[Float64Array, Float64Array], tuple[Float64Array, Float64Array]]:
     """Return a function that transforms x (east) and y (north) from one CRS to another.
 
     Coordinates without an image in the target become infinite. Axes of north and east are taken in the order east, north;

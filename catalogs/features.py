@@ -190,7 +190,7 @@ class BuildingModels:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def bounding_boxes(self) -> np.ndarray:
+    def bounding_boxes(self) -> Float64Array:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the models."""
         return _bounding_boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
 
@@ -227,7 +227,7 @@ class Centrelines:
     remarks: tuple[Remark, ...] = ()
     ground: tuple[GroundFeature, ...] = ()
 
-    def bounding_boxes(self) -> np.ndarray:
+    def bounding_boxes(self) -> Float64Array:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the lines."""
         return _bounding_boxes(piece.line for piece in self.items)
 

@@ -122,9 +122,9 @@ def fetch_for_block(
     account = read_fetch_log(folder)
     block = read_block(block_file)
     begin_stage("search", 1)
-    offers, faults = _asked(service, ImageryQuery(_box(block), dates, licence, block.crs.to_string()))
+    offers, faults = _search(service, ImageryQuery(_search_box(block), dates, licence, block.crs.to_string()))
     report_progress("search", 1)
-    choice = _choice(block, offers)
+    choice = _choose_panoramas(block, offers)
     chosen = [offers[i] for i in choice.chosen[:max_count]]
     fetched = _fetched(service, account, offers, chosen, faults, choice)
     if named is not None or not any(not one.refused for one in account.pictures.values()):
@@ -143,16 +143,16 @@ def fetch_for_box(
     service: ImageryService,
     *,
     dates: str | None = None,
-    most: int | None = None,
+    max_count: int | None = None,
     licence: str | None = None,
 ) -> ImageryFetch:
     """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
     wanted = ImageryQuery(box, dates, licence)
     account = read_fetch_log(to)
     begin_stage("search", 1)
-    offers, faults = _asked(service, wanted)
+    offers, faults = _search(service, wanted)
     report_progress("search", 1)
-    return _fetched(service, account, offers, offers[:most], faults, None)
+    return _fetched(service, account, offers, offers[:max_count], faults, None)
 
 
 def _named_folder(block_file: Path) -> Path | None:
@@ -166,7 +166,7 @@ def _named_folder(block_file: Path) -> Path | None:
         raise InputError(f"{block_file}: {error}") from error
 
 
-def _box(block: Block) -> LonLatBox:
+def _search_box(block: Block) -> LonLatBox:
     """Where pictures that show the block are taken: around its buildings as far as a viewpoint sees."""
     bounds = np.array([building.footprint.bounds for building in block.buildings])
     reach = block.texture.visibility_range
@@ -175,7 +175,7 @@ def _box(block: Block) -> LonLatBox:
     return bounds_to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
 
 
-def _asked(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
+def _search(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
     """What a service has, the newest first, each once; and what of it cannot be used."""
     offers: dict[str, RemotePanorama] = {}
     faults = []
@@ -188,7 +188,7 @@ def _asked(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePa
     return sorted(by_id, key=lambda offer: offer.captured or "", reverse=True), tuple(faults)
 
 
-def _choice(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
+def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
     frames: dict = {}
     poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
     plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))

@@ -52,8 +52,8 @@ def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random
     warp = cv2.getPerspectiveTransform(corners, corners + (off * density).astype(np.float32))
     shown = cv2.warpPerspective(shown, warp, (columns, rows), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     # what is hidden is known to within a rim
-    hidden = cv2.dilate(hidden.astype(np.uint8), np.ones((9, 9), np.uint8))
-    hidden = cv2.warpPerspective(hidden, warp, (columns, rows), flags=cv2.INTER_NEAREST).astype(bool)
+    around = cv2.dilate(hidden.astype(np.uint8), np.ones((9, 9), np.uint8))
+    hidden = cv2.warpPerspective(around, warp, (columns, rows), flags=cv2.INTER_NEAREST).astype(bool)
     seen = cv2.warpPerspective(np.ones((rows, columns), np.uint8), warp, (columns, rows), flags=cv2.INTER_NEAREST)
     share = float(rng.uniform(0.35, 1.0))  # of the texels' resolution
     small = cv2.resize(shown, (round(columns * share), round(rows * share)), interpolation=cv2.INTER_AREA)
@@ -62,7 +62,7 @@ def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random
     shown = cv2.resize(
         np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), (columns, rows), interpolation=cv2.INTER_LINEAR
     )
-    return ChartView(shown, seen.astype(bool), np.full((rows, columns), share, np.float32), hidden)
+    return ChartView(np.asarray(shown, np.uint8), seen.astype(bool), np.full((rows, columns), share, np.float32), hidden)
 
 
 def _mirrored(image: np.ndarray, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -54,7 +54,7 @@ def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) 
     rgb, quality = photo.image, np.ones(like.labels.shape, np.float32)
     if warp is not None:
         size = like.labels.shape[::-1]
-        rgb = cv2.warpPerspective(rgb, warp, size, flags=cv2.INTER_LINEAR)
+        rgb = np.asarray(cv2.warpPerspective(rgb, warp, size, flags=cv2.INTER_LINEAR), np.uint8)
         hidden, wall = (
             cv2.warpPerspective(mask.astype(np.uint8), warp, size, flags=cv2.INTER_NEAREST).astype(bool)
             for mask in (hidden, wall)

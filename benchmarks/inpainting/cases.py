@@ -56,9 +56,9 @@ def _clean(recipe: DatasetRecipe, folder: Path) -> Iterator[LabelledFacade]:
             continue
         scale = min(1.0, _SIDE / max(facade.labels.shape))
         size = round(facade.labels.shape[1] * scale), round(facade.labels.shape[0] * scale)
-        image = cv2.resize(facade.image, size, interpolation=cv2.INTER_AREA)
+        image = np.asarray(cv2.resize(facade.image, size, interpolation=cv2.INTER_AREA), np.uint8)
         maps = [
-            cv2.resize(of, size, interpolation=cv2.INTER_NEAREST)
+            np.asarray(cv2.resize(of, size, interpolation=cv2.INTER_NEAREST), np.uint8)
             for of in (facade.labels, facade.possible, facade.occluder, facade.outside)
         ]
         yield LabelledFacade(facade.name, image, *maps)

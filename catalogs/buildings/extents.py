@@ -258,7 +258,7 @@ def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelin
     )
 
 
-def _is_near_any(points: np.ndarray, others: np.ndarray) -> bool:
+def _is_near_any(points: Float64Array, others: Float64Array) -> bool:
     from scipy.spatial import cKDTree
 
     return len(others) > 0 and bool(

@@ -13,6 +13,7 @@ from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModel, BuildingModels
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.limits import MAX_BUILDING_HEIGHT_M, MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def shell_outline(shell: Shell) -> Polygon | MultiPolygon:
     return ground if ground.area > 0 else _union_triangles(corners[flat])
 
 
-def _union_triangles(triangles: np.ndarray) -> Polygon | MultiPolygon:
+def _union_triangles(triangles: Float64Array) -> Polygon | MultiPolygon:
     covered = shapely.union_all(shapely.polygons(triangles), grid_size=WELD_M)
     closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre")
     polygons = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.readers.pictures.decoding import open_picture
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
@@ -31,10 +31,10 @@ class LabelledFacade:
 
     name: str
     image: UInt8Array
-    labels: np.ndarray
-    possible: np.ndarray
-    occluder: np.ndarray
-    outside: np.ndarray
+    labels: UInt8Array
+    possible: UInt8Array
+    occluder: UInt8Array
+    outside: UInt8Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +273,7 @@ def _image_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGE_SUFFIXES)
 
 
-def _read_image(path: Path, mode: str | None) -> np.ndarray:
+def _read_image(path: Path, mode: str | None) -> AnyArray:
     try:
         with open_picture(path) as image:
             return np.asarray(image.convert(mode) if mode else image)
@@ -281,7 +281,7 @@ def _read_image(path: Path, mode: str | None) -> np.ndarray:
         raise ImageError(f"{path}: cannot be read as an image; fetch it again or remove the pair") from error
 
 
-def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: tuple[int, ...]) -> list[np.ndarray]:
+def _map_labels(recipe: DatasetRecipe, path: Path, label_map: AnyArray, size: tuple[int, ...]) -> list[UInt8Array]:
     if label_map.dtype != np.uint8 or label_map.shape != size:
         raise ImageError(f"{path}: must be one byte a pixel at the image's size {size}, not {label_map.shape}")
     strange = sorted(set(np.unique(label_map).tolist()) - recipe.classes.keys())
@@ -294,7 +294,7 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: 
 
 def _draw_polygons(
     path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, LabelMeaning], size: tuple[int, ...]
-) -> list[np.ndarray]:
+) -> list[UInt8Array]:
     import cv2
 
     labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_BACKGROUND.map_values)

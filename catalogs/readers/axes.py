@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from catalogs.crs import EARTH_RADIUS_M, LONLAT
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ class Axes:
     metres_per_unit: tuple[float, float] = (1.0, 1.0)
     metres_per_height_unit: float = 1.0
 
-    def to_east_north_up(self, points: np.ndarray) -> np.ndarray:
+    def to_east_north_up(self, points: Float64Array) -> Float64Array:
         """Return points of the file as x east, y north, z in metres.
 
         Parameters

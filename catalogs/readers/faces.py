@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mapbox_earcut
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Shell
 
@@ -43,10 +44,10 @@ class Face:
     uv : (n, 2) texture coordinates of each ring, u right and v up, or None.
     """
 
-    rings: Sequence[np.ndarray]
+    rings: Sequence[Float64Array]
     semantic: str = "unknown"
     texture: int = -1
-    uv: Sequence[np.ndarray] | None = None
+    uv: Sequence[Float64Array] | None = None
 
 
 def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float] = (1.0, 1.0)) -> Shell | None:
@@ -92,7 +93,7 @@ def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float
     )
 
 
-def _face_uv(face: Face, count: int) -> np.ndarray:
+def _face_uv(face: Face, count: int) -> Float64Array:
     """Return texture coordinates (count, 2) of the rings of a face; zeros without a texture."""
     if face.texture < 0 or face.uv is None:
         return np.zeros((count, 2))
@@ -100,8 +101,8 @@ def _face_uv(face: Face, count: int) -> np.ndarray:
 
 
 def _triangulate(
-    points: np.ndarray, lengths: Sequence[Sequence[int]], metres_per_unit: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
+    points: Float64Array, lengths: Sequence[Sequence[int]], metres_per_unit: tuple[float, float]
+) -> tuple[Int64Array, Int64Array]:
     """Return triangle corners (t, 3) as rows of `points`, and the face (t,) of each.
 
     Triangles have the orientation of the outer ring. A face without an area has no triangles. The normal of a face is by
@@ -150,5 +151,5 @@ def _triangulate(
     return cut, owner[cut[:, 0]]
 
 
-def _chosen(groups: Sequence[Sequence[int]], mask: np.ndarray) -> list[Sequence[int]]:
+def _chosen(groups: Sequence[Sequence[int]], mask: BoolArray) -> list[Sequence[int]]:
     return [group for group, wanted in zip(groups, mask, strict=True) if wanted]

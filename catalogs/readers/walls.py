@@ -14,6 +14,7 @@ from catalogs.features import Fault, Footprint, Footprints
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.json_text import load_json
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
@@ -80,7 +81,7 @@ def _parse_building(name: str, walls: Any) -> Footprint:
     return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT_ROOF)
 
 
-def _parse_ring(wall: str, corners: Any) -> np.ndarray:
+def _parse_ring(wall: str, corners: Any) -> Float64Array:
     """Return the corners (n, 3) of a wall."""
     try:
         ring = np.asarray(corners, np.float64)
@@ -91,7 +92,7 @@ def _parse_ring(wall: str, corners: Any) -> np.ndarray:
     return ring
 
 
-def _base_line(wall: str, ring: np.ndarray) -> np.ndarray:
+def _base_line(wall: str, ring: Float64Array) -> Float64Array:
     """Return the line (2, 2) at the foot of a wall, from left to right as seen from outside."""
     apart = np.linalg.norm(ring[:, None, :2] - ring[None, :, :2], axis=2)
     a, b = sorted(np.unravel_index(apart.argmax(), apart.shape))
@@ -105,9 +106,9 @@ def _base_line(wall: str, ring: np.ndarray) -> np.ndarray:
     return foot if first[0] <= first[np.flatnonzero(np.abs(first - first[0]) > 1e-6)[0]] else foot[::-1]
 
 
-def _connect_base_lines(feet: list[np.ndarray]) -> list[np.ndarray]:
+def _connect_base_lines(feet: list[Float64Array]) -> list[Float64Array]:
     """Return polylines (n, 2) of base lines that meet end to end, in the given order."""
-    chains: list[list[np.ndarray]] = []
+    chains: list[list[Float64Array]] = []
     for foot in feet:
         if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= WALL_TOLERANCE_M:
             chains[-1].append(foot[1])
@@ -116,7 +117,7 @@ def _connect_base_lines(feet: list[np.ndarray]) -> list[np.ndarray]:
     return [np.array(chain) for chain in chains]
 
 
-def _outline_polygons(chain: np.ndarray) -> list[Polygon]:
+def _outline_polygons(chain: Float64Array) -> list[Polygon]:
     closed = Polygon(chain) if len(chain) >= 4 else Polygon()
     if closed.is_valid and closed.area > 0:
         return [closed]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, MutableMapping
 from typing import Any, Protocol, cast
 
-import numpy as np
 from facade_core.core.arrays import AnyArray
 
 

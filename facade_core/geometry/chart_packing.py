@@ -160,7 +160,7 @@ def _reuse_places(
 
 
 @njit(cache=True)
-def _share_chunks(outer: Int64Array, owner: Int64Array, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def _share_chunks(outer: Int64Array, owner: Int64Array, chunk: int) -> tuple[Int64Array, Int64Array, Int64Array, int]:
     """Assign each chart to a block of whole chunks and a place in it; small and thin charts of one owner share shelves."""
     n = len(outer)
     block = np.empty(n, np.int64)

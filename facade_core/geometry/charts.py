@@ -10,12 +10,14 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import (
+    AnyArray,
     Float32Array,
     Float64Array,
     Int32Array,
     Int64Array,
     IntArray,
     NumericArray,
+    ObjectArray,
     UInt8Array,
 )
 from facade_core.core.grouping import RowIndex
@@ -70,7 +72,7 @@ class Charts:
         return self._normal
 
     @cached_property
-    def _normal(self) -> np.ndarray:
+    def _normal(self) -> Float64Array:
         normal = np.cross(self.axis_v, self.axis_u)
         normal.flags.writeable = False
         return normal
@@ -120,15 +122,15 @@ class Charts:
         return float(np.hypot(*self.size.T).max(initial=0.0))
 
     @cached_property
-    def _low(self) -> np.ndarray:
+    def _low(self) -> Float64Array:
         return self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].min(axis=1)
 
     @cached_property
-    def _high(self) -> np.ndarray:
+    def _high(self) -> Float64Array:
         return self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].max(axis=1)
 
     @cached_property
-    def boxes(self) -> np.ndarray:
+    def boxes(self) -> ObjectArray:
         """Return the bounding boxes of the charts seen from above, (n,) polygons."""
         return shapely.box(*self._low.T, *self._high.T)
 
@@ -219,8 +221,8 @@ class ChartBuilder:
     """Collector of charts and triangles while surfaces are cut."""
 
     def __init__(self) -> None:
-        self._charts: list[tuple[np.ndarray, ...]] = []
-        self._mesh: list[tuple[np.ndarray, ...]] = []
+        self._charts: list[tuple[AnyArray, ...]] = []
+        self._mesh: list[tuple[AnyArray, ...]] = []
         self._count = 0
         self._vertices = 0
         self.surface_count = 0

@@ -21,7 +21,7 @@ def panorama_rays(forward: Float64Array, width: int) -> Float64Array:
 
 
 @lru_cache(maxsize=1)
-def _camera_rays(width: int) -> np.ndarray:
+def _camera_rays(width: int) -> Float64Array:
     """Return the same directions in camera axes, which all viewpoints of a block share."""
     height = width // 2
     longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
@@ -36,8 +36,8 @@ def _camera_rays(width: int) -> np.ndarray:
 
 
 def project_to_panorama(
-    points: np.ndarray, position: np.ndarray, forward: np.ndarray, width: int
-) -> tuple[np.ndarray, np.ndarray]:
+    points: Float64Array, position: Float64Array, forward: Float64Array, width: int
+) -> tuple[Float64Array, Float64Array]:
     """Project world points into a panorama.
 
     Parameters

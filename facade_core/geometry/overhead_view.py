@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
@@ -19,7 +19,7 @@ MIN_UP_COSINE = 0.26
 TEXELS_PER_BATCH = 1 << 17
 
 # World places (n, 2) and the side in metres of the square around each -> colour (n, 3) uint8, known (n,) bool.
-AerialSampler = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
+AerialSampler = Callable[[Float64Array, float], tuple[UInt8Array, BoolArray]]
 
 
 def roofs_seen_from_above(scene: Scene) -> BoolArray:
@@ -27,7 +27,7 @@ def roofs_seen_from_above(scene: Scene) -> BoolArray:
     return (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
 
 
-def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[np.ndarray, np.ndarray]:
+def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[UInt8Array, BoolArray]:
     """Sample a picture from above on a chart's raster.
 
     Parameters
@@ -53,7 +53,7 @@ def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[
     return rgb, known
 
 
-def texel_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def texel_points(scene: Scene, chart: int, rows: Float64Array, columns: Float64Array) -> Float64Array:
     """Return the world points of texels of a chart.
 
     Parameters
@@ -69,7 +69,7 @@ def texel_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray
     return scene.charts.points(chart, step * columns[None], step * rows[:, None])
 
 
-def has_free_sky(caster: RayCaster, points: np.ndarray) -> BoolArray:
+def has_free_sky(caster: RayCaster, points: Float64Array) -> BoolArray:
     """Return whether nothing of the block is above each world point (n, 3): (n,)."""
     if len(points) == 0:
         return np.zeros(0, bool)

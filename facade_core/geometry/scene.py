@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, Int32Array, Int64Array
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int32Array, Int64Array, IntArray
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.name_hash import hash_name
 from facade_core.core.numba_cache import njit
@@ -81,7 +81,7 @@ class Scene:
         chart = np.where(depth <= self.visibility_range, chart, MISS)
         return rays, depth, chart
 
-    def locate_texels(self, points: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def locate_texels(self, points: Float64Array, chart: IntArray) -> tuple[Int32Array, Int32Array]:
         """Return the texels that hold world points on their charts.
 
         Parameters
@@ -99,7 +99,7 @@ class Scene:
         _locate(points, chart, *frame, placement.texels_per_metre, row, column)
         return row, column
 
-    def visible_charts(self, viewpoint: Viewpoint, width: int) -> np.ndarray:
+    def visible_charts(self, viewpoint: Viewpoint, width: int) -> Int32Array:
         """Return the ascending ids of the charts in the viewpoint's panorama."""
         chart = self.cast_panorama(viewpoint, width)[2]
         return np.unique(chart[chart != MISS])
@@ -107,16 +107,16 @@ class Scene:
 
 @njit(cache=True, nogil=True)
 def _locate(
-    points: np.ndarray,
-    chart: np.ndarray,
-    origin: np.ndarray,
-    axis_u: np.ndarray,
-    axis_v: np.ndarray,
-    width: np.ndarray,
-    height: np.ndarray,
-    density: np.ndarray,
-    row: np.ndarray,
-    column: np.ndarray,
+    points: Float64Array,
+    chart: IntArray,
+    origin: Float64Array,
+    axis_u: Float64Array,
+    axis_v: Float64Array,
+    width: IntArray,
+    height: IntArray,
+    density: FloatArray,
+    row: Int32Array,
+    column: Int32Array,
 ) -> None:
     for k in range(len(chart)):
         c = chart[k]

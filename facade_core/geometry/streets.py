@@ -34,7 +34,7 @@ class Viewpoint:
     forward: Float64Array
 
 
-def flat_ground(points: np.ndarray) -> np.ndarray:
+def flat_ground(points: Float64Array) -> Float64Array:
     """Return height 0 for points (n, 2)."""
     return np.zeros(len(points))
 
@@ -46,7 +46,7 @@ def place_viewpoints(
     height: float = 2.5,
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
-    ground: Callable[[np.ndarray], np.ndarray] = flat_ground,
+    ground: Callable[[Float64Array], Float64Array] = flat_ground,
 ) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 

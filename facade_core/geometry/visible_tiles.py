@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.numba_cache import njit
 
 # Texels along the side of a tile.
@@ -44,7 +44,7 @@ class FacingCharts(NamedTuple):
 @njit(cache=True, nogil=True)
 def mark_visible_tiles(
     seen: Int32Array, surface: Int32Array, place: Int64Array, camera: Float64Array, charts: FacingCharts
-) -> np.ndarray:
+) -> BoolArray:
     """Mark the tiles below pixels that show their chart, and below adjoining pixels of the same surface.
 
     Parameters

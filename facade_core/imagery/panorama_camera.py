@@ -74,7 +74,7 @@ def is_in_view(share: Float64Array, pose: Pose) -> BoolArray:
     return ((share[..., 0] - left) % 1.0 < width) & (share[..., 1] >= top) & (share[..., 1] < top + height)
 
 
-def rotate_pose(pose: Pose, turn: np.ndarray) -> Pose:
+def rotate_pose(pose: Pose, turn: Float64Array) -> Pose:
     """Rotate a pose, so that world directions d of `pose` become turn (3, 3) @ d."""
     from scipy.spatial.transform import Rotation
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.model_file import file_stamps, read_model_record
@@ -235,13 +235,13 @@ class ParseObservation(NamedTuple):
     """
 
     found: list[Element]
-    is_correct: np.ndarray
+    is_correct: BoolArray
     misses: FacadeFigures
     uncertainty: FacadeFigures
     hidden_part: FacadeFigures
 
 
-def observe_parse(parsing: Parsing, truth: np.ndarray, possible: np.ndarray) -> ParseObservation:
+def observe_parse(parsing: Parsing, truth: UInt8Array, possible: UInt8Array) -> ParseObservation:
     """Compare a parse with true labels, where these are known.
 
     Parameters
@@ -269,7 +269,7 @@ def observe_parse(parsing: Parsing, truth: np.ndarray, possible: np.ndarray) -> 
 
 
 def _comparable_counts(
-    parsing: Parsing, truth: np.ndarray, possible: np.ndarray
+    parsing: Parsing, truth: UInt8Array, possible: UInt8Array
 ) -> tuple[list[Element], tuple[int, int], tuple[int, int]]:
     """Windows of a parse where the truth is known; numbers of windows and floors of the parse, and of the truth."""
     is_labelled = possible != (1 << len(CLASSES)) - 1
@@ -293,7 +293,7 @@ def _comparable_counts(
     return windows, (len(windows), floors), (len(true_windows), true_floors)
 
 
-def match_elements(found: Sequence[Element], true: Sequence[Element]) -> np.ndarray:
+def match_elements(found: Sequence[Element], true: Sequence[Element]) -> BoolArray:
     """Mark the elements that are paired with true ones of their class, one to one, for the highest total IoU.
 
     Parameters
@@ -319,7 +319,7 @@ def match_elements(found: Sequence[Element], true: Sequence[Element]) -> np.ndar
     return is_correct
 
 
-def element_ious(one: Sequence[Element], other: Sequence[Element]) -> np.ndarray:
+def element_ious(one: Sequence[Element], other: Sequence[Element]) -> Float64Array:
     """Compute the IoU of every element with every other: (n, m)."""
     first, second = (np.array([(e.x0, e.y0, e.x1, e.y1) for e in side]).reshape(-1, 4) for side in (one, other))
     low = np.maximum(first[:, None, :2], second[None, :, :2])
@@ -347,7 +347,7 @@ def fit_calibration(photos: Sequence[ParseObservation]) -> dict[str, Any]:
     return {"elements": lines, "widths": {name: round(width, 4) for name, width in widths._asdict().items()}}
 
 
-def _fit_line(outcomes: np.ndarray) -> list[float]:
+def _fit_line(outcomes: Float64Array) -> list[float]:
     """Slope (not negative) and offset of highest likelihood for outcomes (n, 2) of confidence and truth.
 
     Platt's own targets avoid certainty from few outcomes. A class without outcomes keeps its confidence.
@@ -360,7 +360,7 @@ def _fit_line(outcomes: np.ndarray) -> list[float]:
     good, bad = truth.sum(), (1 - truth).sum()
     target = np.where(truth == 1, (good + 1) / (good + 2), 1 / (bad + 2))
 
-    def loss(line: np.ndarray) -> float:
+    def loss(line: Float64Array) -> float:
         logits = line[0] * odds + line[1]
         return float((np.logaddexp(0, logits) - target * logits).sum())
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Box
 from facade_core.parsing.training_views import ANY_CLASS
@@ -30,7 +30,7 @@ def occluders_from_labels(
     possible: UInt8Array,
     detected: Sequence[Box] | None,
     doubtful: Sequence[Box] = (),
-) -> np.ndarray:
+) -> UInt8Array:
     """Derive the occluder labels of a facade from its class labels and detected boxes.
 
     Above the ground floor nothing is in front, except where leaves are possible. Detected objects are occluders. After
@@ -72,7 +72,7 @@ def occluders_from_labels(
     return occluder
 
 
-def ground_floor_rows(labels: np.ndarray, possible: np.ndarray) -> tuple[int, int]:
+def ground_floor_rows(labels: UInt8Array, possible: UInt8Array) -> tuple[int, int]:
     """Return the first row of the ground floor and the row below its last.
 
     Parameters
@@ -89,7 +89,7 @@ def ground_floor_rows(labels: np.ndarray, possible: np.ndarray) -> tuple[int, in
     return (int(foot[0]) if foot.size else top), bottom
 
 
-def _segment_object(image: UInt8Array, box: Box) -> np.ndarray:
+def _segment_object(image: UInt8Array, box: Box) -> BoolArray:
     """Mask (h, w) bool of the object in a box, by GrabCut (Rother et al. 2004) with background from around the box.
 
     An oval replaces a mask that has lost the object.

@@ -175,7 +175,7 @@ def _to_working_size(
     scale = min(scale, _MAX_ENLARGEMENT, _MAX_WORKING_SIDE / max(height, width))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     mode = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    working = cv2.resize(np.ascontiguousarray(image), size, interpolation=mode)
+    working = np.asarray(cv2.resize(np.ascontiguousarray(image), size, interpolation=mode), np.uint8)
     if not occluded.any():
         return working, None
     hidden = cv2.resize(occluded.astype(np.float32), size, interpolation=mode)

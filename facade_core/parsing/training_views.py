@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from scipy import ndimage
 
-from facade_core.core.arrays import Float32Array
+from facade_core.core.arrays import AnyArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.parsing.network import PLACE_STRIDE, place_planes
 
@@ -49,13 +49,13 @@ class LabelledPhoto(Protocol):
     """
 
     @property
-    def image(self) -> np.ndarray: ...
+    def image(self) -> UInt8Array: ...
     @property
-    def possible(self) -> np.ndarray: ...
+    def possible(self) -> UInt8Array: ...
     @property
-    def occluder(self) -> np.ndarray: ...
+    def occluder(self) -> UInt8Array: ...
     @property
-    def outside(self) -> np.ndarray: ...
+    def outside(self) -> UInt8Array: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,10 +69,10 @@ class TrainingView:
     place : (2, VIEW_SIDE / 8, VIEW_SIDE / 8) float32 position in the photo, across and down, -1 to 1.
     """
 
-    image: np.ndarray
-    possible: np.ndarray
-    occluder: np.ndarray
-    outside: np.ndarray
+    image: UInt8Array
+    possible: UInt8Array
+    occluder: UInt8Array
+    outside: UInt8Array
     place: Float32Array
 
 
@@ -86,7 +86,7 @@ class Cutout:
     height_share : its height as a share of its photo's.
     """
 
-    image: np.ndarray
+    image: UInt8Array
     height_share: float
 
 
@@ -111,7 +111,7 @@ def _thin_out(cutouts: list[Cutout]) -> list[Cutout]:
     return cutouts[:: max(1, len(cutouts) // _MAX_CUTOUTS)]
 
 
-def occluder_weights(occluder: np.ndarray) -> Float32Array:
+def occluder_weights(occluder: UInt8Array) -> Float32Array:
     """Compute each pixel's weight in the occluder loss: more for smaller occluders, by the root of their area.
 
     Parameters
@@ -151,7 +151,7 @@ def sample_view(
     return TrainingView(_degrade(_vary_light(image, rng), rng), possible, occluder, outside, place)
 
 
-def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[AnyArray, ...]:
     """Square of the scaled photo and its position in the photo; beyond the photo's border nothing is known."""
     import cv2
 
@@ -192,8 +192,8 @@ def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarr
 
 
 def _paste_occluder(
-    image: np.ndarray, occluder: np.ndarray, place: np.ndarray, cutout: Cutout, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, occluder: UInt8Array, place: Float32Array, cutout: Cutout, rng: np.random.Generator
+) -> tuple[UInt8Array, UInt8Array]:
     """View with a cut-out over it, mostly at its original relative height and at the photo's foot; classes behind
     stay."""
     import cv2
@@ -233,7 +233,7 @@ def _paste_occluder(
     return image, occluder
 
 
-def _paint_flat(image: np.ndarray, possible: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _paint_flat(image: UInt8Array, possible: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     """Image with each class mostly in its mean colour: the parser is used on drawings and renderings too."""
     painted = image.astype(np.float32)
     opacity = rng.uniform(0.6, 1.0)
@@ -244,7 +244,7 @@ def _paint_flat(image: np.ndarray, possible: np.ndarray, rng: np.random.Generato
     return np.clip(np.rint(painted), 0, 255).astype(np.uint8)
 
 
-def _vary_light(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _vary_light(image: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     """Image of other exposure, contrast, saturation and tint, rarely unchanged; a fourth channel (alpha) stays."""
     if rng.random() < 0.15:
         return image
@@ -260,7 +260,7 @@ def _vary_light(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.dstack([colour, image[..., 3:]])
 
 
-def _degrade(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _degrade(image: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     """Image with occasional blur, coarse pixels, noise or a blank border."""
     import cv2
 

@@ -93,12 +93,12 @@ class ExemplarLibrary:
     descriptors: Sequence[Sequence[float]]
 
     @cached_property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> Float64Array:
         """Return the distances between style descriptors, (k, k); 1 is clearly visible."""
         return self._descriptor_distances(0)
 
     @cached_property
-    def form(self) -> np.ndarray:
+    def form(self) -> Float64Array:
         """Return the distances without the colour components, (k, k)."""
         return self._descriptor_distances(_COLOUR_COMPONENTS)
 

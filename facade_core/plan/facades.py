@@ -247,7 +247,7 @@ def _best_visibility(
     best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
     in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
     for street, looks in groupby(in_order, key=lambda one: one[0].street):
-        visible: dict[int, np.ndarray] = {}
+        visible: dict[int, BoolArray] = {}
         for camera, row in looks:
             walls = row[candidate[row]]
             if len(walls) == 0:

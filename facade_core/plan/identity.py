@@ -65,7 +65,7 @@ class SceneObjects:
         return [f"{digest:016x}" for digest in np.sort(self.digest[near[meet]]).tolist()]
 
     @cached_property
-    def _with_surface(self) -> np.ndarray:
+    def _with_surface(self) -> Int64Array:
         return np.flatnonzero(np.isfinite(self.low).all(axis=1))
 
     @cached_property

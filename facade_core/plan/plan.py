@@ -127,7 +127,7 @@ class Plan:
         return self._own_charts[self._own_by_building.rows_with(building)].tolist()
 
     @cached_property
-    def _own_charts(self) -> np.ndarray:
+    def _own_charts(self) -> Int64Array:
         """Return the charts (k,) with source textures that are no facades."""
         others = self.textured & self.in_core
         others[self.facades.chart] = False
@@ -142,7 +142,7 @@ class Plan:
         return self._ground_near_cameras
 
     @cached_property
-    def _ground_near_cameras(self) -> np.ndarray:
+    def _ground_near_cameras(self) -> Int64Array:
         ground = np.flatnonzero((self.scene.charts.kind == ChartKind.GROUND) & self.in_core)
         if not self.poses or not len(ground):
             return np.zeros(0, np.int64)

@@ -79,7 +79,7 @@ def fetch_imagery(
 
     assert bbox is not None
     with show_progress(quiet=not sys.stderr.isatty()):
-        found = fetch_for_box(bbox, to, resolve_service(source, poses), dates=dates, most=most, licence=licence)
+        found = fetch_for_box(bbox, to, resolve_service(source, poses), dates=dates, max_count=most, licence=licence)
     report_fetched(found)
 
 

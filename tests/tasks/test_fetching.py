@@ -126,7 +126,7 @@ def test_a_box_without_a_block_brings_all_of_it_or_the_newest(served: Imagery, t
     found = fetch_for_box((west, south, east, north), tmp_path / "all", stac_service(served.stac()))
     assert names(tmp_path / "all") == {"other", *(f"near-{i}" for i in range(5))}
     assert found.choice is None
-    fetch_for_box((west, south, east, north), tmp_path / "some", stac_service(served.stac()), most=2)
+    fetch_for_box((west, south, east, north), tmp_path / "some", stac_service(served.stac()), max_count=2)
     assert names(tmp_path / "some") == {"near-0", "near-1"}
 
 

@@ -17,6 +17,7 @@ from catalogs.readers.referenced_files import (
     find_referenced_file,
     is_outside_folder,
 )
+from facade_core.core.arrays import Float64Array
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -69,8 +70,8 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
 
 
 def face_texture(
-    rings: Mapping[str, np.ndarray], appearance: CityGmlAppearance
-) -> tuple[int | None, list[np.ndarray] | None]:
+    rings: Mapping[str, Float64Array], appearance: CityGmlAppearance
+) -> tuple[int | None, list[Float64Array] | None]:
     """Return the texture index of a face and the coordinates (n, 2) of each ring.
 
     Parameters

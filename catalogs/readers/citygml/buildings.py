@@ -25,6 +25,7 @@ from catalogs.readers.citygml.appearance import (
 from catalogs.readers.citygml.stream import gml_id, iterate_elements, local_name, parse_numbers
 from catalogs.readers.citygml.surfaces import collect_building_units, polygon_rings, select_surfaces
 from catalogs.readers.faces import Face, triangulate_faces
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _METRE_NAMES = frozenset(("m", "metre", "meter", "metres", "meters"))
 _MAX_LEVELS = 300.0  # 9999 is a code for unknown
 
 # rings by id, whether they are reversed, semantic
-_SurfaceRings = tuple[dict[str, np.ndarray], bool, str | None]
+_SurfaceRings = tuple[dict[str, Float64Array], bool, str | None]
 
 
 @dataclass(slots=True)
@@ -180,7 +181,7 @@ def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | 
     return max(own or parts, default=None)
 
 
-def _building_axes(building: Element | None, points: np.ndarray, reading: _ReaderState) -> Axes:
+def _building_axes(building: Element | None, points: Float64Array, reading: _ReaderState) -> Axes:
     """Return the axes of a building; the first building of a coordinate system decides on their order."""
     own = "" if building is None else building.xpath("string((.//@srsName)[1])")
     reading.frame = reading.frame or own

@@ -11,6 +11,7 @@ import numpy as np
 
 from catalogs.readers.citygml.stream import gml_id, local_name, parse_numbers
 from catalogs.readers.faces import SURFACE_SEMANTICS
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ def _nearest_lod(lods: Collection[int], requested: int) -> int:
     return max(lower) if lower else min((lod for lod in lods if lod > 0), default=0)
 
 
-def polygon_rings(polygon: Element) -> dict[str, np.ndarray]:
+def polygon_rings(polygon: Element) -> dict[str, Float64Array]:
     """Return the rings (n, 3) by id without the closing point, the outer ring first.
 
     The result is empty without an outer ring.
@@ -184,7 +185,7 @@ def polygon_rings(polygon: Element) -> dict[str, np.ndarray]:
     GeometryError
         Where coordinates are not three finite numbers each.
     """
-    rings: dict[str, np.ndarray] = {}
+    rings: dict[str, Float64Array] = {}
     for number, boundary in enumerate(polygon.iterchildren(*_RING_TAGS)):
         positions = [parse_numbers(e.text) for e in boundary.iter("{*}posList", "{*}pos", "{*}coordinates")]
         values = np.array([value for position in positions for value in position])

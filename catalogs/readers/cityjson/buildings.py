@@ -27,6 +27,7 @@ from catalogs.readers.referenced_files import (
     find_referenced_file,
     is_outside_folder,
 )
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
@@ -240,7 +241,7 @@ def _face_key(face: Face) -> bytes:
     return np.unique(face.rings[0], axis=0).tobytes() if face.rings else b""
 
 
-def _document_axes(corners: np.ndarray, reading: _ReaderState) -> Axes | None:
+def _document_axes(corners: Float64Array, reading: _ReaderState) -> Axes | None:
     """Return the axes of the coordinates; None while no finite point decides on them."""
     finite = corners[np.isfinite(corners).all(axis=1)]
     if len(finite) == 0:
@@ -299,7 +300,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
     return BuildingModels(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
 
 
-def _bounding_box(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:
+def _bounding_box(things: Sequence[Mapping[str, Any]], points: Float64Array) -> shapely.Polygon | None:
     """Return the box around the readable corners of a broken building."""
     stack: list[Any] = [thing.get("geometry") for thing in things]
     index = set()

@@ -34,7 +34,7 @@ class CityJsonAppearance:
     theme: str | None
 
 
-def extract_faces(geometry: Mapping[str, Any], points: np.ndarray, appearance: CityJsonAppearance) -> list[Face]:
+def extract_faces(geometry: Mapping[str, Any], points: Float64Array, appearance: CityJsonAppearance) -> list[Face]:
     """Return the faces of the outer shells of a geometry.
 
     Parameters
@@ -73,7 +73,7 @@ def extract_faces(geometry: Mapping[str, Any], points: np.ndarray, appearance: C
     return faces
 
 
-def place_template(geometry: Mapping[str, Any], template: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def place_template(geometry: Mapping[str, Any], template: Float64Array, corners: Float64Array) -> Float64Array:
     """Return the vertices (n, 3) of a template at the place of an instance.
 
     Parameters
@@ -124,7 +124,7 @@ def _align_values(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
             yield from _align_values(part, value, depth - 1)
 
 
-def _ring_vertices(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
+def _ring_vertices(rings: Sequence[list[int]], points: Float64Array) -> Float64Array:
     """Return the concatenated vertices of all rings."""
     try:
         index = np.array(list(chain.from_iterable(rings)))
@@ -158,7 +158,7 @@ def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:
 
 def _surface_texture(
     surface: list[list[int]], pictured: Any, appearance: CityJsonAppearance
-) -> tuple[int, list[np.ndarray] | None]:
+) -> tuple[int, list[Float64Array] | None]:
     """Return the picture of a surface and the coordinates of each ring; -1 and None where they do not fit."""
     if not isinstance(pictured, list) or len(pictured) < len(surface) or not surface:
         return -1, None

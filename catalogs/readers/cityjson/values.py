@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from catalogs.readers.faces import MAX_COORDINATE
+from facade_core.core.arrays import Float64Array
 
 
-def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
+def apply_transform(points: Float64Array, transform: Mapping[str, Any] | None) -> Float64Array:
     """Return points (n, 3) scaled and translated by the transform of a file.
 
     Coordinates beyond MAX_COORDINATE become NaN.
@@ -26,12 +27,12 @@ def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> 
     return mask_far_points(points)
 
 
-def mask_far_points(points: np.ndarray) -> np.ndarray:
+def mask_far_points(points: Float64Array) -> Float64Array:
     """Return points with NaN for coordinates that are infinite or beyond MAX_COORDINATE."""
     return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
 
 
-def parse_points(rows: Any, size: int = 3) -> np.ndarray:
+def parse_points(rows: Any, size: int = 3) -> Float64Array:
     """Return rows of numbers as (n, size) float64; an invalid row becomes NaN."""
     rows = as_list(rows)
     try:

@@ -12,6 +12,7 @@ import shapely
 
 from catalogs.features import BuildingModel, Fault
 from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
+from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, IntArray
 from facade_core.core.types import SEMANTICS, Shell
 
 # Semantic by a word in the name of a surface; the first match counts, so that a roof window is a window.
@@ -48,9 +49,9 @@ class MeshSurface:
 
     building: str | None
     semantic: str
-    corners: np.ndarray
+    corners: Float64Array
     texture: int = -1
-    uv: np.ndarray | None = None
+    uv: FloatArray | None = None
 
 
 def surface_semantic(*names: str | None) -> str:
@@ -206,7 +207,7 @@ def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tu
         yield name if len(found) == 1 else f"{name}-{index}", parts
 
 
-def _connected_components(corners: np.ndarray) -> np.ndarray:
+def _connected_components(corners: Float64Array) -> Int64Array:
     """Return the component number (t,) of each triangle; triangles that share a vertex are connected."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -227,7 +228,7 @@ def _connected_components(corners: np.ndarray) -> np.ndarray:
     return np.unique(label[triangles[:, 0]], return_inverse=True)[1]
 
 
-def _merge_overlapping(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
+def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
     """Return component numbers (t,) with each component merged into the one that it overlaps most in plan."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

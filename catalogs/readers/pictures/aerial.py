@@ -22,7 +22,7 @@ from catalogs.readers.pictures.rasters import (
     open_raster,
     read_raster_crs,
 )
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Aerial:
     frame: str
     content: str
 
-    def covers(self, points: np.ndarray) -> BoolArray:
+    def covers(self, points: Float64Array) -> BoolArray:
         """Return a mask (n,) of the positions on the picture, transparent or not.
 
         Parameters
@@ -65,7 +65,7 @@ class Aerial:
         with _open_orthophoto(self.path) as raster:
             return _is_inside(raster, *_to_pixels(raster, _transformer(self.frame, self.crs), points))
 
-    def sample(self, points: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    def sample(self, points: Float64Array, spacing: float) -> tuple[UInt8Array, BoolArray]:
         """Sample the colour at positions in the frame of the block.
 
         Bilinear interpolation between pixel centres, of means of pixels where these are finer than the spacing. Only the part
@@ -99,7 +99,7 @@ class Aerial:
         colour[near], known[near] = _sample_bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
         return colour, known
 
-    def _downsampling(self, raster: DatasetReader, points: np.ndarray, spacing: float) -> int:
+    def _downsampling(self, raster: DatasetReader, points: Float64Array, spacing: float) -> int:
         """Return the number of pixels per side that are averaged at a spacing in metres."""
         middle = points.mean(axis=0)
         ends = middle + np.array([[0.0, 0.0], [spacing, 0.0], [0.0, spacing]])
@@ -108,7 +108,7 @@ class Aerial:
         return max(1, int(steps.min())) if np.isfinite(steps).all() else 1
 
 
-def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> Aerial:
+def read_aerial(path: Path, crs: str | None, frame: CRS, places: Float64Array) -> Aerial:
     """Check an orthophoto against positions in the frame of the block.
 
     Parameters
@@ -177,20 +177,22 @@ def _cached_transformer(frame: str, crs: str, thread: int) -> Transformer:
     return Transformer.from_crs(CRS.from_wkt(frame), CRS.from_wkt(crs), always_xy=True)
 
 
-def _to_pixels(raster: DatasetReader, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _to_pixels(
+    raster: DatasetReader, transformer: Transformer, points: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Return positions (n, 2) as pixel coordinates, (n,) each; 0 is the left or upper edge, inf for none."""
     x, y = transformer.transform(points[:, 0], points[:, 1])
     back = ~raster.transform
     return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
 
 
-def _is_inside(raster: DatasetReader, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _is_inside(raster: DatasetReader, x: Float64Array, y: Float64Array) -> BoolArray:
     return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
 
 
 def _read_around(
-    raster: DatasetReader, x: np.ndarray, y: np.ndarray, downsampling: int
-) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float, float]]:
+    raster: DatasetReader, x: Float64Array, y: Float64Array, downsampling: int
+) -> tuple[UInt8Array, UInt8Array, tuple[float, float, float, float]]:
     """Return colour and alpha around pixel positions, with the left and upper edge and the pixel size."""
     left, top = max(int(x.min()) - downsampling, 0), max(int(y.min()) - downsampling, 0)
     right, bottom = (
@@ -209,7 +211,7 @@ def _read_around(
 
 def _read_box(
     raster: DatasetReader, box: tuple[int, int, int, int], size: tuple[int, int] | None
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, UInt8Array]:
     """Return colour (h, w, 3) and alpha (h, w) of a box (left, top, width, height), averaged to `size` (h, w)."""
     from rasterio.enums import ColorInterp, Resampling
     from rasterio.windows import Window
@@ -231,7 +233,9 @@ def _read_box(
     return np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1)), alpha
 
 
-def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sample_bilinear(
+    rgb: UInt8Array, alpha: UInt8Array, x: Float64Array, y: Float64Array
+) -> tuple[UInt8Array, BoolArray]:
     """Return colour (n, 3) of the opaque neighbours, and whether the nearest pixel is opaque.
 
     x, y : (n,) pixels from the centre of the first pixel.
@@ -250,7 +254,7 @@ def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.nd
     return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
 
 
-def _coverage_message(raster: DatasetReader, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
+def _coverage_message(raster: DatasetReader, path: Path, raster_crs: CRS, frame: CRS, places: Float64Array) -> str:
     """Return the message for a raster that shows nothing of the block."""
     spans = []
     for crs, (west, south, east, north) in (

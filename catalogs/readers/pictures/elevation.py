@@ -16,6 +16,7 @@ from catalogs.readers.pictures.rasters import (
     read_raster_crs,
 )
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Elevation
 
@@ -166,7 +167,7 @@ def _read_around(raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[floa
     return Elevation(float(west), float(north), step, heights)
 
 
-def _overlaps(columns: np.ndarray, rows: np.ndarray, raster: DatasetReader) -> bool:
+def _overlaps(columns: Float64Array, rows: Float64Array, raster: DatasetReader) -> bool:
     return bool(columns.max() > 0 and rows.max() > 0 and columns.min() < raster.width and rows.min() < raster.height)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def is_high_depth(image: Image) -> bool:
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)
 
 
-def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def read_high_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
     """Read a picture as 8-bit RGB, averaged over blocks of `factor` x `factor` pixels.
 
     Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255.
@@ -114,7 +115,7 @@ def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | N
     return list(range(1, colours + 1)), alpha, inverted
 
 
-def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> np.ndarray:
+def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> Float32Array:
     """Return values (bands, rows, columns), NaN for nodata."""
     values = raster.read(bands, window=window)
     unknown = None if raster.nodata is None else values == raster.nodata
@@ -144,7 +145,7 @@ def _white_value(path: Path, kind: str, low: float, high: float) -> float:
     return white
 
 
-def _block_means(values: np.ndarray, known: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def _block_means(values: Float32Array, known: Float32Array, factor: int) -> tuple[Float32Array, Float32Array]:
     """Return means of values (h, w, 3) and of known (h, w) over blocks of `factor` pixels, smaller at the border."""
     if factor == 1:
         return values, known

@@ -17,6 +17,7 @@ import numpy as np
 from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import is_system_error, short_message, single_line
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
 # Bytes; parsed JSON of nested lists takes twenty times its size.
@@ -267,7 +268,7 @@ def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[s
             yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
 
 
-def _parse_vector(values: Iterable[float]) -> np.ndarray:
+def _parse_vector(values: Iterable[float]) -> Float64Array:
     found = np.array([_finite_number(value, "a rotation or translation") for value in values], np.float64)
     if found.shape != (3,) or not (np.abs(found) <= MAX_MAGNITUDES["x"]).all():
         raise ValueError(f"{short_repr(found.tolist())} is no rotation or translation; three numbers are")
@@ -289,14 +290,14 @@ def camera_angles(axis_angle: Iterable[float]) -> tuple[float, float, float]:
     return _angles(_rotation_matrix(axis_angle))
 
 
-def _rotation_matrix(axis_angle: Iterable[float]) -> np.ndarray:
+def _rotation_matrix(axis_angle: Iterable[float]) -> Float64Array:
     """Return the camera_from_world rotation (3, 3) of an axis-angle vector in radians."""
     import cv2
 
-    return cv2.Rodrigues(_parse_vector(axis_angle).reshape(3, 1))[0]
+    return np.asarray(cv2.Rodrigues(_parse_vector(axis_angle).reshape(3, 1))[0], np.float64)
 
 
-def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
+def _angles(camera_from_world: Float64Array) -> tuple[float, float, float]:
     """Return heading, pitch and roll in degrees of a camera: x right, y down, z forward; world east, north, up."""
     right, _, forward = camera_from_world
     heading = math.atan2(forward[0], forward[1])

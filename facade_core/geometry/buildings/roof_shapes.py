@@ -46,7 +46,7 @@ GABLE_EXTENSION = 0.7
 # Semantic of gables, so that they do not join the wall below; their slope makes them walls.
 GABLE_SEMANTIC = "unknown"
 
-RoofHeight = Callable[[np.ndarray], np.ndarray]
+RoofHeight = Callable[[Float64Array], Float64Array]
 
 
 def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
@@ -86,7 +86,7 @@ def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygo
     if planes is None:
         return None
 
-    def rise(xy: np.ndarray) -> np.ndarray:
+    def rise(xy: Float64Array) -> Float64Array:
         return np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
 
     return _shell(_plane_regions(footprint, planes, centre), rise, footprint, base, eaves)
@@ -186,7 +186,9 @@ def _extend_gables(outline: Polygon, footprint: Polygon) -> Polygon:
     return drawn_out
 
 
-def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndarray) -> np.ndarray | None:
+def _rectangle_planes(
+    roof: Roof, corners: Float64Array, footprint: Polygon, centre: Float64Array
+) -> Float64Array | None:
     """Return planes (k, 3): height over the eaves = a x + b y + c, from the centre; None for an unknown shape."""
     height = roof.height
     along, across, half_along, half_across, middle = _rectangle(footprint, centre, roof.across)
@@ -199,7 +201,7 @@ def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centr
         reach = corners @ fall
         return np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
 
-    def side(normal: np.ndarray, half: float, rise: float, run: float, start: float = 0.0) -> np.ndarray:
+    def side(normal: Float64Array, half: float, rise: float, run: float, start: float = 0.0) -> Float64Array:
         """Return the plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
         slope = rise / run
         return np.array([*(-slope * normal), start + slope * (half + middle @ normal)])
@@ -231,8 +233,8 @@ def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centr
 
 
 def _rectangle(
-    footprint: Polygon, centre: np.ndarray, turned: bool
-) -> tuple[np.ndarray, np.ndarray, float, float, np.ndarray]:
+    footprint: Polygon, centre: Float64Array, turned: bool
+) -> tuple[Float64Array, Float64Array, float, float, Float64Array]:
     """Return unit vectors along and across the ridge, half the sizes of the rectangle that way, and its middle."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4] - centre
     sides = corners[1:3] - corners[:2]
@@ -290,7 +292,7 @@ def _weld_to_corners(points: Float64Array, corners: Float64Array) -> Float64Arra
     return welded
 
 
-def _plane_regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.ndarray:
+def _plane_regions(footprint: Polygon, planes: Float64Array, centre: Float64Array) -> ObjectArray:
     """Cut the footprint into the regions of the lowest planes, with shared corners."""
     reach = 2 * footprint.length
     ridges = [_ridge(planes, i, j, reach) for i in range(len(planes)) for j in range(i)]
@@ -300,7 +302,7 @@ def _plane_regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -
     return faces[shapely.contains(footprint, shapely.point_on_surface(faces))]
 
 
-def _ridge(planes: np.ndarray, i: int, j: int, reach: float) -> np.ndarray | None:
+def _ridge(planes: Float64Array, i: int, j: int, reach: float) -> Float64Array | None:
     """Return the segment (2, 2) on which planes i and j are the lowest, up to `reach` from the centre; None without."""
     difference = planes[i] - planes[j]
     size = np.hypot(*difference[:2])

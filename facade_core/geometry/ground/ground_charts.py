@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
 from facade_core.geometry.cutting import cut_polygon
 from facade_core.geometry.ground.terrain import Terrain
@@ -56,9 +56,9 @@ def add_ground(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terra
 
 
 # Vertices, triangles, normal and greatest distance from the plane: see _drape_piece.
-_DrapedPiece = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+_DrapedPiece = tuple[Float64Array, Int64Array, Float64Array, float]
 # For x and for y: coordinate of a line -> sorted positions of the corners on it.
-_CornerLines = tuple[dict[float, np.ndarray], dict[float, np.ndarray]]
+_CornerLines = tuple[dict[float, Float64Array], dict[float, Float64Array]]
 
 
 def _cut_fine(
@@ -90,7 +90,7 @@ def _corner_lines(parts: Sequence[Polygon]) -> _CornerLines:
 def _match_corners(part: Polygon, draped: _DrapedPiece, lines: _CornerLines, terrain: Terrain) -> _DrapedPiece:
     """Insert the corners of adjacent pieces on a piece's borders, so that coarse and fine pieces meet without gaps."""
 
-    def insert_corners(ring: np.ndarray) -> np.ndarray:
+    def insert_corners(ring: Float64Array) -> Float64Array:
         points = []
         for start, end in pairwise(ring.tolist()):
             points.append(start)

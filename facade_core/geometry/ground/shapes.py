@@ -115,7 +115,7 @@ class GroundTiles:
         self._chart_tile = np.floor(middle / GROUND_TILE_M).astype(np.int64)
         self._is_ground = charts.kind == ChartKind.GROUND
         self._digests: dict[tuple[int, ...], bytes] = {}
-        self._arrays: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
+        self._arrays: OrderedDict[tuple[int, int], tuple[AnyArray, ...]] = OrderedDict()
 
     def build_arrays(self, charts: Sequence[int] | IntArray) -> GroundTileArrays:
         """Build the lookup tables of the ground charts among some charts."""

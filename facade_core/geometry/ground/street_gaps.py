@@ -9,6 +9,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, ObjectArray
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Street
 
@@ -86,7 +87,7 @@ def derive_streets(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tup
     )
 
 
-def _blocked_ground(outlines: np.ndarray) -> BaseGeometry:
+def _blocked_ground(outlines: ObjectArray) -> BaseGeometry:
     """Return ground without streets: buildings, narrow gaps and yards."""
     grown = shapely.union_all(shapely.buffer(outlines, MIN_GAP_M / 2, quad_segs=4))
     filled = shapely.union_all([_without_holes(part, below=MIN_SQUARE_M2) for part in shapely.get_parts(grown)])
@@ -103,7 +104,7 @@ def _without_holes(polygon: Polygon, *, below: float) -> Polygon:
     return Polygon(polygon.exterior, [hole for hole in polygon.interiors if Polygon(hole).area >= below])
 
 
-def _medial_axis(solid: BaseGeometry, zone: BaseGeometry, *, widest: float) -> np.ndarray:
+def _medial_axis(solid: BaseGeometry, zone: BaseGeometry, *, widest: float) -> ObjectArray:
     """Return lines of the medial axis of the zone less the solid, with the clearance as z.
 
     These are Voronoi edges between opposite outline points, computed tile by tile: points beyond twice the widest
@@ -127,7 +128,7 @@ def _medial_axis(solid: BaseGeometry, zone: BaseGeometry, *, widest: float) -> n
     return _merge_pieces(np.concatenate(found))
 
 
-def _voronoi_edges(points: np.ndarray, free: BaseGeometry) -> np.ndarray:
+def _voronoi_edges(points: Float64Array, free: BaseGeometry) -> Float64Array:
     """Return Voronoi edges (e, 2, 3) inside `free` between points at least MIN_GAP_M apart, with the clearance as z."""
     from scipy.spatial import Voronoi
 
@@ -146,19 +147,19 @@ def _voronoi_edges(points: np.ndarray, free: BaseGeometry) -> np.ndarray:
     return np.column_stack([vertices, clearance])[ends]
 
 
-def _merge_pieces(pieces: np.ndarray) -> np.ndarray:
+def _merge_pieces(pieces: ObjectArray) -> ObjectArray:
     """Join pieces wherever exactly two meet."""
     return shapely.get_parts(shapely.line_merge(shapely.multilinestrings(pieces)))
 
 
-def _branch_nodes(branches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _branch_nodes(branches: ObjectArray) -> tuple[Float64Array, Int64Array]:
     """Return the end nodes (n, 3) of branches, with the clearance as z, and the start and end node of each branch (b, 2)."""
     ends = np.stack([shapely.get_coordinates(shapely.get_point(branches, k), include_z=True) for k in (0, -1)], axis=1)
     _, first, node = np.unique(ends.reshape(-1, 3)[:, :2], axis=0, return_index=True, return_inverse=True)
     return ends.reshape(-1, 3)[first], node.reshape(-1, 2)
 
 
-def _prune_spurs(branches: np.ndarray) -> np.ndarray:
+def _prune_spurs(branches: ObjectArray) -> ObjectArray:
     """Drop branches that lead only into corners, and shorten blind ones to where their corner begins."""
     while True:
         places, node = _branch_nodes(branches)
@@ -179,7 +180,7 @@ def _prune_spurs(branches: np.ndarray) -> np.ndarray:
     return branches
 
 
-def _drop_wedge(coords: np.ndarray) -> np.ndarray:
+def _drop_wedge(coords: Float64Array) -> Float64Array:
     """Return a branch (n, 3) from its blind tip on, without the part where the walls diverge from a corner."""
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(coords[:, :2], axis=0), axis=1))])
     level = coords[:, 2] - coords[0, 2] < _MIN_WEDGE_GAIN * travelled - 0.1  # 0.1: the zigzag of the sampling
@@ -187,11 +188,11 @@ def _drop_wedge(coords: np.ndarray) -> np.ndarray:
     return coords[min(max(start - 1, 0), len(coords) - 2) :]
 
 
-def _path_length(coords: np.ndarray) -> float:
+def _path_length(coords: Float64Array) -> float:
     return float(np.linalg.norm(np.diff(coords[:, :2], axis=0), axis=1).sum())
 
 
-def _join_branches(branches: np.ndarray) -> list[LineString]:
+def _join_branches(branches: ObjectArray) -> list[LineString]:
     """Join branches to long lines: at each junction the straightest pair first."""
     places, node = _branch_nodes(branches)
     centre, link = _merge_junctions(branches, places, node)
@@ -217,7 +218,7 @@ def _join_branches(branches: np.ndarray) -> list[LineString]:
     return _chain_paths(paths, ends, partner)
 
 
-def _merge_junctions(branches: np.ndarray, places: np.ndarray, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _merge_junctions(branches: ObjectArray, places: Float64Array, node: Int64Array) -> tuple[Int64Array, BoolArray]:
     """Return the junction that each node is merged into, and which branches vanish inside one.
 
     Two streets that cross slightly askew meet in two junctions with a short link; they are merged.
@@ -236,14 +237,14 @@ def _merge_junctions(branches: np.ndarray, places: np.ndarray, node: np.ndarray)
     return centre, short & (centre[node[:, 0]] == centre[node[:, 1]])
 
 
-def _start_direction(path: np.ndarray, distance: float) -> np.ndarray:
+def _start_direction(path: Float64Array, distance: float) -> Float64Array:
     """Return the unit vector from the start of a path to its point at most `distance` metres on."""
     line = LineString(path)
     ahead = shapely.get_coordinates(line.interpolate(min(distance, line.length / 2)))[0] - path[0]
     return ahead / max(float(np.linalg.norm(ahead)), 1e-9)
 
 
-def _chain_paths(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray) -> list[LineString]:
+def _chain_paths(paths: list[Float64Array], ends: Int64Array, partner: Int64Array) -> list[LineString]:
     """Chain paths whose ends are partners into lines, open ones first, then rings.
 
     No line passes a junction twice: it is cut there into a ring and the way to it. ends (2 per path) are junctions;
@@ -255,7 +256,7 @@ def _chain_paths(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray)
     used = np.zeros(len(paths), bool)
     while waiting:
         end = waiting.pop()
-        chain: list[np.ndarray] = []
+        chain: list[Float64Array] = []
         passed = [ends[end]]
         while end >= 0 and not used[end // 2]:
             used[end // 2] = True
@@ -277,7 +278,7 @@ def _chain_paths(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray)
     return lines
 
 
-def _chain_line(chain: Sequence[np.ndarray]) -> LineString:
+def _chain_line(chain: Sequence[Float64Array]) -> LineString:
     coords = np.concatenate(chain)
     return LineString(coords[np.concatenate([[True], (np.diff(coords, axis=0) != 0).any(axis=1)])])
 
@@ -301,7 +302,7 @@ def _smooth_line(line: LineString, walls: shapely.STRtree) -> LineString:
     return line.simplify(_SIMPLIFICATION_M)
 
 
-def _diagonal_order(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _diagonal_order(points: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Return sort keys of points from south-west to north-east."""
     return np.round(points[..., 0] + points[..., 1], 2), np.round(points[..., 0], 2)
 

@@ -113,7 +113,7 @@ def _terrain_from_raster(elevation: Elevation) -> Terrain:
     return Terrain(elevation.x, south, elevation.step, heights[::-1])
 
 
-def _terrain_from_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
+def _terrain_from_bases(outlines: Sequence[Polygon], bases: Float64Array) -> Terrain:
     """Triangulate the outlines' corners at their bases, rasterise and smooth."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.ndimage import gaussian_filter
@@ -147,7 +147,7 @@ def _terrain_from_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terra
     return Terrain(float(low[0]), float(low[1]), step, smooth)
 
 
-def _replace_outliers(middles: np.ndarray, bases: np.ndarray) -> np.ndarray:
+def _replace_outliers(middles: Float64Array, bases: Float64Array) -> Float64Array:
     """Replace outliers among bases (n,) by the median of their neighbours."""
     from scipy.spatial import cKDTree
 

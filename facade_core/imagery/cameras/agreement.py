@@ -120,7 +120,7 @@ def squares_to_texels(squares: BoolArray, side: int, shape: tuple[int, ...]) -> 
     return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
 
 
-def _has_match(log_colour: np.ndarray, other: np.ndarray, is_usable: np.ndarray, reach: int = 1) -> np.ndarray:
+def _has_match(log_colour: Float32Array, other: Float32Array, is_usable: BoolArray, reach: int = 1) -> BoolArray:
     """Find squares (r, c) whose colour the other view shows within `reach` squares."""
     is_matched = np.zeros(is_usable.shape, bool)
     rows, columns = is_usable.shape
@@ -143,11 +143,11 @@ def _mean_log_colour(view: ChartView, side: int) -> Float32Array:
     return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0))
 
 
-def _square_means(array: Float32Array, side: int) -> Float32Array:
+def _square_means(array: NumericArray, side: int) -> Float32Array:
     """Means over squares of `side` texels of an array (h, w) or (h, w, 3), padded with 0."""
     import cv2
 
     rows, columns = (-(-n // side) for n in array.shape[:2])
     padding = (0, rows * side - array.shape[0], 0, columns * side - array.shape[1])
     whole = cv2.copyMakeBorder(array.astype(np.float32), *padding, cv2.BORDER_CONSTANT, value=(0, 0, 0))
-    return cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)

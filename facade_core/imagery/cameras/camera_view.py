@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, IntArray, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.imagery.rectify.fusion import ChartView, fuse_views
 
@@ -51,7 +51,7 @@ class CameraView:
 
     rgb: UInt8Array
     is_visible: BoolArray
-    camera: np.ndarray
+    camera: IntArray
     confidence: Float32Array
 
 

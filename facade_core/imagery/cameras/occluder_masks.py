@@ -63,7 +63,7 @@ def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     return _mask_occluders(image, pose, (DOWNWARD_TILT_DEG,), (GROUND_TOP_DEG, GROUND_BOTTOM_DEG))
 
 
-def mask_building_occluders(image: np.ndarray, pose: Pose) -> BoolArray:
+def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     """Mask occluders of walls and roofs, and the sky, in a panorama.
 
     Parses six more views than `mask_ground_occluders`, which look up.
@@ -181,7 +181,7 @@ def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: f
     small = image
     if (finer := image.shape[1] / wide / (2 * np.pi * focal)) > 2:
         size = (round(image.shape[1] / finer), round(image.shape[0] / finer))
-        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
     at = ((column * small.shape[1] - 0.5).astype(np.float32), (row * small.shape[0] - 0.5).astype(np.float32))
     picture = cv2.remap(small, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.where(is_shown[..., None], picture, 0).astype(np.uint8), is_shown

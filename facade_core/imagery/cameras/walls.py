@@ -37,7 +37,7 @@ def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) 
     return fuse_camera_views(views, trusted_wall_texels(views, is_low, density), density)
 
 
-def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[BoolArray], density: float) -> list[np.ndarray]:
+def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[BoolArray], density: float) -> list[BoolArray]:
     """Select the clear texels of each view that can be trusted.
 
     Parameters
@@ -68,7 +68,7 @@ def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
     )
 
 
-def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: np.ndarray) -> ChartView:
+def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: BoolArray) -> ChartView:
     """Rectify a chart in the common exposure, within WALL_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)

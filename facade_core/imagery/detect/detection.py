@@ -144,7 +144,7 @@ def _wrap_boxes(boxes: Float64Array, width: int) -> Float64Array:
     return np.concatenate([wrapped, wrapped[wrapped[:, 2] > width] - np.array([width, 0, width, 0])])
 
 
-def find_plates(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> tuple[np.ndarray, list[TextLine]]:
+def find_plates(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> tuple[Float64Array, list[TextLine]]:
     """Find number plates and all lines of text.
 
     The lower part of pictures of ordinary size is searched enlarged as well: plates and many shop signs are small.

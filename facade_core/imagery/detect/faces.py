@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import FACE_MODEL, model_session
 
@@ -26,7 +26,7 @@ _SIDE_MULTIPLE = 32
 _CELL_PIXELS = 4
 
 
-def find_faces(image: UInt8Array) -> tuple[np.ndarray, np.ndarray]:
+def find_faces(image: UInt8Array) -> tuple[Float32Array, Float32Array]:
     """Find faces in an image.
 
     Parameters
@@ -46,7 +46,7 @@ def find_faces(image: UInt8Array) -> tuple[np.ndarray, np.ndarray]:
     return non_maximum_suppression(np.concatenate(boxes), np.concatenate(scores), MAX_FACE_IOU)
 
 
-def _faces_in_tile(image: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
+def _faces_in_tile(image: UInt8Array, scale: float) -> tuple[Float32Array, Float32Array]:
     import cv2
 
     height, width = (round(side * scale) for side in image.shape[:2])
@@ -65,7 +65,9 @@ def _faces_in_tile(image: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndar
     return np.clip(boxes, 0, limit).astype(np.float32), centres[0, 0, row, column]
 
 
-def non_maximum_suppression(boxes: np.ndarray, scores: np.ndarray, max_iou: float) -> tuple[np.ndarray, np.ndarray]:
+def non_maximum_suppression(
+    boxes: Float32Array, scores: Float32Array, max_iou: float
+) -> tuple[Float32Array, Float32Array]:
     """Keep the best of boxes that overlap.
 
     Parameters
@@ -85,7 +87,7 @@ def non_maximum_suppression(boxes: np.ndarray, scores: np.ndarray, max_iou: floa
     return boxes[kept], scores[kept]
 
 
-def box_ious(box: np.ndarray, others: np.ndarray) -> np.ndarray:
+def box_ious(box: Float32Array, others: Float32Array) -> Float32Array:
     """Compute the intersection over union (n,) of a box (4,) with others (n, 4)."""
     low, high = np.maximum(box[:2], others[:, :2]), np.minimum(box[2:], others[:, 2:])
     shared = np.prod(np.maximum(high - low, 0), axis=1)

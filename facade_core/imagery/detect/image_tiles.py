@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 
-def split_tiles(image: np.ndarray, side: int, overlap: int) -> Iterator[tuple[np.ndarray, int, int]]:
+
+def split_tiles(image: UInt8Array, side: int, overlap: int) -> Iterator[tuple[UInt8Array, int, int]]:
     """Split an image into overlapping tiles.
 
     Parameters

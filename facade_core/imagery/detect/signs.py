@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect.text import TextLine
 
@@ -35,7 +35,7 @@ _PERSON = re.compile(
 
 
 def shop_names(
-    lines: Sequence[TextLine], labels: UInt8Array, hidden: BoolArray, plates: np.ndarray, texels_per_metre: float
+    lines: Sequence[TextLine], labels: UInt8Array, hidden: BoolArray, plates: Float64Array, texels_per_metre: float
 ) -> list[str]:
     """Select the shop names on a facade.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, model_session
 
@@ -57,12 +57,12 @@ class TextLine:
     score : mean probability of its characters.
     """
 
-    corners: np.ndarray
+    corners: Float64Array
     text: str
     score: float
 
     @property
-    def box(self) -> np.ndarray:
+    def box(self) -> Float64Array:
         """Return x0, y0, x1, y1."""
         return np.concatenate([self.corners.min(axis=0), self.corners.max(axis=0)])
 
@@ -75,7 +75,7 @@ class TextLine:
 
 def find_text_lines(image: UInt8Array, scale: float = 1.0) -> list[TextLine]:
     """Find and recognise the lines of text in an image (H, W, 3) uint8, enlarged by `scale`."""
-    corners_found: list[np.ndarray] = []
+    corners_found: list[Float64Array] = []
     for part, x, y in split_tiles(image, round(TEXT_TILE_SIDE / scale), round(TEXT_TILE_OVERLAP / scale)):
         corners_found += [corners + np.array([x, y]) for corners in _lines_in_tile(_brighten(part), scale)]
     return [
@@ -90,14 +90,14 @@ def merge_lines(lines: Sequence[TextLine], enlarged_lines: Sequence[TextLine]) -
     return [all_lines[index] for index in _deduplicate([line.corners for line in all_lines])]
 
 
-def _brighten(image: UInt8Array) -> np.ndarray:
+def _brighten(image: UInt8Array) -> UInt8Array:
     """Brighten an image (h, w, 3) uint8 if it is dark."""
     if np.median(image) >= _DARK_LEVEL:
         return image
     return np.rint(255 * (np.arange(256) / 255) ** _BRIGHTEN_GAMMA).astype(np.uint8)[image]
 
 
-def _lines_in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
+def _lines_in_tile(image: UInt8Array, scale: float) -> Iterator[Float64Array]:
     """Corners (4, 2) of the lines in a tile."""
     import cv2
 
@@ -122,7 +122,7 @@ def _lines_in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
         yield _from_upper_left(np.clip(corners, 0, [width, height]))
 
 
-def _mean_within(values: np.ndarray, corners: np.ndarray) -> float:
+def _mean_within(values: Float32Array, corners: FloatArray) -> float:
     import cv2
 
     x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
@@ -133,14 +133,14 @@ def _mean_within(values: np.ndarray, corners: np.ndarray) -> float:
     return float(part[mask > 0].mean()) if mask.any() else 0.0
 
 
-def _from_upper_left(corners: np.ndarray) -> np.ndarray:
+def _from_upper_left(corners: Float64Array) -> Float64Array:
     """Corners of a rectangle, clockwise (y down) from the upper left one."""
     by_x = corners[np.argsort(corners[:, 0], kind="stable")]
     left, right = (side[np.argsort(side[:, 1], kind="stable")] for side in (by_x[:2], by_x[2:]))
     return np.stack([left[0], right[0], right[1], left[1]])
 
 
-def _deduplicate(corners_found: Sequence[np.ndarray]) -> list[int]:
+def _deduplicate(corners_found: Sequence[Float64Array]) -> list[int]:
     """Indices of the lines to keep, in reading order: the largest of overlapping lines."""
     kept: list[int] = []
     boxes = [np.concatenate([corners.min(axis=0), corners.max(axis=0)]) for corners in corners_found]
@@ -154,7 +154,7 @@ def _deduplicate(corners_found: Sequence[np.ndarray]) -> list[int]:
     return sorted(kept, key=lambda i: (boxes[i][1], boxes[i][0]))
 
 
-def _read_line(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
+def _read_line(image: UInt8Array, corners: Float64Array) -> tuple[str, float]:
     """Text of a line and mean probability of its characters; "" and 0 if nothing is recognised."""
     import cv2
 
@@ -170,7 +170,7 @@ def _read_line(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
     if height >= _UPRIGHT_ASPECT * width:
         line = np.ascontiguousarray(np.rot90(line))
     wide = max(1, math.ceil(_READ_HEIGHT * line.shape[1] / line.shape[0]))
-    line = _brighten(cv2.resize(line, (wide, _READ_HEIGHT)))
+    line = _brighten(np.asarray(cv2.resize(line, (wide, _READ_HEIGHT)), np.uint8))
     feed = np.zeros((1, 3, _READ_HEIGHT, max(_MIN_READ_WIDTH, wide)), np.float32)
     feed[0, :, :, :wide] = (line[..., ::-1] / 127.5 - 1).transpose(2, 0, 1)
     net = model_session(LETTER_MODEL)

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
@@ -47,7 +48,7 @@ class BundleAdjustment:
     """Normal equations of n panoramas, their prior poses and their wall lines."""
 
     def __init__(
-        self, scene: Scene, poses: Sequence[Pose], lines: Sequence[WallLines], covariances: np.ndarray
+        self, scene: Scene, poses: Sequence[Pose], lines: Sequence[WallLines], covariances: Float64Array
     ) -> None:
         """Store the prior poses and their information matrices.
 
@@ -62,7 +63,7 @@ class BundleAdjustment:
         self._positions = np.array([camera_position(pose) for pose in poses])
         self._to_world = np.array([camera_from_world(pose).T for pose in poses])
 
-    def solve(self, matches: PatchMatches, change: np.ndarray) -> np.ndarray:
+    def solve(self, matches: PatchMatches, change: Float64Array) -> Float64Array:
         """Solve for the pose changes by Gauss-Newton, with weights 1 / (1 + (e / c)^2) in each step.
 
         Parameters
@@ -88,13 +89,13 @@ class BundleAdjustment:
                 break
         return change
 
-    def match_distances(self, matches: PatchMatches, change: np.ndarray) -> np.ndarray:
+    def match_distances(self, matches: PatchMatches, change: Float64Array) -> Float64Array:
         """Compute the distance (k,) in metres between the two positions of each patch on its wall."""
         return np.linalg.norm(
             self._wall_positions(matches, change, 0) - self._wall_positions(matches, change, 1), axis=1
         )
 
-    def _wall_positions(self, matches: PatchMatches, change: np.ndarray, side: int) -> np.ndarray:
+    def _wall_positions(self, matches: PatchMatches, change: Float64Array, side: int) -> Float64Array:
         """Positions (k, 2) in metres of patches on their walls, as one side of each pair sees them."""
         from scipy.spatial.transform import Rotation
 
@@ -107,7 +108,9 @@ class BundleAdjustment:
         axes = np.stack([charts.axis_u[matches.chart], charts.axis_v[matches.chart]], axis=1)
         return np.einsum("kai,ki->ka", axes, place + depth[:, None] * direction - origin)
 
-    def _add_matches(self, matches: PatchMatches, change: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
+    def _add_matches(
+        self, matches: PatchMatches, change: Float64Array, normal: Float64Array, right: Float64Array
+    ) -> None:
         if not len(matches):
             return
         positions = [self._wall_positions(matches, change, side) for side in (0, 1)]
@@ -129,10 +132,10 @@ class BundleAdjustment:
                 block = np.einsum("k,kau,kav->kuv", weight, slope[side], slope[other])
                 np.add.at(normal.transpose(0, 2, 1, 3), (matches.panorama[:, side], matches.panorama[:, other]), block)
 
-    def _add_lines(self, change: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
+    def _add_lines(self, change: Float64Array, normal: Float64Array, right: Float64Array) -> None:
         from scipy.spatial.transform import Rotation
 
-        def slopes(lines: WallLines, turn: np.ndarray) -> np.ndarray:
+        def slopes(lines: WallLines, turn: Float64Array) -> Float64Array:
             return lines.slopes(Rotation.from_rotvec(np.radians(turn)).as_matrix())
 
         for number, lines in enumerate(self._lines):

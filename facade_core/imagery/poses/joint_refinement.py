@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, rotate_pose
@@ -57,7 +57,7 @@ class PriorPose:
     """
 
     pose: Pose
-    covariance: np.ndarray | None
+    covariance: Float64Array | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ def refine_jointly(
     return results
 
 
-def downscale_panorama(image: np.ndarray, pose: Pose) -> UInt8Array:
+def downscale_panorama(image: UInt8Array, pose: Pose) -> UInt8Array:
     """Downscale a panorama (H, W, 3) uint8 to at most MAX_TURN_PIXELS per full turn."""
     import cv2
 
@@ -145,10 +145,10 @@ def downscale_panorama(image: np.ndarray, pose: Pose) -> UInt8Array:
     if shrink >= 1:
         return image
     size = (max(1, round(image.shape[1] * shrink)), max(1, round(image.shape[0] * shrink)))
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _prior_covariance(prior: PriorPose) -> np.ndarray:
+def _prior_covariance(prior: PriorPose) -> Float64Array:
     """Covariance (6, 6) of a prior pose: metres, then degrees about the axes."""
     if prior.covariance is None:
         return np.diag(SIGMA_WITHOUT_OUTLINES**2)
@@ -160,12 +160,12 @@ def _prior_covariance(prior: PriorPose) -> np.ndarray:
 def _adjust(
     scene: Scene,
     surfaces: Sequence[int],
-    images: Sequence[np.ndarray],
+    images: Sequence[UInt8Array],
     start: Sequence[Pose],
     adjustment: BundleAdjustment,
     before: tuple[PatchMatches, list[WallAgreement]],
     is_included: Sequence[bool],
-) -> tuple[np.ndarray, PatchMatches, list[WallAgreement]]:
+) -> tuple[Float64Array, PatchMatches, list[WallAgreement]]:
     """Changes (n, 6) of the included poses, the matches behind them, and the agreement of walls afterwards."""
     change = np.zeros((len(start), 6))
     usable = np.array(is_included)
@@ -184,7 +184,7 @@ def _adjust(
 
 def _find_worse(
     adjustment: BundleAdjustment,
-    change: np.ndarray,
+    change: Float64Array,
     matches: PatchMatches,
     lines: Sequence[WallLines],
     before: Sequence[WallAgreement],
@@ -223,7 +223,7 @@ def _find_worse(
     return next(filter(None, tests), {})
 
 
-def _split_holdout(matches: PatchMatches) -> np.ndarray:
+def _split_holdout(matches: PatchMatches) -> Int64Array:
     """Holdout half, 0 or 1, of each match (k,): every other wall of a pair.
 
     With fewer than MIN_HOLDOUT_WALLS walls, the upper and lower part of each: half of the walls would not determine a
@@ -253,14 +253,14 @@ def _mean_agreement(
     return was, now
 
 
-def _rotation(change: np.ndarray) -> np.ndarray:
+def _rotation(change: Float64Array) -> Float64Array:
     """World rotation (3, 3) of a change (6,)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(np.radians(change[3:])).as_matrix())
 
 
-def _apply_change(pose: Pose, change: np.ndarray) -> Pose:
+def _apply_change(pose: Pose, change: Float64Array) -> Pose:
     x, y, z = (camera_position(pose) + change[:3]).round(POSE_DIGITS).tolist()
     after = rotate_pose(pose, _rotation(change))
     heading, pitch, roll = (round(angle, POSE_DIGITS) for angle in (after.heading, after.pitch, after.roll))

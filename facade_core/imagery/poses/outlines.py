@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int16Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
@@ -91,7 +91,7 @@ class Gradients:
     blur : blur in pixels.
     """
 
-    slope: np.ndarray
+    slope: Int16Array
     turn: float
     left: float
     top: float
@@ -110,10 +110,10 @@ class PlaceEstimate:
     covariance : (4, 4) of offset and turn_deg.
     """
 
-    offset: np.ndarray
+    offset: Float64Array
     turn_deg: float
     fit: float
-    covariance: np.ndarray
+    covariance: Float64Array
 
 
 def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
@@ -203,7 +203,7 @@ def _visible_outline(
     ) | (second_hit < 0)
 
 
-def image_gradients(image: np.ndarray, pose: Pose, turn_pixels: int, blur: float) -> Gradients:
+def image_gradients(image: UInt8Array, pose: Pose, turn_pixels: int, blur: float) -> Gradients:
     """Compute the gradients of a panorama after downscaling.
 
     Parameters
@@ -228,7 +228,7 @@ def image_gradients(image: np.ndarray, pose: Pose, turn_pixels: int, blur: float
 
 
 def outline_fit(
-    outline: OutlineSamples, picture: Gradients, pose: Pose, offset: np.ndarray, turn_deg: float = 0.0
+    outline: OutlineSamples, picture: Gradients, pose: Pose, offset: Float64Array, turn_deg: float = 0.0
 ) -> float:
     """Compute the fit of an outline to image edges, 0 to 1.
 
@@ -253,7 +253,7 @@ def outline_fit(
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
 
 
-def search_gradients(image: np.ndarray, pose: Pose) -> tuple[Gradients, Gradients]:
+def search_gradients(image: UInt8Array, pose: Pose) -> tuple[Gradients, Gradients]:
     """Compute the gradients of a panorama at the coarse and the fine resolution."""
     return image_gradients(image, pose, *COARSE_RESOLUTION), image_gradients(image, pose, *FINE_RESOLUTION)
 
@@ -286,7 +286,7 @@ def find_place(
         [HORIZONTAL_COST, HORIZONTAL_COST, ASSUMED_HEIGHT_COST if height_is_assumed else STATED_HEIGHT_COST]
     )
 
-    def cost(picture: Gradients, v: np.ndarray) -> float:
+    def cost(picture: Gradients, v: Float64Array) -> float:
         pull = float(pulls @ v[:3] ** 2) + TURN_COST * float(v[3] / heading_deg) ** 2
         return pull - outline_fit(outline, picture, pose, v[:3], float(v[3]))
 
@@ -317,8 +317,8 @@ def find_place(
 
 
 def _fit_covariance(
-    cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray, expected: np.ndarray
-) -> np.ndarray:
+    cost: Callable[[Float64Array], float], best: Float64Array, steps: Float64Array, expected: Float64Array
+) -> Float64Array:
     """Covariance (4, 4) at the minimum: inverse curvature over `steps` times SIGMA_COST, bounded by the errors
     `expected`.
 
@@ -339,15 +339,15 @@ def _fit_covariance(
 
 @njit(cache=True, nogil=True)
 def _edge_response(
-    point: np.ndarray,
-    along: np.ndarray,
-    group: np.ndarray,
-    place: np.ndarray,
-    camera: np.ndarray,
+    point: Float64Array,
+    along: Float64Array,
+    group: Int64Array,
+    place: Float64Array,
+    camera: Float64Array,
     geometry: tuple[float, float, float],
-    slope: np.ndarray,
+    slope: Int16Array,
     groups: int,
-) -> np.ndarray:
+) -> Float64Array:
     """Mean gradient across the edge over each group's samples, absolute values averaged over channels: (groups,)."""
     rows, columns = slope.shape[:2]
     turn, left, top = geometry

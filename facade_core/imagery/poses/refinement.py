@@ -87,7 +87,7 @@ class RefinedPose:
     lines: int
     outlines: int
     reasons: tuple[str, ...]
-    covariance: np.ndarray | None
+    covariance: Float64Array | None
 
 
 def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assumed: bool = False) -> RefinedPose:
@@ -203,12 +203,12 @@ class _Search:
             return -1.0
         return place.fit - HORIZONTAL_COST * level**2 - STATED_HEIGHT_COST * up**2
 
-    def pose_at(self, offset: np.ndarray, turn_deg: float) -> Pose:
+    def pose_at(self, offset: Float64Array, turn_deg: float) -> Pose:
         """Return the pose translated by metres (3,) and turned clockwise from above."""
         x, y, z = camera_position(self.pose) + offset
         return replace(rotate_pose(self.pose, _rotation_about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
 
-    def _search_from(self, offset: np.ndarray, turn_deg: float) -> PlaceEstimate | None:
+    def _search_from(self, offset: Float64Array, turn_deg: float) -> PlaceEstimate | None:
         pose = self.pose_at(offset, turn_deg)
         edges = sample_outline(self.scene, pose)
         if not _is_sufficient(edges):
@@ -250,6 +250,6 @@ def _rotation_angle_deg(turn: Float64Array) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
 
 
-def _rotation_about_z(degrees: float) -> np.ndarray:
+def _rotation_about_z(degrees: float) -> Float64Array:
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
@@ -55,14 +55,14 @@ class PatchMatches:
     ray : (k, 2, 3) directions to the patch in each camera's axes.
     """
 
-    chart: np.ndarray
-    panorama: np.ndarray
-    ray: np.ndarray
+    chart: Int64Array
+    panorama: Int64Array
+    ray: Float64Array
 
     def __len__(self) -> int:
         return len(self.chart)
 
-    def select(self, rows: np.ndarray) -> PatchMatches:
+    def select(self, rows: IntArray | BoolArray) -> PatchMatches:
         """Select matches by index or mask."""
         return PatchMatches(self.chart[rows], self.panorama[rows], self.ray[rows])
 
@@ -170,7 +170,7 @@ def _find_shift(one: GradientImage, other: GradientImage, reach: float) -> tuple
     height, width = one.slope.shape
     down, right = (min(round(reach * TEXELS_PER_METRE), side // 4) for side in (height, width))
     around = np.ones((2 * down + 1, 2 * right + 1), np.uint8)
-    both = cv2.erode(one.seen.astype(np.uint8), around) & other.seen  # seen under every shift
+    both = np.asarray(cv2.erode(one.seen.astype(np.uint8), around), np.uint8) & other.seen  # seen under every shift
     inner = slice(down, height - down), slice(right, width - right)
     if both[inner].mean() < MIN_COMMON_SHARE or other.slope[inner][both[inner] > 0].std() == 0:
         return None
@@ -218,7 +218,7 @@ def _match_patches(
     return matches
 
 
-def _parabola_peak(three: np.ndarray) -> float:
+def _parabola_peak(three: FloatArray) -> float:
     """Peak of the parabola through three values, relative to the middle one."""
     low, middle, high = (float(value) for value in three)
     bend = low - 2 * middle + high

@@ -64,7 +64,7 @@ class WallLines:
     def __len__(self) -> int:
         return len(self.weight)
 
-    def slopes(self, turn: np.ndarray) -> np.ndarray:
+    def slopes(self, turn: Float64Array) -> Float64Array:
         """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3,
         3)."""
         along = np.cross(self.plane @ turn.T, self.wall)
@@ -162,7 +162,7 @@ def _lines_on_wall(
     return plane / np.maximum(size_of, 1e-12)[:, None], axis, wall, np.minimum(size_of, 0.3), np.full(n, chart)
 
 
-def solve_turn(lines: WallLines) -> tuple[np.ndarray, np.ndarray]:
+def solve_turn(lines: WallLines) -> tuple[Float64Array, Float64Array]:
     """Solve for the world rotation that aligns lines with their axes.
 
     Least squares of the angles between axes and planes, reweighted for a Cauchy error that narrows.
@@ -191,13 +191,13 @@ def solve_turn(lines: WallLines) -> tuple[np.ndarray, np.ndarray]:
     return turn, information
 
 
-def line_misfit(lines: WallLines, turn: np.ndarray) -> float:
+def line_misfit(lines: WallLines, turn: Float64Array) -> float:
     """Compute the weighted mean of the lines' robust error after a rotation, 0 to 1."""
     angle = lines.slopes(turn)
     return float(np.average(angle**2 / (angle**2 + 1.0), weights=lines.weight))
 
 
-def median_slope(lines: WallLines, turn: np.ndarray) -> float:
+def median_slope(lines: WallLines, turn: Float64Array) -> float:
     """Compute the weighted median of the angles in degrees between lines and axes on the rectified walls."""
     angle = np.abs(lines.slopes(turn))
     order = np.argsort(angle)

@@ -35,7 +35,7 @@ def build_pyramid(image: UInt8Array) -> Pyramid:
     images = [np.ascontiguousarray(image)]
     while max(images[-1].shape[:2]) > 1:
         height, width = ((side + 1) // 2 for side in images[-1].shape[:2])
-        images.append(cv2.resize(images[-1], (width, height), interpolation=cv2.INTER_AREA))
+        images.append(np.asarray(cv2.resize(images[-1], (width, height), interpolation=cv2.INTER_AREA), np.uint8))
     first = np.cumsum([0, *(level.shape[0] * level.shape[1] for level in images[:-1])])
     levels = np.array([(start, *level.shape[:2]) for start, level in zip(first, images, strict=True)], np.int64)
     return Pyramid(np.concatenate([level.reshape(-1, 3) for level in images]), levels)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import AnyArray, BoolArray, Float32Array
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -111,7 +111,7 @@ def detect_changes(newer: ChartView, older: ChartView, texels_per_metre: float) 
     return ChangeMap(float(changed.sum() / both.sum()), compared_share, is_changed, is_compared)
 
 
-def _changed_cells(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_per_metre: float) -> BoolArray:
+def _changed_cells(logit: Float32Array, both: BoolArray, size: tuple[int, int], texels_per_metre: float) -> BoolArray:
     """Cells (r, c) bool that are more likely changed than not, without specks."""
     import cv2
 
@@ -126,7 +126,7 @@ def _changed_cells(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], t
     return large[parts]
 
 
-def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
+def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[Float32Array, BoolArray]:
     """Compute the cues of a change by cell.
 
     The cues are: structure (1 - correlation of logarithms, weighted by contrast), edges, contrast ratio, colour beyond
@@ -178,7 +178,7 @@ def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> 
 
 def _common_resolution(
     newer: ChartView, older: ChartView, texels_per_metre: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Float32Array, Float32Array, BoolArray, BoolArray]:
     """Log colours (r, c, 3) float32 of both views in cells that the coarser one resolves, and their visible cells."""
     import cv2
 
@@ -198,8 +198,8 @@ def _common_resolution(
 
 
 def _align(
-    first: np.ndarray, second: np.ndarray, clear: np.ndarray, clear_other: np.ndarray, cell: float
-) -> tuple[np.ndarray, np.ndarray]:
+    first: Float32Array, second: Float32Array, clear: BoolArray, clear_other: BoolArray, cell: float
+) -> tuple[Float32Array, BoolArray]:
     """Second picture and its visible cells, aligned to the first: shifted as a whole, then locally."""
     max_shift, max_local_shift = max(1, round(MAX_SHIFT_M / cell)), max(1, round(MAX_LOCAL_SHIFT_M / cell))
     one, two = _edge_field(first.mean(axis=2)), _edge_field(second.mean(axis=2))
@@ -234,7 +234,7 @@ def _align(
     return aligned, clear_aligned
 
 
-def _edge_field(tone: np.ndarray) -> np.ndarray:
+def _edge_field(tone: Float32Array) -> Float32Array:
     """Gradients (r, c, 2) of a picture, with strong ones compressed."""
     import cv2
 
@@ -245,7 +245,7 @@ def _edge_field(tone: np.ndarray) -> np.ndarray:
 
 
 def _shift_score(
-    one: np.ndarray, two: np.ndarray, clear: np.ndarray, clear_other: np.ndarray, dy: int, dx: int
+    one: Float32Array, two: Float32Array, clear: BoolArray, clear_other: BoolArray, dy: int, dx: int
 ) -> float:
     both = clear & _shift_image(clear_other, dy, dx)
     if both.sum() < max(1, 0.5 * min(clear.sum(), clear_other.sum())):
@@ -254,7 +254,7 @@ def _shift_score(
     return float((one * two).sum(axis=2)[both].mean())
 
 
-def _local_shift_scores(one: np.ndarray, two: np.ndarray, both: np.ndarray, sigma: float) -> np.ndarray:
+def _local_shift_scores(one: Float32Array, two: Float32Array, both: BoolArray, sigma: float) -> Float32Array:
     import cv2
 
     product = (one * two).sum(axis=2) * both
@@ -263,7 +263,7 @@ def _local_shift_scores(one: np.ndarray, two: np.ndarray, both: np.ndarray, sigm
     )
 
 
-def _shift_image(image: np.ndarray, dy: int, dx: int) -> np.ndarray:
+def _shift_image(image: AnyArray, dy: int, dx: int) -> AnyArray:
     """Image shifted down and right, filled with zero."""
     moved = np.zeros_like(image)
     rows, columns = image.shape[:2]
@@ -273,7 +273,7 @@ def _shift_image(image: np.ndarray, dy: int, dx: int) -> np.ndarray:
     return moved
 
 
-def _exposure_gain(difference: np.ndarray, both: np.ndarray) -> np.ndarray:
+def _exposure_gain(difference: Float32Array, both: BoolArray) -> Float32Array:
     """Log gain (3,) between the exposures and white balances, the latter within MAX_WHITE_BALANCE_LOG."""
     if not both.any():
         return np.zeros(3, np.float32)
@@ -283,7 +283,7 @@ def _exposure_gain(difference: np.ndarray, both: np.ndarray) -> np.ndarray:
     )
 
 
-def _local_mean(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
+def _local_mean(values: Float32Array, weight: Float32Array, sigma: float) -> Float32Array:
     """Weighted mean around each cell of values that are already multiplied by their weights."""
     import cv2
 
@@ -293,8 +293,8 @@ def _local_mean(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndar
 
 
 def _local_correlation(
-    one: np.ndarray, two: np.ndarray, weight: np.ndarray, sigma: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    one: Float32Array, two: Float32Array, weight: Float32Array, sigma: float
+) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Correlation around each cell, the larger contrast of both, and the logarithm of their ratio."""
     mean, mean_two = (_local_mean(v * weight, weight, sigma) for v in (one, two))
     spread, spread_two = (
@@ -307,7 +307,7 @@ def _local_correlation(
     return np.clip(correlation, -1, 1), np.maximum(spread, spread_two), ratio
 
 
-def _edge_similarity(one: np.ndarray, two: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
+def _edge_similarity(one: Float32Array, two: Float32Array, weight: Float32Array, sigma: float) -> Float32Array:
     """Similarity of edges around each cell, -1 to 1: the angle between gradients, weighted by their strength."""
     a, b = _edge_field(one), _edge_field(two)
     dot = _local_mean((a * b).sum(axis=2) * weight, weight, sigma)

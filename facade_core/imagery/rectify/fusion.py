@@ -13,7 +13,16 @@ from itertools import combinations
 
 import numpy as np
 
-from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Float64Array, UInt8Array
+from facade_core.core.arrays import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    FloatArray,
+    IntArray,
+    NumericArray,
+    UInt8Array,
+)
 from facade_core.core.errors import ImageError
 
 # Cells along the longer side of the raster; seams run between cells.
@@ -138,14 +147,14 @@ def fuse_views(views: Sequence[ChartView], *, exposures_match: bool = False) -> 
     return _compose(views, gain, seen, clear, quality, label[: seen.shape[1], : seen.shape[2]])
 
 
-def _cell_means(array: np.ndarray, cell: int) -> np.ndarray:
+def _cell_means(array: NumericArray | BoolArray, cell: int) -> Float32Array:
     """Means over square cells of an array (h, w) or (h, w, 3), float32, padded with 0."""
     import cv2
 
     rows, columns = (-(-n // cell) for n in array.shape[:2])
     padding = (0, rows * cell - array.shape[0], 0, columns * cell - array.shape[1])
     whole = cv2.copyMakeBorder(array.astype(np.float32), *padding, cv2.BORDER_CONSTANT, value=(0, 0, 0))
-    return cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _colour_texels(view: ChartView, cell: int) -> BoolArray:
@@ -156,7 +165,7 @@ def _colour_texels(view: ChartView, cell: int) -> BoolArray:
     return np.where(has_clear[: view.seen.shape[0], : view.seen.shape[1]], view.clear, view.seen)
 
 
-def _exposure_gains(colour: np.ndarray, clear: np.ndarray, quality: np.ndarray) -> np.ndarray:
+def _exposure_gains(colour: Float32Array, clear: BoolArray, quality: Float32Array) -> Float64Array:
     """Factors (n, 3) that bring the cells' colours (n, r, c, 3) to the exposure of the view of highest quality (n,)."""
     n = len(colour)
     exposed = clear & ((colour >= EXPOSED_RANGE[0]) & (colour <= EXPOSED_RANGE[1])).all(axis=3)
@@ -180,7 +189,7 @@ def _exposure_gains(colour: np.ndarray, clear: np.ndarray, quality: np.ndarray) 
     return np.clip(gain, *GAIN_RANGE)
 
 
-def _reachable_views(pairs: BoolArray, start: int) -> np.ndarray:
+def _reachable_views(pairs: BoolArray, start: int) -> BoolArray:
     """Views (n,) bool that pairs (k, n) bool connect to a start view, directly or through others."""
     reached = np.arange(pairs.shape[1]) == start
     for _ in range(pairs.shape[1]):
@@ -188,7 +197,7 @@ def _reachable_views(pairs: BoolArray, start: int) -> np.ndarray:
     return reached
 
 
-def _unary_costs(colour: np.ndarray, seen: np.ndarray, clear: np.ndarray, quality: np.ndarray) -> np.ndarray:
+def _unary_costs(colour: FloatArray, seen: Float32Array, clear: Float32Array, quality: Float32Array) -> FloatArray:
     """Cost of each view in each cell: (n, r, c)."""
     loss = quality.max(axis=0) - quality
     outlier = np.zeros_like(loss)
@@ -202,7 +211,7 @@ def _unary_costs(colour: np.ndarray, seen: np.ndarray, clear: np.ndarray, qualit
     return loss + OUTLIER_COST * np.nan_to_num(outlier) + visibility_cost - visibility_cost.min(axis=0)
 
 
-def _fill_unseen(colour: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _fill_unseen(colour: FloatArray, seen: Float32Array) -> FloatArray:
     """Colours of the cells, with unseen ones copied from the views that see them: a seam at a view's border costs
     nothing."""
     is_seen = (seen > 0).astype(np.float32)[..., None]
@@ -210,7 +219,7 @@ def _fill_unseen(colour: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.where(is_seen > 0, colour, others)
 
 
-def _alpha_expansion(unary: np.ndarray, colour: np.ndarray) -> np.ndarray:
+def _alpha_expansion(unary: FloatArray, colour: FloatArray) -> IntArray:
     """Labels (r, c) int8 of low unary cost (n, r, c) and colour difference (n, r, c, 3) along seams."""
     label = unary.argmin(axis=0).astype(np.int8)
     best = _energy(unary, colour, label)
@@ -226,7 +235,7 @@ def _alpha_expansion(unary: np.ndarray, colour: np.ndarray) -> np.ndarray:
     return label
 
 
-def _expansion_move(unary: np.ndarray, colour: np.ndarray, label: np.ndarray, view: int) -> BoolArray:
+def _expansion_move(unary: FloatArray, colour: FloatArray, label: IntArray, view: int) -> BoolArray:
     """Cells (r, c) bool that change to a view in its best expansion move."""
     import maxflow
 
@@ -258,12 +267,12 @@ def _neighbour_slices(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slic
     return ((first, whole), (second, whole)) if axis == 0 else ((whole, first), (whole, second))
 
 
-def _select_label(values: np.ndarray, label: np.ndarray) -> Float64Array:
+def _select_label(values: FloatArray, label: IntArray) -> Float64Array:
     """Values (n, r, c, ...) of the labels (r, c): (r, c, ...) float64."""
     return values[label, np.arange(label.shape[0])[:, None], np.arange(label.shape[1])].astype(np.float64)
 
 
-def _seam_costs(colour: np.ndarray, label: np.ndarray, other: np.ndarray, axis: int) -> np.ndarray:
+def _seam_costs(colour: FloatArray, label: IntArray, other: IntArray, axis: int) -> Float64Array:
     """Costs of neighbours along an axis, the first labelled by `label`, the second by `other`."""
     near, far = _neighbour_slices(axis)
     a, b = label[near], other[far]
@@ -272,7 +281,7 @@ def _seam_costs(colour: np.ndarray, label: np.ndarray, other: np.ndarray, axis: 
     return (a != b) * (SEAM_COST + SEAM_DIFFERENCE_COST / 2 * difference)
 
 
-def _energy(unary: np.ndarray, colour: np.ndarray, label: np.ndarray) -> float:
+def _energy(unary: FloatArray, colour: FloatArray, label: IntArray) -> float:
     return float(
         _select_label(unary, label).sum() + sum(_seam_costs(colour, label, label, axis).sum() for axis in (0, 1))
     )
@@ -280,11 +289,11 @@ def _energy(unary: np.ndarray, colour: np.ndarray, label: np.ndarray) -> float:
 
 def _compose(
     views: Sequence[ChartView],
-    gain: np.ndarray,
-    seen: np.ndarray,
-    clear: np.ndarray,
-    quality: np.ndarray,
-    label: np.ndarray,
+    gain: Float64Array,
+    seen: BoolArray,
+    clear: BoolArray,
+    quality: Float32Array,
+    label: IntArray,
 ) -> FusedView:
     """Raster from labels per texel (h, w); another view replaces a label that does not show the wall."""
     import cv2

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
@@ -18,7 +19,7 @@ BORDER_TOLERANCE = 0.01
 CROP_MARGIN = 4
 
 
-def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def render_model_texture(scene: Scene, chart: int, images: Mapping[int, UInt8Array]) -> tuple[UInt8Array, BoolArray]:
     """Render a chart from its model's own textures, at its size in the atlas.
 
     Triangles without texture, or without a picture, stay black. Colours extend one texel beyond the textured triangles,
@@ -55,7 +56,7 @@ def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarr
     return _extend_colour(rgb, covered)
 
 
-def _used_part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+def _used_part(image: UInt8Array, uv: Float64Array) -> tuple[UInt8Array, Float64Array, bool]:
     """Part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and True if it repeats.
 
     Charts mostly use a small part of a shared picture. Coordinates within the picture take no colour from the opposite
@@ -73,13 +74,13 @@ def _used_part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 @njit(cache=True, nogil=True)
 def _rasterise(
-    pixels: np.ndarray,
-    levels: np.ndarray,
-    corners: np.ndarray,
-    source: np.ndarray,
+    pixels: UInt8Array,
+    levels: Int64Array,
+    corners: Float64Array,
+    source: Float64Array,
     repeat: bool,
-    rgb: np.ndarray,
-    covered: np.ndarray,
+    rgb: UInt8Array,
+    covered: BoolArray,
 ) -> None:
     """Fill the texels with centres in triangles; corners and source (t, 3, 2) in texels and texture pixels."""
     rows, columns = covered.shape
@@ -113,7 +114,7 @@ def _rasterise(
                 covered[r, c] = True
 
 
-def _extend_colour(rgb: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _extend_colour(rgb: UInt8Array, covered: BoolArray) -> tuple[UInt8Array, BoolArray]:
     """Extend colours by one texel: the mean of the covered neighbours."""
     import cv2
 

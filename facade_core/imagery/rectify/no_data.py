@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Int32Array, UInt8Array
 
 # Largest value of the border that a warp leaves, also with JPEG ringing; facades are rarely so black.
 BLACK_LEVEL = 14
@@ -61,18 +61,18 @@ def no_data_mask(image: UInt8Array) -> BoolArray:
     return cv2.dilate(is_corner, np.ones((2 * NO_DATA_RIM + 1, 2 * NO_DATA_RIM + 1), np.uint8)).astype(bool)
 
 
-def _is_gateway(stats: np.ndarray, height: int) -> bool:
+def _is_gateway(stats: Int32Array, height: int) -> bool:
     _, top, wide, high, area = stats.tolist()
     return 0 < top == height - high and high > wide and area >= MIN_GATEWAY_FILL * wide * high
 
 
-def _is_warped(image: np.ndarray, part: UInt8Array) -> bool:
+def _is_warped(image: UInt8Array, part: UInt8Array) -> bool:
     """True if a part (h, w) uint8 has few straight sides, or one colour, which no deep shadow has."""
     import cv2
 
     contours, _ = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     sides = [cv2.approxPolyDP(contour, STRAIGHT_TOLERANCE * max(part.shape), closed=True) for contour in contours]
-    drawn = cv2.fillPoly(np.zeros_like(part), sides, 1)
+    drawn = np.asarray(cv2.fillPoly(np.zeros_like(part), sides, 1), np.uint8)
     if sum(map(len, sides)) <= MAX_SIDES and (drawn & part).sum() >= MIN_POLYGON_IOU * (drawn | part).sum():
         return True
     inner = cv2.erode(part, np.ones((4 * NO_DATA_RIM + 1, 4 * NO_DATA_RIM + 1), np.uint8), borderValue=1).astype(bool)

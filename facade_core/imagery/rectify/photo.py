@@ -194,4 +194,4 @@ def _warp(photo: UInt8Array, homography: Float64Array, size: tuple[int, int]) ->
     image = cv2.warpPerspective(np.ascontiguousarray(photo[..., :3]), homography, size[::-1], flags=cv2.INTER_LINEAR)
     seen = cv2.warpPerspective(is_opaque.astype(np.uint8) * 255, homography, size[::-1], flags=cv2.INTER_LINEAR) >= 250
     image[~seen] = 0
-    return image, seen
+    return np.asarray(image, np.uint8), seen

@@ -205,7 +205,7 @@ def _vertical_candidates(segments: Float64Array, lengths: Float64Array) -> Float
     if len(points) == 0:
         return points
     score = (lengths[:, None] * _agreement(_angles(segments, points), np.radians(SEARCH_TOLERANCE_DEG))).sum(axis=0)
-    chosen: list[np.ndarray] = []
+    chosen: list[Float64Array] = []
     for k in np.argsort(-score, kind="stable"):
         if all(abs(points[k] @ other) < np.cos(np.radians(2.0)) for other in chosen):
             chosen.append(points[k])
