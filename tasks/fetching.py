@@ -32,12 +32,12 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
 
 # Rows and columns of a picture of which a service tells none.
-USUAL_SIZE = (2048, 4096)
+DEFAULT_PANORAMA_SIZE = (2048, 4096)
 # Beside a block file without panoramas.
 FOLDER = "panoramas"
-_FULL = (0.0, 0.0, 1.0, 1.0)
+_FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 # Longest side at which a picture is looked at for what lens it is of.
-_SMALL = 512
+_LENS_CHECK_SIDE = 512
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def fetch_for_block(
     report_progress("search", 1)
     choice = _choose_panoramas(block, offers)
     chosen = [offers[i] for i in choice.chosen[:max_count]]
-    fetched = _fetched(service, account, offers, chosen, faults, choice)
+    fetched = _download(service, account, offers, chosen, faults, choice)
     if named is not None or not any(not one.refused for one in account.pictures.values()):
         return fetched
     folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
@@ -152,7 +152,7 @@ def fetch_for_box(
     begin_stage("search", 1)
     offers, faults = _search(service, wanted)
     report_progress("search", 1)
-    return _fetched(service, account, offers, offers[:max_count], faults, None)
+    return _download(service, account, offers, offers[:max_count], faults, None)
 
 
 def _named_folder(block_file: Path) -> Path | None:
@@ -190,14 +190,14 @@ def _search(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemoteP
 
 def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
     frames: dict = {}
-    poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
+    poses = [project_pose(offer.pose, _FULL_PANORAMA, block.crs, frames) for offer in offers]
     plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)
     there: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
-    return choose_panoramas(plan.scene, plan.facades, there, [offer.size or USUAL_SIZE for offer in offers])
+    return choose_panoramas(plan.scene, plan.facades, there, [offer.size or DEFAULT_PANORAMA_SIZE for offer in offers])
 
 
-def _fetched(
+def _download(
     service: ImageryService,
     account: FetchLog,
     offers: Sequence[RemotePanorama],
@@ -212,7 +212,7 @@ def _fetched(
         report_progress("fetch", 1, 0 if usable else 1)
 
     try:
-        broken = fetch_panoramas(service.name, chosen, account, service.download, _look, arrived)
+        broken = fetch_panoramas(service.name, chosen, account, service.download, _check_not_fisheye, arrived)
     finally:
         account.write_poses()
     held = [account.find_picture(service.name, offer.id) for offer in chosen]
@@ -229,7 +229,7 @@ def _fetched(
     )
 
 
-def _look(path: Path) -> None:
+def _check_not_fisheye(path: Path) -> None:
     """Raise ImageError where a picture is none of a panorama's kind."""
-    if is_fisheye(read_picture(path, max_side=_SMALL).rgb):
+    if is_fisheye(read_picture(path, max_side=_LENS_CHECK_SIDE).rgb):
         raise ImageError("is of a fisheye lens and said to be equirectangular; stitch it, or leave it out")

@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
-MAX_FILES = 20  # of a folder
+MAX_FILES = 30  # of a folder
 LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from facade_core.core.arrays import UInt8Array
 
 

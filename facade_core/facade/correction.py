@@ -83,7 +83,7 @@ def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, f
     )
 
 
-def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, synthetic: np.ndarray) -> None:
+def _paint_wall(image: UInt8Array, labels: UInt8Array, e: Element, synthetic: BoolArray) -> None:
     """Paint the facade's own wall over a removed element, in place.
 
     The source is the wall patch whose surroundings are most similar; without a free patch the area is diffused.
@@ -114,7 +114,7 @@ def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, synthetic: np
     image[outer] = np.where(mask[outer][..., None], piece, image[outer])
 
 
-def _paint_element(image: np.ndarray, facade: Facade, e: Element, synthetic: np.ndarray) -> None:
+def _paint_element(image: UInt8Array, facade: Facade, e: Element, synthetic: BoolArray) -> None:
     """Draw the facade's element of this class with the most similar size, in place; nothing if there is none."""
     import cv2
 
@@ -156,7 +156,7 @@ def unmatched_elements(
     ]
 
 
-def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> UInt8Array:
+def _draw_labels(labels: UInt8Array, layout: Sequence[Element]) -> UInt8Array:
     """Return a label map (h, w) uint8 whose elements are those of a layout; former elements become wall."""
     drawn = labels.copy()
     drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = FacadeClass.WALL

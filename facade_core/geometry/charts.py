@@ -96,7 +96,7 @@ class Charts:
         x, y = np.moveaxis(share * self.size[charts][:, None], -1, 0)
         return self.points(charts[:, None], x, y)
 
-    def coordinates(self, chart: Int64Array, points: Float64Array) -> Float64Array:
+    def coordinates(self, chart: IntArray, points: Float64Array) -> Float64Array:
         """Return the chart coordinates of world points.
 
         Parameters

@@ -67,7 +67,10 @@ class Network:
             occluder += special.expit(logits[OCCLUDER_OUTPUT])
             outside += special.expit(logits[OUTSIDE_OUTPUT])
         views = len(self.views)
-        return Segmentation(_channels_last(classes / classes.sum(0)), occluder / views, outside / views)
+        confidence = _channels_last(classes / classes.sum(0))
+        return Segmentation(
+            confidence, np.asarray(occluder / views, np.float32), np.asarray(outside / views, np.float32)
+        )
 
     def _view(self, image: UInt8Array, scale: float, mirrored: bool) -> Float32Array:
         """Logits of one view at the image's size, (classes + 2, H, W) float32: planes are faster than pixel-wise

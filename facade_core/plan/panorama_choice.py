@@ -122,7 +122,7 @@ class _FacadePoints:
 
     def facade_sums(self, weight: Float64Array) -> Float64Array:
         """Return the sum of a weight of points per facade, (facades,)."""
-        return np.bincount(self.facade, weight, self.facades)
+        return np.asarray(np.bincount(self.facade, weight, self.facades), np.float64)
 
 
 def _facade_points(

@@ -63,7 +63,7 @@ class Densities(NamedTuple):
     compatibility: Float64Array
 
 
-def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
+def fit_mixture(values: Float64Array, seed: int) -> Float64Array:
     """Fit a Gaussian mixture with diagonal covariances; BIC chooses the number of components.
 
     Parameters

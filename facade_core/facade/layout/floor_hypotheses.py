@@ -44,7 +44,7 @@ def extrapolate_floors(
     return np.array(found).reshape(-1, 2)
 
 
-def floor_progressions(floors: np.ndarray, heights: np.ndarray) -> list[tuple[float, ...]]:
+def floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
     """Return the logarithmic progression of a whole facade's floors below each floor from the third on.
 
     Parameters

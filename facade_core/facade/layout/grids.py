@@ -41,7 +41,7 @@ class Grid:
     cells: Int32Array
 
     @property
-    def row_spacing(self) -> np.ndarray:
+    def row_spacing(self) -> Float64Array:
         """Return the (rows - 1,) distances between neighbouring row centres."""
         return np.diff(self.rows)
 
@@ -102,7 +102,7 @@ def group_by_size(elements: Sequence[Element]) -> list[Int64Array]:
     """
     check_boxes(elements)
     box = box_array(elements)
-    found: list[np.ndarray] = []
+    found: list[Int64Array] = []
     for label in CLASSES:
         members = np.array([i for i, e in enumerate(elements) if e.label == label], int)
         found += _split_by_size(box, members[np.lexsort(box[members].T)])
@@ -168,7 +168,7 @@ def _fit_once(label: str, box: Float64Array, members: Int64Array) -> tuple[list[
 def _row_groups(x: Float64Array, row: Int64Array, width: float, gap: float) -> list[list[int]]:
     """Join rows, fullest first, if half the shorter row's columns agree and the others do not overlap them."""
     counts = np.bincount(row)
-    groups: list[tuple[list[int], np.ndarray]] = []
+    groups: list[tuple[list[int], Float64Array]] = []
     for r in np.argsort(-counts, kind="stable"):
         own = np.sort(x[row == r])
         best, best_share = -1, 0.5

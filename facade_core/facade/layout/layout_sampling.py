@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
 
@@ -30,7 +31,7 @@ STYLE_LENGTH = 11
 _MAX_METRIC_HEIGHT = 60.0
 
 
-def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> np.ndarray | None:
+def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> Float64Array | None:
     """Return the style vector of a whole layout, None where its windows form no columns or floors.
 
     Parameters
@@ -66,7 +67,7 @@ def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Recta
 
 
 def sample_layouts(
-    domain: Rectangle, styles: np.ndarray, metric: Mapping[str, float], count: int, rng: np.random.Generator
+    domain: Rectangle, styles: Float64Array, metric: Mapping[str, float], count: int, rng: np.random.Generator
 ) -> Iterator[list[Element]]:
     """Yield layouts in the styles whose proportions are nearest to the domain's.
 
@@ -93,7 +94,7 @@ def sample_layouts(
         yield _draw_layout(domain, style, max(1, round(columns)), max(1, round(floors)))
 
 
-def _draw_layout(domain: Rectangle, style: np.ndarray, columns: int, floors: int) -> list[Element]:
+def _draw_layout(domain: Rectangle, style: Float64Array, columns: int, floors: int) -> list[Element]:
     x0, y0, x1, y1 = domain
     side = float(np.clip(style[SIDE_MARGIN], 0.45, 1.2))
     pitch_x = (x1 - x0) / (columns - 1 + 2 * side)

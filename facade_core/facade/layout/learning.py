@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
@@ -130,7 +131,7 @@ def learn_layout_model(
     return replace(model, min_probability=choose_thresholds(shown, seed=seed, progress=report))
 
 
-def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], seed: int) -> Densities:
+def fit_densities(statistics: Sequence[tuple[Float64Array, Float64Array, Float64Array]], seed: int) -> Densities:
     """Fit the densities of the ten terms to the statistics of whole layouts.
 
     Parameters
@@ -171,7 +172,7 @@ def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]
     )
 
 
-def _symmetry_table(overall: np.ndarray) -> np.ndarray:
+def _symmetry_table(overall: Float64Array) -> Float64Array:
     """Return ln p(symmetric share | door position), Eq. 11, from a smoothed histogram; row 0 is "no door"."""
     from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
@@ -184,7 +185,7 @@ def _symmetry_table(overall: np.ndarray) -> np.ndarray:
     return np.maximum(MIN_LOG_DENSITY, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
 
 
-def _compatibility_table(types: np.ndarray) -> np.ndarray:
+def _compatibility_table(types: Int64Array) -> Float64Array:
     """Tabulate Eq. 7-8: the fewest coherence sets, those of more than one facade, that cover each set of types.
 
     Entries are ln(1 - (number - 1) / types): the paper's number / types forbids a facade of one type and favours any
@@ -201,7 +202,7 @@ def _compatibility_table(types: np.ndarray) -> np.ndarray:
     return np.where(share < 1, np.log(np.maximum(1 - share, np.exp(MIN_LOG_DENSITY))), MIN_LOG_DENSITY)
 
 
-def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
+def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> Float64Array:
     """Optimise policies for some of the database's facades and keep the most different ones.
 
     Returns
@@ -232,7 +233,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
     return policies[kept].reshape(POLICY_POPULATION, POLICY_LENGTH)
 
 
-def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
+def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> Float64Array:
     """Learn the weights of the ten terms by contrastive divergence.
 
     Whole layouts are compared with completions of them after 10 % of their elements were removed. Weights stay
@@ -298,7 +299,7 @@ def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
     }
 
 
-def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int) -> np.ndarray:
+def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int) -> Float64Array:
     """Return (count, 3) cluster centres of width, height and gap below, in window sizes, of doors or shops."""
     from sklearn.cluster import KMeans
 
@@ -316,7 +317,7 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
     return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
-def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
+def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> Float64Array:
     """Return at most (count, 4) cluster centres of downward floor progressions, as in `extrapolate_floors`."""
     from sklearn.cluster import KMeans
 
@@ -332,7 +333,7 @@ def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> n
     return np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
-def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> np.ndarray:
+def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> Float64Array:
     """Return (16, 2) quantiles of window size to spacing, horizontal and vertical."""
     found: list[list[float]] = [[], []]
     for elements, domain in layouts:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.rectangles import BALCONY, WINDOW
 
@@ -37,22 +37,22 @@ class InitialLayout(NamedTuple):
     ground : y of the ground line of doors and shops.
     """
 
-    box: np.ndarray
-    label: np.ndarray
-    grid: np.ndarray
-    spacing: np.ndarray
+    box: Float64Array
+    label: Int64Array
+    grid: Int64Array
+    spacing: Float64Array
     gaps: BoolArray
     grids: int
-    domain: np.ndarray
-    region: np.ndarray
-    size: np.ndarray
-    ratios: np.ndarray
-    labels: np.ndarray
+    domain: Float64Array
+    region: Float64Array
+    size: Float64Array
+    ratios: Float64Array
+    labels: Float64Array
     ground: float
 
 
 @njit(cache=True)
-def neighbour_distance(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sign: int) -> float:
+def neighbour_distance(box: Float64Array, grid: Int64Array, n: int, at: int, axis: int, sign: int) -> float:
     """Return the centre distance to the next element of the grid in a direction, -1 without one.
 
     Parameters
@@ -77,7 +77,7 @@ def neighbour_distance(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis:
 
 
 @njit(cache=True)
-def grid_spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def grid_spacings(box: Float64Array, grid: Int64Array) -> Float64Array:
     """Return the distance from each element to the next one to the right and below in its grid.
 
     Parameters
@@ -107,7 +107,7 @@ def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
 
 
 @njit(cache=True)
-def _add_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
+def _add_line(lines: Float64Array, count: int, value: float, near: float) -> int:
     """Add a line to the first `count` unless one is near it; return the new number of lines."""
     for k in range(count):
         if abs(lines[k] - value) < near:
@@ -118,7 +118,7 @@ def _add_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
 
 @njit(cache=True)
 def nearest_gap(
-    box: np.ndarray, grid: np.ndarray, n: int, at: int, x: float, y: float, width: float, height: float
+    box: Float64Array, grid: Int64Array, n: int, at: int, x: float, y: float, width: float, height: float
 ) -> tuple[bool, float, float]:
     """Find the nearest empty cell on the row or column of the seed element.
 
@@ -162,7 +162,7 @@ def nearest_gap(
 
 
 @njit(cache=True)
-def concave_elements(box: np.ndarray, grid: np.ndarray) -> BoolArray:
+def concave_elements(box: Float64Array, grid: Int64Array) -> BoolArray:
     """Mark, (N,) bool, elements next to an empty cell of their grid; Eq. 23 calls them concave."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):
@@ -173,7 +173,7 @@ def concave_elements(box: np.ndarray, grid: np.ndarray) -> BoolArray:
 
 @njit(cache=True)
 def grid_element_size(
-    box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray
+    box: Float64Array, grid: Int64Array, n: int, own: int, otherwise: Float64Array
 ) -> tuple[float, float]:
     """Return width and height of an element of a grid, `otherwise` if the grid has none."""
     for i in range(n):
@@ -184,7 +184,7 @@ def grid_element_size(
 
 @njit(cache=True)
 def snap_to_lines(
-    box: np.ndarray, label: np.ndarray, n: int, x: float, y: float, width: float, height: float
+    box: Float64Array, label: Int64Array, n: int, x: float, y: float, width: float, height: float
 ) -> tuple[float, float]:
     """Return the centre moved to the nearest centre lines of other elements."""
     best_x, best_y = _SNAP_SHARE * width, _SNAP_SHARE * height
@@ -201,9 +201,9 @@ def snap_to_lines(
 
 @njit(cache=True)
 def place_element(
-    box: np.ndarray,
-    label: np.ndarray,
-    grid: np.ndarray,
+    box: Float64Array,
+    label: Int64Array,
+    grid: Int64Array,
     n: int,
     x: float,
     y: float,
@@ -235,7 +235,7 @@ def place_element(
 
 
 @njit(cache=True)
-def compute_grid_areas(box: np.ndarray, grid: np.ndarray, n: int, domain: np.ndarray, out: np.ndarray) -> None:
+def compute_grid_areas(box: Float64Array, grid: Int64Array, n: int, domain: Float64Array, out: Float64Array) -> None:
     """Write the area of each grid's bounding box as a share of the domain, for Eq. 23."""
     whole = (domain[2] - domain[0]) * (domain[3] - domain[1])
     for g in range(len(out)):

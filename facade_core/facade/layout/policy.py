@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.placement import (
     NULL,
@@ -42,7 +43,7 @@ _OFFSET_SHARE = 0.1
 
 
 @njit(cache=True)
-def roll_out(policy: np.ndarray, start: InitialLayout, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def roll_out(policy: Float64Array, start: InitialLayout, seed: int) -> tuple[Float64Array, Int64Array, Int64Array]:
     """Complete the layout once with a policy.
 
     Parameters
@@ -117,13 +118,13 @@ def roll_out(policy: np.ndarray, start: InitialLayout, seed: int) -> tuple[np.nd
 
 @njit(cache=True)
 def _copy_element(
-    box: np.ndarray,
-    label: np.ndarray,
-    grid: np.ndarray,
+    box: Float64Array,
+    label: Int64Array,
+    grid: Int64Array,
     at: int,
-    of_box: np.ndarray,
-    of_label: np.ndarray,
-    of_grid: np.ndarray,
+    of_box: Float64Array,
+    of_label: Int64Array,
+    of_grid: Int64Array,
     i: int,
 ) -> None:
     """Copy element i of other arrays to index `at`; numba takes seconds to compile slice assignments."""
@@ -134,14 +135,14 @@ def _copy_element(
 
 @njit(cache=True)
 def _select_seed(
-    policy: np.ndarray,
-    box: np.ndarray,
-    label: np.ndarray,
-    grid: np.ndarray,
-    tried: np.ndarray,
+    policy: Float64Array,
+    box: Float64Array,
+    label: Int64Array,
+    grid: Int64Array,
+    tried: Int64Array,
     n: int,
-    area: np.ndarray,
-    gaps: np.ndarray,
+    area: Float64Array,
+    gaps: BoolArray,
 ) -> int:
     """Select the seed element among those with a direction left, randomly or by Eq. 23; -1 if none is left."""
     count = 0
@@ -168,7 +169,7 @@ def _select_seed(
 
 
 @njit(cache=True)
-def _select_direction(policy: np.ndarray, tried: int) -> int:
+def _select_direction(policy: Float64Array, tried: int) -> int:
     if np.random.random() < policy[RANDOM_DIRECTION]:
         while True:
             way = np.random.randint(5)
@@ -182,7 +183,7 @@ def _select_direction(policy: np.ndarray, tried: int) -> int:
 
 
 @njit(cache=True)
-def _select_label(policy: np.ndarray, start: InitialLayout, observed: int, kind: int) -> int:
+def _select_label(policy: Float64Array, start: InitialLayout, observed: int, kind: int) -> int:
     """Select the extension label by lambda_4 to lambda_6: of the seed, observed, of the database, or NULL."""
     if np.random.random() < policy[COPY_LABEL]:
         return kind
@@ -201,10 +202,10 @@ def _select_label(policy: np.ndarray, start: InitialLayout, observed: int, kind:
 
 @njit(cache=True)
 def _extension_centre(
-    policy: np.ndarray,
-    box: np.ndarray,
-    label: np.ndarray,
-    grid: np.ndarray,
+    policy: Float64Array,
+    box: Float64Array,
+    label: Int64Array,
+    grid: Int64Array,
     n: int,
     seed_at: int,
     way: int,

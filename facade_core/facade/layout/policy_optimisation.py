@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
 from facade_core.facade.layout.densities import Densities
@@ -33,7 +34,7 @@ POLICY_POPULATION = 10
 _MUTATION_DEVIATION = 0.15
 
 
-def initial_layout(seen: Sequence[Element], domain: Rectangle, region: np.ndarray, model: LayoutModel) -> InitialLayout:
+def initial_layout(seen: Sequence[Element], domain: Rectangle, region: Float64Array, model: LayoutModel) -> InitialLayout:
     """Return the observed layout in the form that the policy needs.
 
     Parameters
@@ -64,15 +65,15 @@ def initial_layout(seen: Sequence[Element], domain: Rectangle, region: np.ndarra
 
 
 def optimise_policy(
-    policies: np.ndarray,
+    policies: Float64Array,
     start: InitialLayout,
     densities: Densities,
-    weights: np.ndarray,
+    weights: Float64Array,
     mean: bool,
     generations: int,
     tries: int,
     seed: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Float64Array, Int64Array, Float64Array]:
     """Optimise the policy for one facade.
 
     The value of a policy is the best score among its `tries` completions.
@@ -119,12 +120,12 @@ def optimise_policy(
 
 
 def score_candidate(
-    box: np.ndarray,
-    label: np.ndarray,
-    grid: np.ndarray,
-    domain: np.ndarray,
+    box: Float64Array,
+    label: Int64Array,
+    grid: Int64Array,
+    domain: Float64Array,
     densities: Densities,
-    weights: np.ndarray,
+    weights: Float64Array,
     mean: bool,
 ) -> float:
     """Return the score of a candidate on the grids that the policy kept.
@@ -149,7 +150,7 @@ def score_candidate(
 
 
 @njit(cache=True)
-def _breed_policies(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarray:
+def _breed_policies(population: Float64Array, value: Float64Array, seed: int) -> Float64Array:
     """Cross pairs of tournament winners parameter by parameter, and mutate one parameter of each child."""
     np.random.seed(seed)
     size = len(population)
@@ -181,7 +182,7 @@ def _breed_policies(population: np.ndarray, value: np.ndarray, seed: int) -> np.
 
 
 @njit(cache=True)
-def project_to_simplex(policy: np.ndarray) -> None:
+def project_to_simplex(policy: Float64Array) -> None:
     """Scale the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it, in place."""
     for a, b in ((OBSERVED_LABEL, DATABASE_LABEL), (COPY_SPACING, OBSERVED_SPACING)):
         total = policy[a] + policy[b]
@@ -190,7 +191,7 @@ def project_to_simplex(policy: np.ndarray) -> None:
             policy[b] /= total
 
 
-def sample_policies(count: int, rng: np.random.Generator) -> np.ndarray:
+def sample_policies(count: int, rng: np.random.Generator) -> Float64Array:
     """Draw (count, POLICY_LENGTH) random policies with uniform probabilities."""
     out = rng.uniform(size=(count, POLICY_LENGTH))
     out[:, 8] = rng.uniform(0.6, 1.0, count)  # most elements have their neighbour's label

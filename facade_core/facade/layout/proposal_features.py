@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, NumericArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
@@ -55,7 +55,7 @@ def compute_features(
     mirrored = observed.copy()
     mirrored[:, [0, 2]] = 2 * middle - observed[:, [2, 0]]
 
-    columns: list[np.ndarray] = [(label == k).astype(float) for k in range(len(ELEMENT_CLASSES))]
+    columns: list[NumericArray] = [(label == k).astype(float) for k in range(len(ELEMENT_CLASSES))]
     columns += _support_features(proposals.support)
     columns.append(_row_max(pairwise_iou(box, mirrored) * same))
     low, high = box[:, :2] - domain[:2], np.array(domain[2:]) - box[:, 2:]
@@ -108,7 +108,7 @@ def compute_features(
     )
 
 
-def _support_features(support: Float32Array) -> list[np.ndarray]:
+def _support_features(support: Float32Array) -> list[NumericArray]:
     """Return how many variants agree, and how well."""
     n = len(EXTENSION_VARIANTS)
     held = support[:, :n] >= 0.5

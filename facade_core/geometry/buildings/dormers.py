@@ -140,7 +140,7 @@ def _row_middles(edge: RoofEdge, step: float) -> Float64Array:
     """Return the middles of a centred row along an edge in metres."""
     room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * END_DISTANCE_M
     count = min(int(max(room, -1.0) / step) + 1, MAX_PER_ROW) if room > 0 else 0
-    return END_DISTANCE_M + room / 2 + step * (np.arange(count) - (count - 1) / 2)
+    return np.asarray(END_DISTANCE_M + room / 2 + step * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
 def _roof_points(edge: RoofEdge) -> RoofPoint:

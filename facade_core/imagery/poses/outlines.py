@@ -144,7 +144,7 @@ def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
         group, SAMPLE_SPACING_M * sine / distance * np.where(is_sky, 1.0, INNER_WEIGHT), minlength=len(group_keys)
     )
     weight[np.bincount(group, minlength=len(group_keys)) < 3] = 0
-    return OutlineSamples(point, along, group.astype(np.int64), weight)
+    return OutlineSamples(point, along, group.astype(np.int64), np.asarray(weight, np.float64))
 
 
 def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:

@@ -139,7 +139,7 @@ def _roof_slope(image: UInt8Array, seen: BoolArray, middle: float, camera: Float
 
 def match_walls(
     scene: Scene,
-    walls: Int32Array,
+    walls: IntArray,
     orientation: PhotoOrientation,
     place: Float64Array,
     heading: float | None,

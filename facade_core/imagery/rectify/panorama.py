@@ -273,10 +273,10 @@ def _clear_hidden(
         np.arange(0, rows + COARSE_STEP, COARSE_STEP).clip(max=rows - 1),
         np.arange(0, columns + COARSE_STEP, COARSE_STEP).clip(max=columns - 1),
     )
-    coarse = _are_texels_visible(
+    reached = _are_texels_visible(
         scene, chart, place, corner, right, down, *(at.ravel() for at in np.meshgrid(*step, indexing="ij"))
     )
-    coarse = coarse.reshape(len(step[0]), len(step[1])).astype(np.uint8)
+    coarse = reached.reshape(len(step[0]), len(step[1])).astype(np.uint8)
     square = np.ones((2, 2), np.uint8)
     # corners of the blocks between rays, the anchor at their upper left
     all_shown = cv2.erode(coarse, square, anchor=(0, 0))[:-1, :-1].astype(bool)
