@@ -186,7 +186,9 @@ def amsterdam(data: Path) -> dict[str, Any]:
                 return rectify_view(scene, chart, images[n], taken[n], size)
 
             for chart in facades:
-                shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen_share >= LEAST_SEEN][:VIEWS]
+                shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen_share >= LEAST_SEEN][
+                    :VIEWS
+                ]
                 edges = [edge_tilt(view(chart, s.panorama)) for s in shown]
                 tilts.setdefault(pose_of, []).extend(abs(v) for e in edges for v in e.values() if v is not None)
             if len(images) > 1:  # of the Dam one panorama has a pose

@@ -1,4 +1,4 @@
-"""Fetch the panoramas of a block: what a service has there, the fewest that show all facades, and where they were taken."""
+"""Download of a block's panoramas from an imagery service: the fewest that show all facades."""
 
 from __future__ import annotations
 
@@ -31,30 +31,31 @@ from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
 
-# Rows and columns of a picture of which a service tells none.
+# Rows and columns of a picture if the service states none.
 DEFAULT_PANORAMA_SIZE = (2048, 4096)
-# Beside a block file without panoramas.
+# Default folder of panoramas, in the block file's folder.
 FOLDER = "panoramas"
 _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
-# Longest side at which a picture is looked at for what lens it is of.
+# Longest side of a picture for the lens check, pixels.
 _LENS_CHECK_SIDE = 512
 
 
 @dataclass(frozen=True)
 class ImageryFetch:
-    """What was fetched.
+    """Result of a download.
 
-    Args:
-        service: its name.
-        account: all that is in the folder.
-        offered: panoramas that the service has there.
-        chosen: of these, those that were to be fetched.
-        earlier: of those, how many were there already.
-        choice: how they were chosen; None without a block.
-        faults: pictures that cannot be used.
-        refused: how many of the chosen are there and cannot be used.
-        missing: how many of the chosen another run may still bring.
-        named: what is to be written into the block file by hand; None where it names the folder.
+    Attributes
+    ----------
+    service : name of the service.
+    log : log of the folder.
+    offered : panoramas of the service in the area.
+    chosen : panoramas that were selected.
+    earlier : selected panoramas that the folder had before.
+    choice : selection by visibility; None without a block.
+    faults : unusable pictures.
+    refused : selected panoramas that are unusable.
+    missing : selected panoramas that a later run may still download.
+    manual_entry : entry to add to the block file by hand; None if it names the folder.
     """
 
     service: str
@@ -69,10 +70,10 @@ class ImageryFetch:
     manual_entry: str | None = None
 
     def lines(self) -> list[str]:
-        """What was done, one fact a line."""
-        there = [one for one in self.log.pictures.values() if not one.refused]
-        licences = sorted({one.licence or "not stated" for one in there})
-        days = sorted(one.captured for one in there if one.captured)
+        """Format the result, one line for each fact."""
+        usable = [one for one in self.log.pictures.values() if not one.refused]
+        licences = sorted({one.licence or "not stated" for one in usable})
+        days = sorted(one.captured for one in usable if one.captured)
         choice = self.choice
         return [
             f"offered    {self.offered} panoramas by {self.service}"
@@ -91,8 +92,8 @@ class ImageryFetch:
             ),
             f"fetched    {self.chosen - self.earlier - self.missing}, {self.earlier} were there"
             + (f"; of all of them {self.refused} cannot be used" if self.refused else ""),
-            f"pictures   {len(there)}, {sum(one.bytes for one in there) / 1e6:.1f} MB, in {self.log.folder}",
-            f"licences   {', '.join(licences) if there else '-'}",
+            f"pictures   {len(usable)}, {sum(one.bytes for one in usable) / 1e6:.1f} MB, in {self.log.folder}",
+            f"licences   {', '.join(licences) if usable else '-'}",
             *([f"taken      {days[0]} to {days[-1]}"] if days else []),
         ]
 
@@ -106,11 +107,20 @@ def fetch_for_block(
     max_count: int | None = None,
     licence: str | None = None,
 ) -> ImageryFetch:
-    """Fetch the panoramas that a block's facades need, into the folder that its file names for them; where it names none, into
-    `to` (beside it, `panoramas/`), which it names then.
+    """Download the panoramas that a block's facades need, and name their folder in the block file.
 
-    dates: from when to when they were taken, as STAC writes it. most: no more are fetched, those first that show the most.
-    licence: of pictures that state none. Raises InputError, one line with the remedy, where nothing can be fetched.
+    Parameters
+    ----------
+    block_file : block file.
+    service : imagery service.
+    to : target folder if the block file names none; None: `panoramas/` next to it.
+    dates : interval of capture, as in STAC.
+    max_count : maximum number of panoramas, those that show the most first; None: no limit.
+    licence : licence of pictures that state none.
+
+    Raises
+    ------
+    InputError : nothing can be downloaded; one line with the remedy.
     """
     named = _named_folder(block_file)
     folder = to or named or block_file.parent / FOLDER
@@ -119,18 +129,18 @@ def fetch_for_block(
             f"{block_file}: imagery.panoramas names {named}, and a block has one folder; take that out of the block file, "
             f"fetch, then: streetloom fetch-imagery {block_file} --from {named}"
         )
-    account = read_fetch_log(folder)
+    log = read_fetch_log(folder)
     block = read_block(block_file)
     begin_stage("search", 1)
     offers, faults = _search(service, ImageryQuery(_search_box(block), dates, licence, block.crs.to_string()))
     report_progress("search", 1)
     choice = _choose_panoramas(block, offers)
     chosen = [offers[i] for i in choice.chosen[:max_count]]
-    fetched = _download(service, account, offers, chosen, faults, choice)
-    if named is not None or not any(not one.refused for one in account.pictures.values()):
+    fetched = _download(service, log, offers, chosen, faults, choice)
+    if named is not None or not any(not one.refused for one in log.pictures.values()):
         return fetched
     folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
-    poses = f"{folder_name}/{account.write_poses().name}"
+    poses = f"{folder_name}/{log.write_poses().name}"
     values = {"path": folder_name, "poses": poses}
     if add_imagery(block_file, "panoramas", values):
         return fetched
@@ -146,17 +156,27 @@ def fetch_for_box(
     max_count: int | None = None,
     licence: str | None = None,
 ) -> ImageryFetch:
-    """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
+    """Download the panoramas in a box, the newest first.
+
+    Parameters
+    ----------
+    box : area in degrees.
+    to : target folder.
+    service : imagery service.
+    dates : interval of capture, as in STAC.
+    max_count : maximum number of panoramas; None: no limit.
+    licence : licence of pictures that state none.
+    """
     wanted = ImageryQuery(box, dates, licence)
-    account = read_fetch_log(to)
+    log = read_fetch_log(to)
     begin_stage("search", 1)
     offers, faults = _search(service, wanted)
     report_progress("search", 1)
-    return _download(service, account, offers, offers[:max_count], faults, None)
+    return _download(service, log, offers, offers[:max_count], faults, None)
 
 
 def _named_folder(block_file: Path) -> Path | None:
-    """The folder of panoramas that a block file names, whether or not its pictures can be used."""
+    """Return the folder of panoramas that a block file names, without reading its pictures."""
     try:
         keys = check_keys(read_yaml(block_file))
         if keys.imagery.panoramas is None:
@@ -167,7 +187,7 @@ def _named_folder(block_file: Path) -> Path | None:
 
 
 def _search_box(block: Block) -> LonLatBox:
-    """Where pictures that show the block are taken: around its buildings as far as a viewpoint sees."""
+    """Compute the search area: the buildings' extent plus the visibility range."""
     bounds = np.array([building.footprint.bounds for building in block.buildings])
     reach = block.texture.visibility_range
     west, south = bounds[:, :2].min(axis=0) - reach
@@ -176,7 +196,7 @@ def _search_box(block: Block) -> LonLatBox:
 
 
 def _search(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
-    """What a service has, the newest first, each once; and what of it cannot be used."""
+    """Query a service: distinct panoramas, newest first, and faults."""
     offers: dict[str, RemotePanorama] = {}
     faults = []
     for one in service.search(wanted):
@@ -193,43 +213,43 @@ def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> Panoram
     poses = [project_pose(offer.pose, _FULL_PANORAMA, block.crs, frames) for offer in offers]
     plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)
-    there: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
-    return choose_panoramas(plan.scene, plan.facades, there, [offer.size or DEFAULT_PANORAMA_SIZE for offer in offers])
+    placed: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
+    return choose_panoramas(plan.scene, plan.facades, placed, [offer.size or DEFAULT_PANORAMA_SIZE for offer in offers])
 
 
 def _download(
     service: ImageryService,
-    account: FetchLog,
+    log: FetchLog,
     offers: Sequence[RemotePanorama],
     chosen: Sequence[RemotePanorama],
     faults: tuple[Fault, ...],
     choice: PanoramaChoice | None,
 ) -> ImageryFetch:
-    earlier = sum(account.find_picture(service.name, offer.id) is not None for offer in chosen)
+    earlier = sum(log.find_picture(service.name, offer.id) is not None for offer in chosen)
     begin_stage("fetch", len(chosen))
 
     def arrived(usable: bool) -> None:
         report_progress("fetch", 1, 0 if usable else 1)
 
     try:
-        broken = fetch_panoramas(service.name, chosen, account, service.download, _check_not_fisheye, arrived)
+        broken = fetch_panoramas(service.name, chosen, log, service.download, _check_not_fisheye, arrived)
     finally:
-        account.write_poses()
-    held = [account.find_picture(service.name, offer.id) for offer in chosen]
+        log.write_poses()
+    pictures = [log.find_picture(service.name, offer.id) for offer in chosen]
     return ImageryFetch(
         service.name,
-        account,
+        log,
         len(offers),
         len(chosen),
         earlier,
         choice,
         (*faults, *broken),
-        refused=sum(one is not None and one.refused is not None for one in held),
-        missing=held.count(None),
+        refused=sum(picture is not None and picture.refused is not None for picture in pictures),
+        missing=pictures.count(None),
     )
 
 
 def _check_not_fisheye(path: Path) -> None:
-    """Raise ImageError where a picture is none of a panorama's kind."""
+    """Raise ImageError for a picture of a fisheye lens."""
     if is_fisheye(read_picture(path, max_side=_LENS_CHECK_SIDE).rgb):
         raise ImageError("is of a fisheye lens and said to be equirectangular; stitch it, or leave it out")

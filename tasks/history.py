@@ -1,4 +1,4 @@
-"""The atlas as it was after any viewpoint: replayed from panoramas, of which every snapshot holds all."""
+"""Atlas after any viewpoint, replayed from the panoramas, which every snapshot retains."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from facade_core.atlas.journal import journal_path
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
@@ -21,17 +20,22 @@ from tasks.stages.streets.worker import replay_street
 
 @dataclass(frozen=True, repr=False)
 class StreetState:
-    """What a street's charts held after one of its viewpoints: `window` by the geometry in `plan`, before levelling."""
+    """Charts of a street after one of its viewpoints, before colour levelling."""
 
     plan: Plan
     buffer: TexelBuffer
 
     def visible_charts(self) -> list[int]:
-        """The charts that the street sees; all others were as they are."""
+        """List the charts that the street sees; all others did not change."""
         return sorted(self.buffer.layout.charts.tolist())
 
-    def read_chart(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
-        """Colour (h, w, 3) and provenance (h, w), uint8, of one of the charts."""
+    def read_chart(self, chart: int) -> tuple[UInt8Array, UInt8Array]:
+        """Return colour (h, w, 3) and provenance (h, w), uint8, of one visible chart.
+
+        Raises
+        ------
+        InputError : the street does not see the chart.
+        """
         placement = self.plan.scene.placement
         if chart not in self.buffer.layout.charts:
             raise InputError(f"the street does not see chart {chart}; charts() tells which it sees")
@@ -41,11 +45,20 @@ class StreetState:
 
 
 def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
-    """The charts of a street after its viewpoint `step` (0 is the first) of the run in folder `out`.
+    """Replay the charts of a street up to one of its viewpoints.
 
-    The street is given by its id, or by a name that no other street has.
-    Seeds and panoramas are those of the newest snapshot; the panoramas of streets of earlier waves are in. Raises InputError
-    for an unknown street, and a viewpoint that it has not or that is not textured yet; StoreError where there is no run.
+    Base layer and panoramas come from the newest snapshot; panoramas of streets of earlier waves are included.
+
+    Parameters
+    ----------
+    out : folder of the run.
+    street : id of the street, or its name if that is unique.
+    step : viewpoint of the street; 0 is the first.
+
+    Raises
+    ------
+    InputError : the street or the viewpoint is unknown, or the viewpoint is not textured yet.
+    StoreError : the folder has no run.
     """
     session = open_repository(Path(out) / "store").readonly_session(BRANCH)
     group = open_root(session)

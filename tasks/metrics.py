@@ -1,6 +1,6 @@
-"""What lies in runs' stores, as metrics: read from the journals, whether a run is at work or not.
+"""Prometheus metrics of runs, computed from their journals, also while a run is at work.
 
-They are defined here once, in Prometheus' form; `tasks.otlp` sends the same to a collector.
+This is their only definition; `tasks.otlp` sends the same to a collector.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.stages.order import STAGE_NAMES
 
-# What becomes of a unit.
+# Final states of a unit.
 UNIT_STATES = ("done", "failed", "stale")
 
 
 def collect_metrics(runs: Mapping[str, Folder]) -> CollectorRegistry:
-    """The metrics of runs, by the names that they are to be known by."""
+    """Compute the metrics of runs, labelled by the given names."""
     registry = CollectorRegistry()
     units = Gauge("streetloom_units", "Units in the journal.", ["run", "stage", "state"], registry=registry)
     seconds = Gauge(
@@ -38,7 +38,7 @@ def collect_metrics(runs: Mapping[str, Folder]) -> CollectorRegistry:
         for stage in STAGE_NAMES:
             records = [record for record in read_journal(root, stage) if record]
             counts = Counter(record["status"] for record in records)
-            for state in sorted({*UNIT_STATES, *counts}):  # an alarm is on what grows: it is there before there is any
+            for state in sorted({*UNIT_STATES, *counts}):  # alarms need a series from zero on
                 units.labels(name, stage, state).set(counts[state])
             seconds.labels(name, stage).set(sum(sum(record.get("seconds", {}).values()) for record in records))
             begun += [record["started"] for record in records if record.get("started")]

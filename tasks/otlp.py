@@ -1,4 +1,4 @@
-"""Metrics sent to an OpenTelemetry collector: OTLP over HTTP, once."""
+"""Push of metrics to an OpenTelemetry collector: OTLP over HTTP, once."""
 
 from __future__ import annotations
 
@@ -19,15 +19,24 @@ from prometheus_client.metrics_core import Metric
 
 from facade_core.core.errors import InputError
 
-# Where collectors take metrics, below their address.
+# Path of metrics below a collector's address.
 METRICS_PATH = "/v1/metrics"
 
 
 def send_metrics(registry: CollectorRegistry, url: str) -> int:
-    """Send gauges, by their names and labels, to the collector at `url`, as http://127.0.0.1:4318. Returns how many values.
+    """Send gauges with their names and labels to a collector, and return the number of values.
 
-    Headers, certificates and how long to wait are the environment's (OTEL_EXPORTER_OTLP_*), as are more attributes of the
-    resource (OTEL_RESOURCE_ATTRIBUTES). Raises InputError where it does not take them.
+    The environment sets headers, certificates and timeouts (OTEL_EXPORTER_OTLP_*), and more resource attributes
+    (OTEL_RESOURCE_ATTRIBUTES).
+
+    Parameters
+    ----------
+    registry : gauges to send.
+    url : address of the collector, such as http://127.0.0.1:4318.
+
+    Raises
+    ------
+    InputError : the collector does not accept them.
     """
     if not url.startswith(("http://", "https://")):
         raise InputError(f"--otlp {url}: is no address of a collector; write it such as http://127.0.0.1:4318")
@@ -40,12 +49,14 @@ def send_metrics(registry: CollectorRegistry, url: str) -> int:
         meter.create_observable_gauge(family.name, [_observe(family)], description=family.documentation)
     session = _RecordingSession()
     with _silence_exporter_log():
-        exporter = OTLPMetricExporter(url if url.endswith(METRICS_PATH) else url.rstrip("/") + METRICS_PATH, session=session)
+        exporter = OTLPMetricExporter(
+            url if url.endswith(METRICS_PATH) else url.rstrip("/") + METRICS_PATH, session=session
+        )
         data = reader.get_metrics_data()
-        taken = data is not None and exporter.export(data) is MetricExportResult.SUCCESS
+        accepted = data is not None and exporter.export(data) is MetricExportResult.SUCCESS
         exporter.shutdown()
     provider.shutdown()
-    if not taken:
+    if not accepted:
         why = " ".join(session.outcome.split())[:300]
         raise InputError(
             f"--otlp {url}: takes no metrics ({why}); check that a collector listens there for OTLP over HTTP"
@@ -58,7 +69,7 @@ def _observe(family: Metric) -> Callable[[CallbackOptions], Iterable[Observation
 
 
 class _RecordingSession(requests.Session):
-    """What a collector answers, or why it does not, which the exporter tells nobody but its log."""
+    """HTTP session that retains the collector's answer, which the exporter only logs."""
 
     outcome = "nothing was sent"
 

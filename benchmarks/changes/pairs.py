@@ -62,7 +62,9 @@ def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random
     shown = cv2.resize(
         np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), (columns, rows), interpolation=cv2.INTER_LINEAR
     )
-    return ChartView(np.asarray(shown, np.uint8), seen.astype(bool), np.full((rows, columns), share, np.float32), hidden)
+    return ChartView(
+        np.asarray(shown, np.uint8), seen.astype(bool), np.full((rows, columns), share, np.float32), hidden
+    )
 
 
 def _mirrored(image: np.ndarray, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:

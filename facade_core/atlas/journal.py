@@ -11,9 +11,8 @@ import json
 from collections.abc import Sequence
 from typing import Any, Required, TypedDict, TypeVar, overload
 
-import numpy as np
-
 from facade_core.atlas.journal_cache import read_cached_array
+from facade_core.core.arrays import IntArray
 from facade_core.core.zarr_types import StoreGroup
 
 
@@ -87,14 +86,14 @@ def read_journal(group: StoreGroup, stage: str, record_type: type[Record] = Reco
 
 
 @overload
-def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[Record | None]: ...
+def read_records(group: StoreGroup, stage: str, units: IntArray) -> list[Record | None]: ...
 
 
 @overload
-def read_records(group: StoreGroup, stage: str, units: np.ndarray, record_type: type[R]) -> list[R | None]: ...
+def read_records(group: StoreGroup, stage: str, units: IntArray, record_type: type[R]) -> list[R | None]: ...
 
 
-def read_records(group: StoreGroup, stage: str, units: np.ndarray, record_type: type[Record] = Record) -> list[Any]:
+def read_records(group: StoreGroup, stage: str, units: IntArray, record_type: type[Record] = Record) -> list[Any]:
     """Read the records of some units of a stage, in their order; all None if the store is older than the stage.
 
     Parameters

@@ -28,7 +28,7 @@ class _CachedJournals:
     """
 
     snapshot: str | None = None
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    arrays: dict[str, AnyArray] = field(default_factory=dict)
     stale: defaultdict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
 
 

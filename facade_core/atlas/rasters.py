@@ -62,7 +62,7 @@ def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -
     """
     flat = np.empty((layout.total, *array.shape[3:]), array.dtype)
     chunk = array.chunks[1]
-    shared: dict[tuple[int, int, int], np.ndarray] = {}
+    shared: dict[tuple[int, int, int], AnyArray] = {}
     for c in layout.charts:
         page, y, x = int(placement.page[c]), int(placement.y[c]), int(placement.x[c])
         height, width = int(placement.height[c]), int(placement.width[c])
@@ -93,7 +93,7 @@ def write_rasters(
     layout : charts to write.
     flat : (total, ...) texel values.
     """
-    shared: dict[tuple[int, int, int], list[tuple[int, int, np.ndarray]]] = {}
+    shared: dict[tuple[int, int, int], list[tuple[int, int, AnyArray]]] = {}
     for c in layout.charts:
         height, width = int(placement.height[c]), int(placement.width[c])
         raster = flat[layout.texel_slice(placement, c)].reshape(height, width, *array.shape[3:])

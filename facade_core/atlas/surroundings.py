@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.core.arrays import Int64Array
+from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.geometry.charts import CORNER_SHARES, Charts, raster_sizes
 
 # Coplanar pieces: cosine between normals, and distance.
@@ -14,7 +14,7 @@ MIN_COPLANAR_COSINE = 0.98
 MAX_PLANE_GAP_M = 0.5
 
 # Reads rows and columns of a chart's raster: colour (h, w, 3) and provenance (h, w).
-ChartReader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
+ChartReader = Callable[[int, slice, slice], tuple[UInt8Array, UInt8Array]]
 
 
 def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
@@ -47,8 +47,8 @@ def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
 
 
 def read_with_surroundings(
-    charts: Charts, density: np.ndarray, chart: int, size: tuple[int, int], margin: int, read: ChartReader
-) -> tuple[np.ndarray, np.ndarray]:
+    charts: Charts, density: Float64Array, chart: int, size: tuple[int, int], margin: int, read: ChartReader
+) -> tuple[UInt8Array, UInt8Array]:
     """Read colour and provenance of a chart with a margin filled from pieces of its surface.
 
     Parameters

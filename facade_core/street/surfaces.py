@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_with_surroundings
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
@@ -60,7 +60,7 @@ class TranslatedViews(NamedTuple):
     width : width of the panoramas, pixels.
     """
 
-    positions: np.ndarray
+    positions: Float64Array
     width: int
 
 
@@ -89,7 +89,7 @@ def finish_chart(
     levelling: bool = True,
     aerial: AerialSampler | None = None,
     sun: Sun | None = None,
-    labels: np.ndarray | None = None,
+    labels: UInt8Array | None = None,
     repaint: bool = False,
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
@@ -222,11 +222,11 @@ def _extend_photos(
     scene: Scene,
     materials: MaterialField | None,
     chart: int,
-    colour: np.ndarray,
+    colour: UInt8Array,
     free: BoolArray,
     known: KnownTexture,
     max_distance_m: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, BoolArray, BoolArray]:
     """Extend pictures by example into free texels, up to `max_distance_m`.
 
     Returns the colour (h, w, 3), the filled texels (h, w), and texels without picture of the chart with
@@ -236,7 +236,7 @@ def _extend_photos(
     margin = round(LEVELLING_MARGIN_M * density)
     interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
 
-    def read_ranked(piece: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+    def read_ranked(piece: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         piece_colour, rank = known.read(piece, rows, columns)
         return piece_colour, rank + 1  # 0 is outside all pieces
 
@@ -252,7 +252,7 @@ def _extend_photos(
     return np.where(filled_inside[..., None], extended[interior], colour), filled_inside, end
 
 
-def photo_fade_weight(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
+def photo_fade_weight(scene: Scene, chart: int, end: BoolArray) -> Float32Array:
     """Compute the weight of a ground picture against the material, (h, w) float32 in 0..1.
 
     The picture fades over PHOTO_FADE_M, but not at the block's border or at a wall.
@@ -284,8 +284,8 @@ def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> UInt8
 
 
 def _smallest_footprint(
-    scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, views: TranslatedViews
-) -> np.ndarray:
+    scene: Scene, chart: int, rows: Int64Array, columns: Int64Array, views: TranslatedViews
+) -> Float64Array:
     """Return the smallest footprint (k,) of the views' pixels on texels of a chart, metres."""
     step = 1 / scene.placement.texels_per_metre[chart]
     points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
@@ -320,7 +320,7 @@ def _level_to_surroundings(
     interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
     unranked = np.zeros(size, np.uint8)  # the masks `fixed` and `free` decide inside the chart
 
-    def read_current(piece: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+    def read_current(piece: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         return (colour[rows, columns], unranked[rows, columns]) if piece == chart else read(piece, rows, columns)
 
     wide, rank = read_with_surroundings(

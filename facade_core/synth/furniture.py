@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.charts import Mesh
 
 # Distances from the centreline, on either side.
@@ -19,7 +20,9 @@ METRES_PER_TREE = 14.0
 METRES_PER_PERSON = 11.0
 
 
-def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np.ndarray], *, seed: int) -> Mesh | None:
+def street_furniture(
+    line: shapely.LineString, ground: Callable[[Float64Array], Float64Array], *, seed: int
+) -> Mesh | None:
     """Build cars, trees and people along a street as one mesh with one chart per triangle.
 
     Parameters
@@ -33,7 +36,7 @@ def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np
     mesh : None for a street that is too short.
     """
     rng = np.random.default_rng(seed)
-    bodies: list[tuple[np.ndarray, np.ndarray]] = []
+    bodies: list[tuple[Float64Array, Int64Array]] = []
     for spacing, make in (
         (METRES_PER_CAR, _car_bodies),
         (METRES_PER_TREE, _tree_bodies),
@@ -56,14 +59,14 @@ def street_furniture(line: shapely.LineString, ground: Callable[[np.ndarray], np
     return Mesh(vertices, triangles.astype(np.int32), each, np.zeros(len(vertices), np.int32))
 
 
-def _point_and_direction(line: shapely.LineString, along: float) -> tuple[np.ndarray, np.ndarray]:
+def _point_and_direction(line: shapely.LineString, along: float) -> tuple[Float64Array, Float64Array]:
     """Return a point of the line and its unit direction there."""
     a, b = (np.array(line.interpolate(d).coords[0][:2]) for d in (max(along - 0.5, 0), min(along + 0.5, line.length)))
     step = b - a
     return (a + b) / 2, step / max(float(np.linalg.norm(step)), 1e-9)
 
 
-def _car_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _car_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[Float64Array, Int64Array]]]:
     length, width, height = rng.uniform(3.6, 5.0), rng.uniform(1.7, 1.95), rng.uniform(1.4, 1.9)
     body = _box((length, width, 0.55 * height), 0.3)
     cabin = _box((0.55 * length, 0.85 * width, 0.45 * height), 0.3 + 0.55 * height)
@@ -75,7 +78,7 @@ def _car_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray,
     return CAR_OFFSET_M, [body, cabin, *wheels]
 
 
-def _tree_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _tree_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[Float64Array, Int64Array]]]:
     trunk, crown = rng.uniform(2.0, 3.5), rng.uniform(1.2, 2.4)
     parts = [_box((0.3, 0.3, trunk + crown), 0.0)]
     for _ in range(5):
@@ -84,20 +87,20 @@ def _tree_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray
     return TREE_OFFSET_M, parts
 
 
-def _person_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[np.ndarray, np.ndarray]]]:
+def _person_bodies(rng: np.random.Generator) -> tuple[float, list[tuple[Float64Array, Int64Array]]]:
     tall = rng.uniform(1.5, 1.9)
     parts = [_ball((0.16, 0.24, 0.42 * tall), (0, 0, 0.42 * tall)), _ball((0.11, 0.1, 0.13), (0, 0, 0.93 * tall))]
     return float(rng.uniform(*PERSON_OFFSET_RANGE_M)), parts
 
 
-def _box(size: tuple[float, float, float], bottom: float) -> tuple[np.ndarray, np.ndarray]:
+def _box(size: tuple[float, float, float], bottom: float) -> tuple[Float64Array, Int64Array]:
     import trimesh
 
     box = trimesh.creation.box(size)
     return box.vertices + np.array([0, 0, bottom + size[2] / 2]), box.faces
 
 
-def _ball(radii: tuple[float, float, float], centre: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+def _ball(radii: tuple[float, float, float], centre: tuple[float, float, float]) -> tuple[Float64Array, Int64Array]:
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=1)

@@ -20,7 +20,7 @@ _SHADOW = 92
 _LIT_SILL = 236
 
 
-def relief_image(labels: np.ndarray, metres_per_pixel: float) -> UInt8Array:
+def relief_image(labels: UInt8Array, metres_per_pixel: float) -> UInt8Array:
     """Render the relief of a facade in grey: openings have a shadow below their head and a lit sill.
 
     Parameters

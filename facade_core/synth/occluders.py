@@ -5,14 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, UInt8Array
 from facade_core.synth.canvas import GAMMA, fractal_noise, gaussian_blur, hex_to_linear, smooth_noise
 
 MAX_HIDDEN_SHARE = 0.40
 _LEAF_COLOURS = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")
 _CAR_COLOURS = ("#7d2b2b", "#2f4a6b", "#d9d7d0", "#3a3d40", "#8b9aa0", "#3f5a48", "#c2b280")
 
-Sprite = tuple[np.ndarray, np.ndarray]  # colour (H, W, 3) linear and alpha (H, W), at twice the image's resolution
+Sprite = tuple[Float32Array, Float32Array]  # colour (H, W, 3) linear and alpha (H, W), at twice the image's resolution
 
 
 def paint_occluders(
@@ -177,7 +177,7 @@ def _paint_lamp_post(
     top = ground - tall
     colour, alpha = np.zeros((*shape, 3), np.float32), np.zeros(shape, np.uint8)
 
-    def fill(points: list[tuple[float, float]], tone: np.ndarray) -> None:
+    def fill(points: list[tuple[float, float]], tone: FloatArray) -> None:
         corners = [np.round(np.array([(x + dx, y) for dx, y in points]) * scale).astype(np.int32)]
         cv2.fillPoly(colour, corners, tone.tolist())
         cv2.fillPoly(alpha, corners, 1)

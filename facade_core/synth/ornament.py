@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array
+from facade_core.core.arrays import Float32Array, FloatArray
 from facade_core.synth.canvas import Canvas, hex_to_linear
 from facade_core.synth.facade_plan import FacadePlan, PaintedOpening
 
@@ -188,7 +188,7 @@ def _paint_pilasters(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -
             )
 
 
-def _paint_stepped_parapet(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: np.ndarray) -> None:
+def _paint_stepped_parapet(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour: FloatArray) -> None:
     """Paint a parapet in low relief, stepped over every pier."""
     pitch = plan.pitch * plan.metres_per_pixel
     for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:

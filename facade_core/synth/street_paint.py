@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 
@@ -18,7 +18,7 @@ def ground_pattern(street: SyntheticStreet) -> GroundPaint:
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
     across = np.array([-street.axis[1], street.axis[0]])
 
-    def paint(places: np.ndarray) -> np.ndarray:
+    def paint(places: Float64Array) -> Float32Array:
         along, aside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
         noise = np.zeros(len(places))
         for weight, (side, values) in zip((9, 7, 6, 5), grains, strict=True):
@@ -48,7 +48,7 @@ def side_pattern(street: SyntheticStreet) -> SidePaint:
     tone = rng.uniform(90, 180, (houses, 1)) * rng.uniform([0.95, 0.85, 0.75], [1.1, 1.0, 0.95], (houses, 3))
     patched = rng.uniform(0, 1, (len(charts), 3))
 
-    def paint(chart: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def paint(chart: IntArray, x: Float64Array, y: Float64Array) -> Float32Array:
         noise = np.zeros(len(chart))
         for weight, (side, values) in zip((0.04, 0.025, 0.02, 0.03), grains, strict=True):
             noise += weight * values[((x + 7 * chart) // side % 97).astype(int), (y // side % 89).astype(int)]
@@ -85,7 +85,7 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) 
 
 
 def ground_photos(
-    street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
+    street: SyntheticStreet, roadway: tuple[UInt8Array, float], pavement: tuple[UInt8Array, float]
 ) -> GroundPaint:
     """Return a ground of two photographs with a kerb between them.
 
@@ -96,7 +96,7 @@ def ground_photos(
     """
     across = np.array([-street.axis[1], street.axis[0]])
 
-    def paint(places: np.ndarray) -> np.ndarray:
+    def paint(places: Float64Array) -> Float32Array:
         along, aside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
         road, kerb = (_sample_tiled(picture, along, aside) for picture in (roadway, pavement))
         colour = np.where((np.abs(aside) < 4.5)[:, None], road, kerb)
@@ -107,7 +107,7 @@ def ground_photos(
     return paint
 
 
-def _sample_tiled(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> Float32Array:
+def _sample_tiled(picture: tuple[UInt8Array, float], x: Float64Array, y: Float64Array) -> Float32Array:
     """Sample a seamless picture, repeated in both directions, at metres x, y; colours (n, 3) float32."""
     image, metres = picture
     rows, columns = image.shape[:2]

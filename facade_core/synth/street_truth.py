@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
 from facade_core.core.numba_cache import njit
@@ -35,9 +35,9 @@ BUILDING_GAP_M = 4.0
 STREET_ORIGIN_M = np.array([4200.0, 7300.0])
 TURN_DEG = 23.0
 # World places (n, 2) -> colours (n, 3).
-GroundPaint = Callable[[np.ndarray], np.ndarray]
+GroundPaint = Callable[[Float64Array], Float32Array]
 # Charts (n,) and metres right and down on each (n,) -> colours (n, 3).
-SidePaint = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+SidePaint = Callable[[IntArray, Float64Array, Float64Array], Float32Array]
 # Roofs of a row in turn, with their height over the eaves; the street sees all of them.
 ROOFS: tuple[Roof | None, ...] = (Roof("gabled", 7.0), Roof("mansard", 5.0, pitch=68.0), None)
 # Rows of pixels rendered at once, which bounds memory.
@@ -66,7 +66,7 @@ class SyntheticStreet:
     axis: Float64Array
     length: float
 
-    def world_point(self, along: float, across: float) -> np.ndarray:
+    def world_point(self, along: float, across: float) -> Float64Array:
         """Return world x, y of a point `along` metres down the street and `across` metres to its left."""
         return STREET_ORIGIN_M + along * self.axis + across * np.array([-self.axis[1], self.axis[0]])
 
@@ -174,7 +174,7 @@ def render_street_panorama(
 
 def cutout_mask(
     street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, assumed_pose: Pose
-) -> np.ndarray:
+) -> BoolArray:
     """Return the pixels of a facade's raster that show a cut-out.
 
     The raster was resampled from a panorama under a wrong pose.
@@ -198,7 +198,7 @@ def cutout_mask(
     return is_behind_cutout(street, charts.points(chart, x, y), pose, assumed_pose=assumed_pose)
 
 
-def is_behind_cutout(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, assumed_pose: Pose) -> BoolArray:
+def is_behind_cutout(street: SyntheticStreet, points: Float64Array, pose: Pose, *, assumed_pose: Pose) -> BoolArray:
     """Return for world points whether they show a cut-out, as `cutout_mask` does.
 
     Parameters

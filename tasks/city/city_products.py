@@ -17,6 +17,7 @@ from catalogs.published.merged_items import merge_run_items
 from catalogs.published.runs import PublishedRun
 from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
 from tasks.city.city_log import BLOCKS_FOLDER, block_tileset
@@ -99,7 +100,7 @@ def _read_tileset(path: Folder) -> dict[str, Any] | None:
         return None
 
 
-def _bounding_sphere(root: dict[str, Any]) -> np.ndarray:
+def _bounding_sphere(root: dict[str, Any]) -> Float64Array:
     """Compute the sphere around a tileset's root from its box and its transform.
 
     Returns

@@ -1,4 +1,4 @@
-"""What is well and what is not: of the environment, and of a run's folder."""
+"""Diagnosis of the environment and of a run's folder."""
 
 from tasks.doctor.findings import Finding
 from tasks.doctor.folder import examine_folder

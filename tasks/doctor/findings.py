@@ -1,4 +1,4 @@
-"""What the doctor says."""
+"""Result type of the diagnosis."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Finding:
-    """One line on a concern; well: False where something is to be done, which the line names; None for what is good to know."""
+    """One line of the diagnosis.
+
+    Attributes
+    ----------
+    concern : subject.
+    is_well : False if action is needed, which the line names; None for information.
+    message : text.
+    """
 
     concern: str
     is_well: bool | None

@@ -1,4 +1,4 @@
-"""A run's folder: what is published, whether its store is sound, and what is stale. Only `.suspect` is ever written."""
+"""Diagnosis of a run's folder: publication, integrity and stale units. Writes nothing but `.suspect`."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from tasks.engine.store.integrity import find_lost_units, is_suspect, mark_suspe
 from tasks.engine.store.status import read_source, unpublished_reason
 from tasks.stages.ingest.task import ingest_block
 
-# Charts and panoramas whose digests are computed again.
+# Maximum number of charts and panoramas whose digests are verified.
 MAX_VERIFIED_UNITS = 64
 
 
 def examine_folder(out: Folder) -> Iterator[Finding]:
-    """What is to be said of a run's folder. No run may go on in it meanwhile."""
+    """Yield the findings about a run's folder; no run may be at work in it."""
     source = read_source(out)
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
     store = out / "store"
@@ -68,45 +68,51 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
     yield _check_stale(out, source, session, group)
 
 
-def _check_units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str) -> Finding:
-    # a street from which no wall is seen has nothing to be done, and no record
+def _check_units(
+    attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str
+) -> Finding:
+    # a street without visible walls has no work and no record
     seen = set(group["viewpoints/street"][:].tolist())
     streets = [record for index, record in enumerate(records["streets"]) if record or index in seen]
-    kept = records | {"streets": streets}
-    states = Counter(r["status"] if r else "waiting" for journal in kept.values() for r in journal)
-    told = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
+    journals = records | {"streets": streets}
+    states = Counter(r["status"] if r else "waiting" for journal in journals.values() for r in journal)
+    counts = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
-    return Finding("units", not left, f"block {attrs.get('block')}: {told}{f'; {again} goes on' if left else ''}")
+    return Finding("units", not left, f"block {attrs.get('block')}: {counts}{f'; {again} goes on' if left else ''}")
 
 
-def _check_store(out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
-    """Records against arrays: what sizes and listings show, then every chunk, then digests of some."""
+def _check_store(
+    out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str
+) -> Iterator[Finding]:
+    """Compare records with arrays: sizes and listings, then every chunk, then a sample of digests."""
     store = out / "store"
-    mended = f"{again} makes it again"
-    wounds = find_lost_units(session)
-    streets = wounds.pop("streets", ())  # their own data are whole: they are begun anew, or lost a viewpoint
+    remedy = f"{again} makes it again"
+    lost_units = find_lost_units(session)
+    streets = lost_units.pop("streets", ())  # their own data are intact: they restarted, or lost a viewpoint
     if streets:
-        told = f"streets done over viewpoints that are not: {len(streets)}"
-        yield Finding("store", False, f"{told}; {again} does them over")
-    if wounds:
-        told = ", ".join(f"{len(units)} {stage}" for stage, units in wounds.items())
-        yield Finding("store", False, f"records without their data: {told}; {mended}")
+        summary = f"streets done over viewpoints that are not: {len(streets)}"
+        yield Finding("store", False, f"{summary}; {again} does them over")
+    if lost_units:
+        summary = ", ".join(f"{len(units)} {stage}" for stage, units in lost_units.items())
+        yield Finding("store", False, f"records without their data: {summary}; {remedy}")
     if tags := find_broken_tags(repository, store):
         yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
     if lost := find_unreadable_chunks(session):
         if has_all_files(repository, store):
             mark_suspect(out)
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
-        yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")
+        yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {remedy}")
         return
     plan = read_plan(session)
     if wrong := find_differing_units(group, plan, MAX_VERIFIED_UNITS):
         mark_suspect(out)
-        told = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
-        yield Finding("store", False, f"texels are not those of their records: {told}; {mended}")
-    elif not wounds:
+        summary = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
+        yield Finding("store", False, f"texels are not those of their records: {summary}; {remedy}")
+    elif not lost_units:
         yield Finding(
-            "store", True, f"all chunks can be read; digests of {MAX_VERIFIED_UNITS} charts and panoramas at most are right"
+            "store",
+            True,
+            f"all chunks can be read; digests of {MAX_VERIFIED_UNITS} charts and panoramas at most are right",
         )
     if is_suspect(out):
         yield Finding("store", None, "the next run reads all of it before it starts")
@@ -136,7 +142,7 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
 
 
 def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
-    """What a run with the block file as it is now would do again, and why: tried on a copy."""
+    """Forecast the work of a run with the present block file, on a copy."""
     if source is None:
         return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
     if not isinstance(out, Path):
@@ -150,14 +156,14 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
                 "stale", False, f"{source} is block {run.block} now; the folder holds {group.attrs.get('block')}"
             )
         with _writable_copy(out) as copy:
-            tried = replace(run, out=str(copy))
-            outline = ingest_block.fn(tried, block)
-            said = forecast_work(replace(tried, ingested=outline.ingested), block, outline).said
+            trial = replace(run, out=str(copy))
+            outline = ingest_block.fn(trial, block)
+            said = forecast_work(replace(trial, ingested=outline.ingested), block, outline).said
     except (FacadeError, OSError) as error:
         return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
     if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):
         return Finding("stale", True, f"nothing: {source} and the code are as they were")
-    # no damage: what is there is whole, of what the block or the code was
+    # stale is no damage: the data match an earlier block or code
     return Finding(
         "stale", None, f"{said or 'everything'}; made again by the next run: `streetloom run {source} --out {out}`"
     )
@@ -165,10 +171,10 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
 
 @contextmanager
 def _writable_copy(out: Path) -> Iterator[Path]:
-    """A folder with a store that can be written to without a trace: Icechunk writes no file twice, so links do."""
+    """Copy a store by hard links, which is safe because Icechunk never rewrites a file."""
     try:
         folder = Path(tempfile.mkdtemp(prefix=".doctor-", suffix=".tmp", dir=out))
-    except OSError:  # a folder that cannot be written to
+    except OSError:  # the folder is read-only
         folder = Path(tempfile.mkdtemp())
     linked = folder.parent == out
     try:

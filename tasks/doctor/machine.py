@@ -1,4 +1,4 @@
-"""The environment: Python, packages, models, room on the disk."""
+"""Diagnosis of the environment: Python, packages, models and disk space."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tasks.doctor.findings import Finding
 PACKAGE = "streetloom"
 ROOT = Path(__file__).resolve().parent.parent.parent
 CONSTRAINTS = ROOT / "deploy" / "constraints" / "constraints.txt"
-# Packages that are named in one line at most.
+# Maximum number of packages named in one line.
 MAX_NAMED_PACKAGES = 5
-# Less room than this is not enough for any block.
+# Minimum for the smallest block, bytes.
 MIN_FREE_BYTES = 1 << 30
 
 
 def examine_machine(folder: Path) -> Iterator[Finding]:
-    """What is to be said of this machine; folder: where runs are kept."""
+    """Yield the findings about this machine; `folder`: location of the runs."""
     yield _check_python()
     yield from check_packages(requires(PACKAGE) or ())
     yield _check_open3d()
@@ -45,7 +45,7 @@ def _check_python() -> Finding:
 
 
 def check_packages(declared: Iterable[str]) -> Iterator[Finding]:
-    """Those that are declared, as metadata write them, against what is installed, and all that are pinned."""
+    """Compare installed packages with declared requirements and with the pinned versions."""
     from packaging.requirements import Requirement
 
     wrong, count = [], 0
@@ -95,7 +95,7 @@ def _check_open3d() -> Finding:
 
 
 def _shipped_models() -> dict[Path, Callable[[Path], object]]:
-    """The files of the models that come with the package, and what loads each."""
+    """Return the shipped model files, and the loader of each."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing import network
     from facade_core.street.translator import neural_translator
@@ -108,7 +108,7 @@ def _shipped_models() -> dict[Path, Callable[[Path], object]]:
 
 
 def check_models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding]:
-    """Whether each file of a model is whole, by what loads it."""
+    """Load each model file and report whether it is intact."""
     for path, load in shipped.items():
         try:
             load(path)
@@ -119,7 +119,7 @@ def check_models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[F
 
 
 def check_detectors() -> Finding:
-    """Whether faces and number plates are looked for by models of other packages, beside the parser."""
+    """Report whether the optional detectors of faces, number plates and shop names are available."""
     from facade_core.imagery.detect import models as detect
 
     if lacking := detect.missing_packages():
@@ -136,13 +136,15 @@ def check_detectors() -> Finding:
 
 
 def check_disk(folder: Path, min_free_bytes: int = MIN_FREE_BYTES) -> Finding:
-    """Whether the disk of a folder has so many bytes left."""
+    """Report whether the disk of a folder has enough free bytes."""
     while not folder.exists():
         folder = folder.parent
     usage = shutil.disk_usage(folder)
     free = f"{usage.free / (1 << 30):.1f} GB free of {usage.total / (1 << 30):.0f} for {folder}"
     return Finding(
-        "disk", usage.free >= min_free_bytes, free if usage.free >= min_free_bytes else f"{free}: make room before the next run"
+        "disk",
+        usage.free >= min_free_bytes,
+        free if usage.free >= min_free_bytes else f"{free}: make room before the next run",
     )
 
 

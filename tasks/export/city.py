@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
+from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.models import add_ground
@@ -31,7 +32,7 @@ APPEARANCE_ATTRIBUTES = {
 }
 
 
-def write_cityjson(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjson(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.json and its textures.
 
     Parameters
@@ -48,7 +49,7 @@ def write_cityjson(results: Published, buildings: np.ndarray, folder: Path) -> t
     return _write_document(results, buildings, folder, f"{results.block}.city.json", openings=False)
 
 
-def write_lod3(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_lod3(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
 
     Parameters
@@ -65,7 +66,7 @@ def write_lod3(results: Published, buildings: np.ndarray, folder: Path) -> tuple
     return _write_document(results, buildings, folder, f"{results.block}.lod3.city.json", openings=True)
 
 
-def write_cityjsonseq(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjsonseq(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.jsonl, a header and one feature a line, and its textures.
 
     Parameters
@@ -96,7 +97,7 @@ def write_cityjsonseq(results: Published, buildings: np.ndarray, folder: Path) -
 
 
 def _write_document(
-    results: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
+    results: Published, buildings: IntArray, folder: Path, name: str, *, openings: bool
 ) -> tuple[list[str], list[str]]:
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
@@ -116,7 +117,7 @@ def _json_line(value: dict[str, Any]) -> str:
 
 
 def _list_features(
-    results: Published, buildings: np.ndarray, folder: Path, *, openings: bool
+    results: Published, buildings: IntArray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
@@ -161,7 +162,7 @@ def _list_features(
 def city_objects(
     results: Published,
     drawn: Any,
-    triangles: np.ndarray,
+    triangles: IntArray,
     index: int,
     layouts: Mapping[int, list[Element]],
     pool: Any,
@@ -220,10 +221,10 @@ def is_facade(results: Published, facade: str) -> bool:
 def building_model(
     results: Published,
     drawn: Any,
-    triangles: np.ndarray,
+    triangles: IntArray,
     index: int,
     layouts: Mapping[int, list[Element]],
-    origin: np.ndarray,
+    origin: Float64Array,
 ) -> BuildingModel:
     """Build a building's faces, with the openings and balconies of `layouts`.
 
@@ -302,7 +303,7 @@ def _roof_attributes(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
-def facade_layouts(results: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
+def facade_layouts(results: Published, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
     from facade_core.export.bodies.ledges import detect_ledges
     from facade_core.export.pictures.stage_pictures import read_chart_raster
@@ -323,7 +324,7 @@ def facade_layouts(results: Published, buildings: np.ndarray) -> dict[int, list[
     return layouts
 
 
-def model_origin(results: Published) -> np.ndarray:
+def model_origin(results: Published) -> Float64Array:
     """Return the origin (3,) of a model's local frame, world metres."""
     return np.floor(results.plan.scene.mesh.vertices.min(axis=0))
 

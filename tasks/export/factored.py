@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from facade_core.core.arrays import IntArray
 from tasks.engine.progress import report_progress
 from tasks.export.earth import place_on_earth
 from tasks.export.factored_walls import build_factored_walls
@@ -25,7 +26,7 @@ COARSE_TEXEL_SHARE = 0.5
 
 
 def write_factored(
-    results: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
+    results: Published, buildings: IntArray, shown: IntArray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with factored facades and a node for each building, and figures.json.
 
@@ -89,7 +90,7 @@ def write_factored(
 
 
 def write_factored_tiles(
-    results: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
+    results: Published, buildings: IntArray, shown: IntArray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and tiles with factored leaves, which share picture files.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.block.reader import read_block
+from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
@@ -37,14 +38,14 @@ class FactoredWalls:
     notes : remarks for the user.
     """
 
-    charts: np.ndarray
+    charts: IntArray
     libraries: list[FacadeLibrary]
     details: list[dict[int, WallPieces]]
     notes: list[str]
 
 
 def build_factored_walls(
-    results: Published, buildings: np.ndarray, details: Sequence[WallDetail], other_units: int
+    results: Published, buildings: IntArray, details: Sequence[WallDetail], other_units: int
 ) -> FactoredWalls:
     """Build the facades of some buildings from libraries, at each of some details.
 
@@ -84,7 +85,7 @@ def build_factored_walls(
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planar_walls(results: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
+def _planar_walls(results: Published, buildings: IntArray) -> dict[int, list[Any]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
@@ -169,7 +170,7 @@ def _original_exemplars(results: Published) -> dict[str, Path]:
         return {}
 
 
-def _read_original(path: Path | None, image: np.ndarray) -> np.ndarray | None:
+def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
     """Read an exemplar at full resolution; None if it differs from the stored picture or is not larger.
 
     A stored picture differs if occluders or private areas were replaced in it.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import file_stem
+from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import place_on_earth
@@ -56,14 +57,14 @@ def select_lighting(
     return relight(results.textured, relighting_inputs(results)), []
 
 
-def add_ground(results: Published, buildings: np.ndarray) -> np.ndarray:
+def add_ground(results: Published, buildings: IntArray) -> IntArray:
     """Append the ground (-1) if the buildings are all of the block's."""
     return np.append(buildings, -1) if len(buildings) == len(results.choose(())) else buildings
 
 
 def write_models(
     results: Published,
-    buildings: np.ndarray,
+    buildings: IntArray,
     folder: Path,
     *,
     textures: str | None = None,
@@ -101,7 +102,7 @@ def write_models(
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
-    def write(path: Path, selection: np.ndarray) -> None:
+    def write(path: Path, selection: IntArray) -> None:
         drawn = pack_charts(source, source.select_charts(selection))
         nodes, _ = build_nodes([drawn], results.names, frame)
         pages = range(len(drawn.layout.pages))
@@ -119,7 +120,7 @@ def write_models(
 
 def write_3dtiles(
     results: Published,
-    buildings: np.ndarray,
+    buildings: IntArray,
     folder: Path,
     *,
     textures: str = DEFAULT_ENCODING,
@@ -173,8 +174,8 @@ def write_3dtiles(
     scale = view_scale(source, shells, cells, encoded, view_mb * 1e6, time)
     if scale < 1:
         notes.append(
-            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {view_mb:g} MB of a graphics card "
-            "at most; --max-texture-mb inf keeps all"
+            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {view_mb:g} MB of a graphics "
+            "card at most; --max-texture-mb inf keeps all"
         )
     for name in ("tiles", "tilesets"):
         (folder / name).mkdir()

@@ -11,6 +11,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
+from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.opened import Published
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 TILE_TEXELS = 256
 
 
-def write_cogs(results: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cogs(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not.
 
     Parameters
@@ -72,7 +73,7 @@ def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
 
 
-def _write_cog(results: Published, path: Path, texels: np.ndarray, plane: WallPlane, chart: int, name: str) -> None:
+def _write_cog(results: Published, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str) -> None:
     import rasterio
     from rasterio.features import rasterize
     from rasterio.transform import Affine

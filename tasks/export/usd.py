@@ -7,9 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from catalogs.features import file_stem
+from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import list_building_rows
 from tasks.export.models import add_ground, select_lighting
@@ -22,7 +21,7 @@ TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emi
 
 
 def write_usd(
-    results: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
+    results: Published, buildings: IntArray, folder: Path, *, lit: bool | None = None, night: bool = False
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
 

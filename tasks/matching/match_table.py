@@ -15,14 +15,14 @@ from pathlib import Path
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
-# Its name, beside a block file.
+# File name of the table, in the block file's folder.
 TABLE = "matches.csv"
-# `facade` is empty where a person is to decide, and where somebody (`by`) decided that none is right. x, y, heading: in the
-# block's frame, where the photo says that it was taken.
+# `facade` is empty until a decision, and after the decision (`by`) that no facade matches. x, y, heading: pose of the
+# photo by its own metadata, in the block's frame.
 COLUMNS = ("photo", "facade", "probability", "candidates", "why", "x", "y", "heading", "by")
-# A column without a name.
+# Name for columns without one.
 REMARK_COLUMN = "remark"
-# Between what is said of one candidate and of the next.
+# Separator of candidates in a cell.
 _SEPARATOR = "; "
 
 
@@ -112,7 +112,7 @@ def read_match_table(path: Path) -> MatchTable:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = file.readlines()
-        # spreadsheets save with what their country separates by
+        # the separator depends on the locale of the spreadsheet
         separator = max(",;\t", key=lines[0].count) if lines else ","
         header, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]
     except (OSError, UnicodeDecodeError, csv.Error) as error:

@@ -15,7 +15,7 @@ from facade_core.core.errors import InputError
 from tasks.matching.match_table import MatchTable
 from tasks.stages.ingest.planning import make_plan
 
-# Where photos go that are taken, beside a block file that names no folder.
+# Default folder of photos, in the block file's folder.
 FOLDER = "photos"
 
 
@@ -43,7 +43,7 @@ class PhotoImport:
     faults: tuple[str, ...] = ()
 
 
-# What is wrong with some rows of a table: their photos, and a line.
+# Photos of faulty rows, and the fault in one line.
 _Fault = tuple[set[str], str]
 
 

@@ -25,11 +25,12 @@ from tasks.matching.match_table import COLUMNS, FacadeCandidate, MatchTable, for
 from tasks.stages.facades.evidence import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 
-# A photo is of the wall that it shows with this probability; else a person decides.
+# Minimum probability of a match that no person needs to confirm.
 MIN_CERTAIN_PROBABILITY = 0.8
-# So many walls are told of each, which have at least this probability.
-MAX_CANDIDATES, MIN_PROBABILITY = 3, 0.02
-# What is said of a photo without a place, and once what gives it one.
+# Candidates in the row of a photo, and their minimum probability.
+MAX_CANDIDATES = 3
+MIN_PROBABILITY = 0.02
+# Fault of a photo without a place, and its remedy.
 MISSING_PLACE = "no place"
 PLACE_REMEDY = "give their places with --poses FILE.csv (file,lon,lat,heading), or name each after its facade"
 _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
@@ -64,7 +65,7 @@ def match_photos(
         )
     paths, unreadable = list_images(folder, "photo")
     stated = read_poses(poses) if poses else {}
-    if not any(_read_place(path, stated) for path in paths):  # told before the block is read, which takes longer
+    if not any(_read_place(path, stated) for path in paths):  # reading the block takes longer
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACE_REMEDY}")
     block = read_block(block_file)
     plan = make_plan(replace(block, panoramas=()))

@@ -15,6 +15,7 @@ import numpy as np
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
 from catalogs.published.snapshot import Snapshot, current_snapshot
+from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import FormatError, InputError
 from facade_core.core.types import Element
 from tasks.publish.attribution import read_attribution
@@ -52,7 +53,7 @@ class Published(StoredBlock):
         """Whom to name for what is shown, and when it was made."""
         return read_attribution(self.snapshot.stac, self.snapshot.items, self.block)
 
-    def page(self, page: int) -> np.ndarray:
+    def page(self, page: int) -> UInt8Array:
         """A filled page of the atlas, (h, w, 3) uint8."""
         from PIL import Image
 
@@ -63,7 +64,7 @@ class Published(StoredBlock):
         except OSError as error:
             raise InputError(f"{path} cannot be read as a picture; {self.snapshot.remedy}") from error
 
-    def choose(self, ids: Sequence[str]) -> np.ndarray:
+    def choose(self, ids: Sequence[str]) -> IntArray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
         built = np.unique(self.plan.scene.charts.building[self.plan.in_core])
         built = built[built >= 0]
@@ -85,7 +86,7 @@ class Published(StoredBlock):
         rows = record.get("elements", []) if record else []
         return [Element(row[0], *map(float, row[1:6])) for row in rows]
 
-    def rectified(self, buildings: np.ndarray) -> list[int]:
+    def rectified(self, buildings: IntArray) -> list[int]:
         """The facades of some buildings that have a finished layout and texture."""
         own = np.isin(self.plan.facades.building, buildings).tolist()
         return [i for i, record in enumerate(self.records) if own[i] and record and "lattice" in record]

@@ -17,6 +17,7 @@ from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
+from facade_core.core.arrays import UInt8Array
 from facade_core.export.attribution import Attribution
 from facade_core.export.models.glb import replace_copyright
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
@@ -138,7 +139,7 @@ def write_overview(
         charts = select_overview_charts(source)
         scale = overview_scale(texels[charts])
         size = np.maximum(1, np.ceil(texels * scale)).astype(np.int64)
-        held: dict[int, np.ndarray] = {}
+        held: dict[int, UInt8Array] = {}
         wanted = set(charts.tolist())
         for rasters in coarse_of(block, tiles, aside):
             held |= {c: downscale(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
@@ -153,7 +154,7 @@ def write_overview(
         del made.source_digests[snapshot.overview.name]  # it is not to be linked for a whole one
 
 
-def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) -> Iterator[dict[int, np.ndarray]]:
+def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) -> Iterator[dict[int, UInt8Array]]:
     """The coarse rasters of each tile, by chart."""
     texels = np.column_stack([block.plan.scene.placement.width, block.plan.scene.placement.height]).astype(np.int64)
     for one in tiles:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.learning.datasets import read_ecp, split_facades
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
@@ -65,7 +66,7 @@ def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
 
 
 def _pairs(
-    street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
+    street: SyntheticStreet, roadway: tuple[UInt8Array, float], pavement: tuple[UInt8Array, float]
 ) -> Iterator[TrainingPair]:
     scene, width = street.scene, max(PANORAMA_WIDTHS)
     viewpoints = []

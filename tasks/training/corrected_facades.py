@@ -81,8 +81,8 @@ def load_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
         found += _read_run(folder)
     if len(found) < MIN_FACADES:
         raise InputError(
-            f"{len(found)} facades have corrected elements there, and at least {MIN_FACADES} are learnt from; `streetloom import` "
-            "takes more"
+            f"{len(found)} facades have corrected elements there, and at least {MIN_FACADES} are learnt from; "
+            "`streetloom import` takes more"
         )
     return found
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
 from facade_core.street.materials.grain_file import save_examples
@@ -42,7 +43,7 @@ def train_materials(data: Path, out: Path) -> Path:
     return path
 
 
-def read_picture_file(path: Path) -> tuple[np.ndarray, str]:
+def read_picture_file(path: Path) -> tuple[UInt8Array, str]:
     """Decode a picture (h, w, 3) uint8, and compute the sha256 of its file."""
     import cv2
 

@@ -13,6 +13,7 @@ import shapely
 
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.pictures.decoding import open_picture
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
@@ -157,7 +158,7 @@ def list_pictures(folders: Sequence[Path]) -> list[tuple[str, Path]]:
 
 def read_panorama_sets(
     pictures: Sequence[tuple[str, Path]], split: TrainingSplit
-) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
+) -> tuple[list[UInt8Array], list[UInt8Array], list[str]]:
     """Load panoramas for training and validation.
 
     Parameters
@@ -279,7 +280,7 @@ def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[T
         yield render_sequence(scene, viewpoints, furniture=furniture)
 
 
-def _level_ground(height: float, points: np.ndarray) -> np.ndarray:
+def _level_ground(height: float, points: Float64Array) -> Float64Array:
     return np.full(len(points), height)
 
 
@@ -290,10 +291,10 @@ def _clip_to_viewpoints(line: shapely.LineString, viewpoints: Sequence[Viewpoint
     return max(getattr(part, "geoms", [part]), key=lambda piece: piece.length)
 
 
-def _checkpoint_writer(out: Path) -> Callable[[int, float, np.ndarray], None]:
+def _checkpoint_writer(out: Path) -> Callable[[int, float, UInt8Array], None]:
     """Return a callback that writes a picture of each checkpoint and its kernel distance."""
 
-    def sample(step: int, distance: float, sheet: np.ndarray) -> None:
+    def sample(step: int, distance: float, sheet: UInt8Array) -> None:
         from PIL import Image
 
         Image.fromarray(sheet).save(out / f"step-{step:06d}.png")

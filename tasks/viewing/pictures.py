@@ -13,7 +13,7 @@ from tasks.viewing.run_view import RunView
 
 def list_stage_pictures(view: RunView, index: int) -> list[StageTitle]:
     """List the stages with pictures of a facade in their order; empty until it is done."""
-    return [stage.viewer for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer is not None]
+    return [stage.viewer for stage in iterate_stage_pictures(view.open_facade(index)) if stage.viewer is not None]
 
 
 def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
@@ -29,7 +29,7 @@ def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
     ------
     InputError : the facade has no such picture.
     """
-    for stage in iterate_stage_pictures(view.stored_facade(index)):
+    for stage in iterate_stage_pictures(view.open_facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
             return stage.draw()
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")

@@ -17,6 +17,7 @@ from catalogs.published.report import facades_to_review
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.core.arrays import Float64Array, FloatArray, IntArray
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.labels import PARSE_COLOURS
 from facade_core.core.zarr_types import StoreGroup
@@ -53,17 +54,17 @@ class _PlanTables:
 
     facades: Facades
     placement: Placement
-    line: np.ndarray
-    azimuth: np.ndarray
+    line: Float64Array
+    azimuth: Float64Array
     buildings: tuple[str, ...]
-    height: np.ndarray
+    height: FloatArray
     height_source: tuple[str, ...]
     appearance: Mapping[str, Sequence[Any]]
     streets: tuple[dict[str, Any], ...]
-    position: np.ndarray
-    forward: np.ndarray
-    street: np.ndarray
-    views: np.ndarray
+    position: Float64Array
+    forward: Float64Array
+    street: IntArray
+    views: IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ class RunView:
     def renamed_ids(self) -> dict[str, str]:
         """Present id by the id at the time of a correction."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
-
+open_facade
     def stored_facade(self, index: int) -> StoredFacade:
         """Return the stored data of a facade."""
         chart = int(self.tables.facades.chart[index])
@@ -165,7 +166,7 @@ class RunView:
             "seen": self._visible_facades(),
         }
 
-    def _facade_row(self, index: int, corner: np.ndarray) -> dict[str, Any]:
+    def _facade_row(self, index: int, corner: Float64Array) -> dict[str, Any]:
         tables, facades = self.tables, self.tables.facades
         record = self.records[index]
         street = tables.streets[int(facades.street[index])]
@@ -291,7 +292,7 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
     )
 
 
-def _round_to_list(values: np.ndarray) -> list:
+def _round_to_list(values: FloatArray) -> list:
     return np.round(values, 2).tolist()
 
 

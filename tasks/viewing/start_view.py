@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.export.pictures.views import PHOTO_WORTH, photo_share
 from tasks.viewing.run_view import RunView
 
-# A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.
+# Minimum cosine between heading and direction of a facade ahead; minimum distance of a facade, metres.
 MIN_AHEAD_COSINE, MIN_DISTANCE_M = 0.35, 6.0
 
 
@@ -48,7 +48,7 @@ def choose_start_view(view: RunView) -> StartView | None:
     left = forward[:, 0] * away[:, 1] > forward[:, 1] * away[:, 0]
     best, found = 0.0, StartView([], 0.0)
     for sense in (1.0, -1.0):
-        # a street counts by both of its sides: one that is bare shows half
+        # the sum of square roots prefers streets with facades on both sides
         sides = [
             np.bincount(
                 viewpoint, np.where(side & (sense * ahead > MIN_AHEAD_COSINE), worth[seen], 0), len(tables.street)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.journal import journal_path
+from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
 from facade_core.export.pictures.camera import PerspectiveCamera
@@ -22,12 +23,12 @@ from tasks.stages.shared.materials import stored_material_field
 from tasks.stages.streets.worker import add_viewpoint, replay_street
 from tasks.viewing.run_view import RunView
 
-# Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
+# Height and width of the picture, pixels; RGB of untextured texels, of surfaces off the street and of the sky.
 PICTURE_SIZE = (520, 960)
 UNREACHED_RGB, OFF_STREET_RGB, SKY_RGB = (226, 222, 214), (188, 190, 194), (236, 240, 244)
-# The camera hovers so many metres behind the street's first viewpoint and above it, and looks down along the street.
+# Camera behind and above the street's first viewpoint, looking down along the street.
 BEHIND_M, ABOVE_M, FIELD_OF_VIEW_DEG = 14.0, 26.0, 70.0
-# A person waits for the replay, and has the machine.
+# All processors, because a person waits for the replay.
 _THREADS = os.cpu_count() or 1
 
 
@@ -47,7 +48,7 @@ class _ReplayedStreet:
     buffer: TexelBuffer
     field: MaterialField | None
     steps: int
-    texel: np.ndarray
+    texel: Int64Array
 
 
 class StreetReplay:
@@ -57,7 +58,7 @@ class StreetReplay:
         self._lock = threading.Lock()
         self._street: _ReplayedStreet | None = None
 
-    def draw_after(self, view: RunView, viewpoint: int) -> np.ndarray:
+    def draw_after(self, view: RunView, viewpoint: int) -> UInt8Array:
         """Draw a viewpoint's street after that viewpoint from above, (h, w, 3) uint8.
 
         Raises
@@ -106,7 +107,7 @@ def _plan(view: RunView) -> Plan:
     return read_plan(view.session)
 
 
-def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
+def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> Int64Array:
     """Find the texel of the buffer behind each pixel of the picture, (h, w) int64."""
     scene = plan.scene
     places = np.array([viewpoint.position for viewpoint in plan.street_viewpoints(street)])
@@ -126,7 +127,7 @@ def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> np.ndarr
     return texel
 
 
-def _draw(replayed: _ReplayedStreet) -> np.ndarray:
+def _draw(replayed: _ReplayedStreet) -> UInt8Array:
     window = replayed.buffer
     colour = np.where(
         (window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED_RGB, np.uint8), window.colour

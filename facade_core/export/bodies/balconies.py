@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
 
 # Depth of a balcony, metres.
@@ -29,7 +30,7 @@ MAX_ABOVE_RAILING_M = 0.25
 SILL_ABOVE_FLOOR_M = 0.1
 # A face in the frame of its wall: rings (k, 3) in metres right, down and outward; the places (k, 2) on the wall
 # whose texture it shows; and its semantic type.
-WallFrameFace = tuple[list[np.ndarray], list[np.ndarray], str]
+WallFrameFace = tuple[list[Float64Array], list[Float64Array], str]
 
 
 def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
@@ -100,7 +101,7 @@ def balcony_faces(box: Polygon) -> list[WallFrameFace]:
 
 def _texture_places(
     corners: Sequence[tuple[float, float, float]], side: str, box: tuple[float, float, float, float], floor: float
-) -> np.ndarray:
+) -> Float64Array:
     """Return the places on the wall that a face shows.
 
     Fronts show the wall behind them, sides mirror it at their ends, level faces show the edge of the floor.

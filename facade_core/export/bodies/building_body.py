@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import BoolArray, Float64Array, IntArray
 from facade_core.export.bodies.curtains import add_curtain_walls
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.bodies.openings import chart_outlines
@@ -58,7 +59,7 @@ class BuildingBody:
 
 
 def build_body(
-    source: TexturedMesh, triangles: np.ndarray, chart_surfaces: dict[int, int], ground_surface: int, origin: np.ndarray
+    source: TexturedMesh, triangles: IntArray, chart_surfaces: dict[int, int], ground_surface: int, origin: Float64Array
 ) -> BuildingBody:
     """Build the body of one building.
 
@@ -93,7 +94,7 @@ def build_body(
 
 
 def _chart_polygons(
-    source: TexturedMesh, triangles: np.ndarray, apart: np.ndarray, chart_surfaces: dict[int, int], origin: np.ndarray
+    source: TexturedMesh, triangles: IntArray, apart: BoolArray, chart_surfaces: dict[int, int], origin: Float64Array
 ) -> PolygonMesh:
     """Return the charts of a building as polygons; triangles in `apart` (t,) bool form polygons of their own."""
     charts, mesh = source.charts, source.mesh
@@ -123,7 +124,7 @@ def _chart_polygons(
 
 
 def _close_shell(
-    whole: PolygonMesh, ground: int, origin: np.ndarray, peel: bool
+    whole: PolygonMesh, ground: int, origin: Float64Array, peel: bool
 ) -> tuple[float, PolygonMesh, PolygonMesh] | None:
     """Close the main component of some polygons.
 
@@ -233,7 +234,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
     return PolygonMesh(shell.points, (*shell.patches, *map(named, covers)))
 
 
-def _nest_rings(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
+def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
     """Combine rings of one plane to polygons; rings against the largest are holes of the smallest around them."""
     normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))

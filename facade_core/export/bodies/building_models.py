@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import (
     WallFrameFace,
@@ -93,10 +94,10 @@ class BuildingModel:
 
 def build_building_model(
     packed: PackedCharts,
-    triangles: np.ndarray,
+    triangles: IntArray,
     facades: Mapping[int, str],
     layouts: Mapping[int, Sequence[Element]],
-    origin: np.ndarray,
+    origin: Float64Array,
     *,
     has_assumed_roof: bool = False,
 ) -> BuildingModel:
@@ -154,10 +155,10 @@ def build_building_model(
 
 def make_face(
     packed: PackedCharts,
-    rings: Sequence[np.ndarray],
+    rings: Sequence[Float64Array],
     semantic: int,
     chart: int,
-    chart_rings: Sequence[np.ndarray] | None = None,
+    chart_rings: Sequence[Float64Array] | None = None,
 ) -> ModelFace:
     """Make a face with the texture of a chart.
 
@@ -188,14 +189,14 @@ def _cut_openings(
     patch: Patch,
     elements: Sequence[Element],
     surfaces: SemanticSurfaces,
-    behind: list[np.ndarray],
+    behind: list[Float64Array],
 ) -> list[ModelFace]:
     """Cut the openings of a wall; returns the wall with holes, the openings and their reveals."""
     charts, chart = packed.source.charts, patch.chart
     rings = [shell.points[list(ring)] for ring in patch.rings]
     wall = _chart_polygon(packed, rings, chart)
     faces: list[ModelFace] = []
-    holes: list[np.ndarray] = []
+    holes: list[Float64Array] = []
     for element, opening in place_openings(wall, elements) if wall.is_valid else []:
         found = recess_opening(opening, charts, chart, np.concatenate(rings), behind)
         holes.append(found.ring[::-1])
@@ -217,12 +218,12 @@ def _attach_to_wall(packed: PackedCharts, chart: int, body: Sequence[WallFrameFa
     return ModelPart(faces, surfaces.surfaces, False)
 
 
-def _chart_polygon(packed: PackedCharts, rings: Sequence[np.ndarray], chart: int) -> Polygon:
+def _chart_polygon(packed: PackedCharts, rings: Sequence[Float64Array], chart: int) -> Polygon:
     flat = [packed.source.charts.coordinates(np.full(len(ring), chart), ring) for ring in rings]
     return Polygon(flat[0], flat[1:])
 
 
-def _shell_triangles(shell: PolygonMesh) -> np.ndarray:
+def _shell_triangles(shell: PolygonMesh) -> Float64Array:
     """Triangulate a shell to (t, 3, 3)."""
     found = [triangulate_patch(patch, shell.points) for patch in shell.patches]
     return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
@@ -253,7 +254,7 @@ def _make_attachment(packed: PackedCharts, pieces: Sequence[PolygonMesh], surfac
     return ModelPart(faces, own.surfaces, False)
 
 
-def ground_faces(packed: PackedCharts, triangles: np.ndarray, origin: np.ndarray) -> list[list[ModelFace]]:
+def ground_faces(packed: PackedCharts, triangles: IntArray, origin: Float64Array) -> list[list[ModelFace]]:
     """Build the terrain as textured triangles in connected pieces, split at T-junctions.
 
     Parameters

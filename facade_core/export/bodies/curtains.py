@@ -7,15 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from facade_core.core.arrays import Float64Array
 from facade_core.export.bodies.patches import GRID_M, MAX_WELD_M, PolygonMesh, open_edges, weld_polygons
 
 # Maximum distance of an edge's ends from a line, seen from above, metres.
 MAX_OFF_LINE_M = 0.02
 
-Edge = tuple[np.ndarray, np.ndarray]
+Edge = tuple[Float64Array, Float64Array]
 
 
-def add_curtain_walls(shell: PolygonMesh, origin: np.ndarray) -> PolygonMesh:
+def add_curtain_walls(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
     """Add walls from open edges down to the lowest corner of a shell.
 
     Between the top and the bottom edge of a hole there is no wall.
@@ -54,7 +55,7 @@ def _group_collinear_edges(edges: Sequence[Edge]) -> list[list[Edge]]:
     return lines
 
 
-def _curtain_polygons(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
+def _curtain_polygons(edges: Sequence[Edge], base: float) -> list[list[Float64Array]]:
     """Return the walls below edges over one line down to `base`; areas below edges of both directions cancel."""
     origin, along = edges[0][0][:2], (edges[0][1] - edges[0][0])[:2]
     along = along / np.hypot(*along)

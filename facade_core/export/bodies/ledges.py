@@ -28,7 +28,7 @@ ELEMENT_CLEARANCE_M = 0.06
 LEDGE_LABEL = "ledge"
 
 
-def detect_ledges(image: UInt8Array, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
+def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Element], density: float) -> list[Element]:
     """Detect the ledges of a facade as elements of its whole width.
 
     Parameters

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from shapely import MultiPolygon, Polygon
 
+from facade_core.core.arrays import IntArray
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.models.textured_mesh import TexturedMesh
 
 
-def surface_polygons(source: TexturedMesh, charts: np.ndarray) -> dict[int, MultiPolygon]:
+def surface_polygons(source: TexturedMesh, charts: IntArray) -> dict[int, MultiPolygon]:
     """Return the outlines of charts (k,) with triangles as 3D polygons in world metres."""
     found = {}
     for chart in charts.tolist():
@@ -24,7 +25,7 @@ def surface_polygons(source: TexturedMesh, charts: np.ndarray) -> dict[int, Mult
     return found
 
 
-def height_range(source: TexturedMesh, triangles: np.ndarray) -> tuple[float, float]:
+def height_range(source: TexturedMesh, triangles: IntArray) -> tuple[float, float]:
     """Return the lowest and highest corner of triangles (t,), metres."""
     corners = source.mesh.vertices[source.mesh.triangles[triangles], 2]
     return float(corners.min()), float(corners.max())

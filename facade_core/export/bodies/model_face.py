@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
+from facade_core.core.arrays import Float64Array
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class ModelFace:
     page : texture page; None without.
     """
 
-    rings: tuple[np.ndarray, ...]
+    rings: tuple[Float64Array, ...]
     semantic: int
-    uv: tuple[np.ndarray, ...] = ()
+    uv: tuple[Float64Array, ...] = ()
     page: int | None = None

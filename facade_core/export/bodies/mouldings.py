@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
 
@@ -40,15 +40,15 @@ class WallBand:
     top: float
     foot: float
     is_moulding: bool
-    colour: np.ndarray
-    profile: np.ndarray
+    colour: Float32Array
+    profile: Float32Array
 
     @property
     def height(self) -> float:
         return self.foot - self.top
 
 
-def free_wall_mask(labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float) -> BoolArray:
+def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float, float]], density: float) -> BoolArray:
     """Compute the mask of free wall outside of boxes.
 
     Parameters
@@ -69,7 +69,7 @@ def free_wall_mask(labels: np.ndarray, boxes: Sequence[tuple[float, float, float
     return free
 
 
-def segment_bands(image: UInt8Array, free: np.ndarray, density: float) -> list[WallBand]:
+def segment_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
     """Segment a wall into bands from its top.
 
     Parameters
@@ -90,7 +90,7 @@ def segment_bands(image: UInt8Array, free: np.ndarray, density: float) -> list[W
     return [_make_band(rows, top, foot, bool(low) and len(spans) > 1, density) for top, foot, low in spans]
 
 
-def _find_borders(rows: np.ndarray, reach: int) -> list[int]:
+def _find_borders(rows: Float64Array, reach: int) -> list[int]:
     """Find the rows where the mean colours of `reach` rows above and below differ most; rows (h, 3)."""
     height = len(rows)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rows, axis=0)])
@@ -108,14 +108,14 @@ def _find_borders(rows: np.ndarray, reach: int) -> list[int]:
     return sorted(found)
 
 
-def _make_band(rows: np.ndarray, top: int, foot: int, moulding: bool, density: float) -> WallBand:
+def _make_band(rows: Float64Array, top: int, foot: int, moulding: bool, density: float) -> WallBand:
     light = srgb_to_linear(np.rint(rows[top:foot]).astype(np.uint8))
     places = (np.arange(PROFILE_SAMPLES) + 0.5) / PROFILE_SAMPLES * (foot - top) - 0.5
     profile = np.stack([np.interp(places, np.arange(foot - top), light[:, band]) for band in range(3)], axis=1)
     return WallBand(top / density, foot / density, moulding, light.mean(axis=0), profile.astype(np.float32))
 
 
-def _row_colours(image: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _row_colours(image: UInt8Array, free: BoolArray) -> Float64Array:
     """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest."""
     known = np.flatnonzero(free.mean(axis=1) >= MIN_FREE_SHARE)
     if not len(known):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
 
 # Maximum relative difference between the areas of a polygon and its triangles.
@@ -24,7 +24,7 @@ OPENING_GAP_M = 0.06
 OPENING_ORDER = ("door", "window")
 
 
-def chart_outlines(corners: np.ndarray) -> list[Polygon]:
+def chart_outlines(corners: Float64Array) -> list[Polygon]:
     """Merge the triangles of a chart to polygons with all corners kept.
 
     Triangles that overlap or gape stay as they are.

@@ -12,6 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
 from facade_core.core.grouping import group_rows
 
 # Grid of written corners, metres.
@@ -57,26 +58,26 @@ class PolygonMesh:
     patches : the polygons.
     """
 
-    points: np.ndarray
+    points: Float64Array
     patches: tuple[Patch, ...]
 
     def subset(self, chosen: Sequence[int]) -> PolygonMesh:
         """Return the mesh with the chosen patches."""
         return PolygonMesh(self.points, tuple(self.patches[i] for i in chosen))
 
-    def area_vector(self, patch: Patch) -> np.ndarray:
+    def area_vector(self, patch: Patch) -> Float64Array:
         """Return the area of a patch as an outward vector (3,), m2."""
         return sum((ring_area_vector(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
 
 
-def ring_area_vector(points: np.ndarray) -> np.ndarray:
+def ring_area_vector(points: Float64Array) -> Float64Array:
     """Return the area of a ring (k, 3) as a vector (3,)."""
     offset = points - points[0]
     return np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
 
 
 def weld_polygons(
-    polygons: Sequence[Sequence[np.ndarray]], charts: Sequence[int], semantics: Sequence[int], origin: np.ndarray
+    polygons: Sequence[Sequence[Float64Array]], charts: Sequence[int], semantics: Sequence[int], origin: Float64Array
 ) -> PolygonMesh:
     """Weld polygons to a mesh on a grid.
 
@@ -101,7 +102,7 @@ def weld_polygons(
     return split_edges(PolygonMesh(points, tuple(whole)))
 
 
-def weld_corners(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def weld_corners(points: Float64Array, origin: Float64Array) -> tuple[Float64Array, Int32Array]:
     """Snap corners to the grid and merge those within MAX_WELD_M, transitively.
 
     Parameters
@@ -155,7 +156,7 @@ def split_edges(mesh: PolygonMesh) -> PolygonMesh:
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _largest_simple_ring(ring: list[int], points: np.ndarray) -> tuple[int, ...]:
+def _largest_simple_ring(ring: list[int], points: Float64Array) -> tuple[int, ...]:
     """Return the largest part of a ring that visits no corner twice; empty without area."""
     while len(set(ring)) < len(ring):
         seen: dict[int, int] = {}
@@ -168,7 +169,7 @@ def _largest_simple_ring(ring: list[int], points: np.ndarray) -> tuple[int, ...]
     return tuple(ring) if _ring_area(ring, points) > GRID_M * MAX_WELD_M else ()
 
 
-def _ring_area(ring: Sequence[int], points: np.ndarray) -> float:
+def _ring_area(ring: Sequence[int], points: Float64Array) -> float:
     return float(np.linalg.norm(ring_area_vector(points[list(ring)]))) if len(ring) > 2 else 0.0
 
 
@@ -235,7 +236,7 @@ def make_planar(mesh: PolygonMesh) -> PolygonMesh:
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _split_nonplanar(patch: Patch, points: np.ndarray) -> list[Patch]:
+def _split_nonplanar(patch: Patch, points: Float64Array) -> list[Patch]:
     if sum(map(len, patch.rings)) == 3:
         return [patch]
     corners = np.array([corner for ring in patch.rings for corner in ring])
@@ -252,7 +253,7 @@ def _split_nonplanar(patch: Patch, points: np.ndarray) -> list[Patch]:
     return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
 
 
-def triangulate_patch(patch: Patch, points: np.ndarray) -> np.ndarray:
+def triangulate_patch(patch: Patch, points: Float64Array) -> Int64Array:
     """Triangulate a polygon to corner indices (t, 3) with all edges kept; empty if it crosses itself."""
     normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     size = float(np.linalg.norm(normal))
@@ -269,7 +270,7 @@ def triangulate_patch(patch: Patch, points: np.ndarray) -> np.ndarray:
     return np.array([[back[at] for at in part.exterior.coords[:-1]] for part in parts], np.int64).reshape(-1, 3)
 
 
-def plane_axes(normal: np.ndarray) -> np.ndarray:
+def plane_axes(normal: Float64Array) -> Float64Array:
     """Return right and up (2, 3) of a plane as seen against its unit normal."""
     away = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
     right = np.cross(away, normal)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from shapely import Polygon
 
+from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.geometry.charts import Charts
 
 # Depths of openings behind their wall in order of preference, metres; flush if neither has room.
@@ -26,17 +27,17 @@ class RecessedOpening(NamedTuple):
     inward : (3,) unit vector into the wall.
     """
 
-    ring: np.ndarray
-    chart_ring: np.ndarray
+    ring: Float64Array
+    chart_ring: Float64Array
     depth: float
-    inward: np.ndarray
+    inward: Float64Array
 
     @property
-    def pane_ring(self) -> np.ndarray:
+    def pane_ring(self) -> Float64Array:
         """Return the outline (k, 3) of the opening itself."""
         return self.ring + self.depth * self.inward
 
-    def reveals(self) -> list[tuple[np.ndarray, np.ndarray]]:
+    def reveals(self) -> list[tuple[Float64Array, Float64Array]]:
         """Return the faces between wall and opening.
 
         Returns
@@ -65,7 +66,7 @@ class RecessedOpening(NamedTuple):
 
 
 def recess_opening(
-    opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]
+    opening: Polygon, charts: Charts, chart: int, wall: Float64Array, behind: list[Float64Array]
 ) -> RecessedOpening:
     """Recess an opening as deep as there is room.
 
@@ -97,11 +98,11 @@ def recess_opening(
     return RecessedOpening(points, flat, 0.0, -out)
 
 
-def _fan(ring: np.ndarray) -> np.ndarray:
+def _fan(ring: Float64Array) -> Float64Array:
     return np.stack([np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)])
 
 
-def intersects_box(triangles: np.ndarray, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+def intersects_box(triangles: Float64Array, centre: Float64Array, half: Float64Array) -> BoolArray:
     """Test which triangles intersect an axis-aligned box, by separating axes.
 
     Parameters

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.models.textured_mesh import TexturedMesh
 
@@ -29,14 +30,14 @@ class WallPlane:
     texel_size : width and height of a texel, metres.
     """
 
-    origin: np.ndarray
-    along: np.ndarray
-    up: np.ndarray
-    outward: np.ndarray
+    origin: Float64Array
+    along: Float64Array
+    up: Float64Array
+    outward: Float64Array
     height: float
     texel_size: tuple[float, float]
 
-    def to_world(self, points: np.ndarray) -> np.ndarray:
+    def to_world(self, points: Float64Array) -> Float64Array:
         """Convert points (n, 2) of the plane, metres along and up, to world (n, 3)."""
         return self.origin + points[:, :1] * self.along + points[:, 1:] * self.up
 
@@ -66,7 +67,7 @@ def wall_plane(source: TexturedMesh, chart: int) -> WallPlane:
     )
 
 
-def wall_outlines(source: TexturedMesh, chart: int) -> list[list[np.ndarray]]:
+def wall_outlines(source: TexturedMesh, chart: int) -> list[list[Float64Array]]:
     """Return the polygons of a chart as rings (k, 2) of raster columns and rows, exterior first."""
     corners = source.coordinates[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
     scale = source.texels[chart] / source.extent[chart]

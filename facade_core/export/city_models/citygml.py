@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.export.attribution import Attribution
 from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.city_models.cityjson import METRES_PER_UNIT, UV_DECIMALS, VertexPool
@@ -75,8 +76,8 @@ class PolygonWriter:
 
     prefix: str
     pool: VertexPool
-    low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
-    high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
+    low: Float64Array = field(default_factory=lambda: np.full(3, np.inf))
+    high: Float64Array = field(default_factory=lambda: np.full(3, -np.inf))
     targets: dict[int, list[tuple[str, list[tuple[str, list[float]]]]]] = field(default_factory=dict)
     count: int = 0
 
@@ -220,7 +221,7 @@ def add_attribute(parent: Element, name: str, value: Any) -> None:
 
 
 @contextmanager
-def open_city_model(path: Path, title: str, crs: str, extent: np.ndarray, attribution: Attribution) -> Iterator[Any]:
+def open_city_model(path: Path, title: str, crs: str, extent: Float64Array, attribution: Attribution) -> Iterator[Any]:
     """Open a CityGML file whose members are written one at a time by `write` of the value.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.export.attribution import Attribution
 from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.bodies.patches import GRID_M
@@ -36,12 +37,12 @@ class VertexPool:
     pages : index of each texture page.
     """
 
-    origin: np.ndarray
+    origin: Float64Array
     vertices: dict[tuple[int, ...], int] = field(default_factory=dict)
     texture_vertices: dict[tuple[float, ...], int] = field(default_factory=dict)
     pages: dict[int, int] = field(default_factory=dict)
 
-    def add_ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
+    def add_ring(self, points: Float64Array, uv: Float64Array | None) -> tuple[list[int], list[int]]:
         """Add a ring and return its vertex and texture vertex indices; empty without area on the grid.
 
         Parameters
@@ -81,7 +82,7 @@ class VertexPool:
         return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
 
 
-def _largest_loop(grid: np.ndarray) -> np.ndarray:
+def _largest_loop(grid: Int64Array) -> Int64Array:
     """Return the corners of a grid ring (k, 3) in its largest part that visits no corner twice; empty without area."""
     keep = np.flatnonzero((grid != np.roll(grid, 1, axis=0)).any(axis=1))
     _, place = np.unique(grid[keep], axis=0, return_inverse=True)
@@ -97,7 +98,7 @@ def _largest_loop(grid: np.ndarray) -> np.ndarray:
     return keep if _grid_area(grid[keep]) > 0 else keep[:0]
 
 
-def _grid_area(grid: np.ndarray) -> float:
+def _grid_area(grid: Int64Array) -> float:
     """Return the area of a ring (k, 3) in units of the grid."""
     if len(grid) < 3:
         return 0.0
@@ -164,7 +165,7 @@ def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]
 
 
 def empty_document(
-    title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution
+    title: str, origin: Float64Array, reference_system: str | None, attribution: Attribution
 ) -> dict[str, Any]:
     """Return a CityJSON 2.0 document without objects.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, FloatArray, IntArray
 from facade_core.export.models.buffers import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
@@ -32,12 +33,12 @@ class FactoredPart:
     chart : (v,) chart of each vertex.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    uv: np.ndarray
-    colour: np.ndarray
-    triangles: np.ndarray
-    chart: np.ndarray
+    position: Float64Array
+    normal: Float64Array
+    uv: Float64Array
+    colour: FloatArray
+    triangles: IntArray
+    chart: IntArray
 
 
 def encode_factored_glb(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import FloatArray
 from facade_core.export.factored.image_quilting import WallGrain
 
 # Octave borders of the descriptor, cycles per metre; the finest are visible at 32 pixels per metre.
@@ -54,7 +55,7 @@ def _unevenness(grain: WallGrain) -> float:
     return float(energy.max() / max(float(np.median(energy)), 1e-9))
 
 
-def _grain_descriptor(grain: WallGrain) -> tuple[np.ndarray, np.ndarray]:
+def _grain_descriptor(grain: WallGrain) -> tuple[FloatArray, FloatArray]:
     """Return amplitudes (octaves, DIRECTIONS) of a grain's light, and the deviation (2,) of red and blue from it."""
     root = np.sqrt(grain.relative_light)
     light = root.mean(axis=2)
@@ -70,7 +71,7 @@ def _grain_descriptor(grain: WallGrain) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt(sums), (root[..., [0, 2]] - light[..., None]).std(axis=(0, 1))
 
 
-def _descriptor_distance(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
+def _descriptor_distance(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
     """Return the distance of two grains; 1 or less means similar."""
     off = np.sqrt(sum(float(np.square(a - b).sum()) for a, b in zip(one, other, strict=True)))
     weaker = min(np.sqrt(float(np.square(amplitudes).sum())) for amplitudes, _ in (one, other))

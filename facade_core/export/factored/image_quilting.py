@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array
+from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.linear_light import smooth_known, srgb_to_linear
 
 # Sides of grain textures, pixels.
@@ -51,7 +51,7 @@ class WallGrain:
     width_m: float
 
 
-def synthesise_grain(image: np.ndarray, free: BoolArray, pixels_per_metre: float, seed: int) -> WallGrain:
+def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float, seed: int) -> WallGrain:
     """Synthesise the grain of a picture; all ones if no block of it is free.
 
     Parameters
@@ -86,7 +86,7 @@ def synthesise_grain(image: np.ndarray, free: BoolArray, pixels_per_metre: float
     return WallGrain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 
-def _quilt_torus(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+def _quilt_torus(patches: Float32Array, side: int, rng: np.random.Generator) -> Float32Array:
     """Quilt blocks (n, b, b, 3) on a torus of `side` pixels."""
     block = patches.shape[1]
     count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
@@ -110,7 +110,7 @@ def _quilt_torus(patches: np.ndarray, side: int, rng: np.random.Generator) -> np
     return canvas
 
 
-def _new_side_mask(error: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _new_side_mask(error: FloatArray, known: BoolArray) -> BoolArray:
     """Return where a new block replaces the old: beyond the path of least error on each side."""
     own = np.ones(known.shape, bool)
     for turn in range(4):
@@ -122,7 +122,7 @@ def _new_side_mask(error: np.ndarray, known: np.ndarray) -> np.ndarray:
     return own
 
 
-def _min_error_path(error: np.ndarray) -> np.ndarray:
+def _min_error_path(error: FloatArray) -> Int64Array:
     """Return the column (h,) of the path of least error down (h, w), with steps of at most one column."""
     height = len(error)
     cost = error.astype(np.float64).copy()

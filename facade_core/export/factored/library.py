@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, smooth_known, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, segment_bands
@@ -51,7 +51,7 @@ class ElementType:
     picture: UInt8Array
     box: Rectangle
     panes: tuple[Rectangle, ...]
-    wall_light: np.ndarray
+    wall_light: Float32Array
     pixels_per_metre: float
 
 
@@ -68,7 +68,7 @@ class MouldingTexture:
 
     picture: UInt8Array
     width_m: float
-    colour: np.ndarray
+    colour: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +88,15 @@ class FacadeLibrary:
     """
 
     units: tuple[FacadeUnit, ...]
-    unit_types: np.ndarray
-    descriptors: np.ndarray
-    wall_light: np.ndarray
+    unit_types: Int64Array
+    descriptors: Float32Array
+    wall_light: FloatArray
     types: dict[int, ElementType]
     bands: tuple[WallBand, ...]
     grains: dict[int, WallGrain]
     mouldings: dict[int, MouldingTexture]
 
-    def find_similar_unit(self, unit: FacadeUnit, look: np.ndarray, wall: np.ndarray) -> int | None:
+    def find_similar_unit(self, unit: FacadeUnit, look: Float32Array, wall: FloatArray) -> int | None:
         """Find the most similar unit of the same kind; None if there is none.
 
         Parameters
@@ -122,7 +122,7 @@ class FacadeLibrary:
         return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
-def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> np.ndarray:
+def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> Float32Array:
     """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
 
     Parameters
@@ -145,7 +145,7 @@ def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> np.nda
     return small - 0.5 * small.mean()
 
 
-def mean_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def mean_light(light: Float32Array, box: Rectangle, density: float) -> Float32Array:
     """Return the mean (3,) of light (h, w, 3) over a box in metres."""
     height, width = light.shape[:2]
     x0, y0, x1, y1 = (round(side * density) for side in box)
@@ -157,17 +157,17 @@ def _expand_box(box: Rectangle) -> Rectangle:
     return box[0] - WALL_SMOOTHING_M, box[1] - WALL_SMOOTHING_M, box[2] + WALL_SMOOTHING_M, box[3] + WALL_SMOOTHING_M
 
 
-def surrounding_wall_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def surrounding_wall_light(light: Float32Array, box: Rectangle, density: float) -> Float32Array:
     """Return the light (3,) of the wall around a box, from the wall light (h, w, 3)."""
     return mean_light(light, _expand_box(box), density)
 
 
 def build_library(
-    image: np.ndarray,
-    labels: np.ndarray,
+    image: UInt8Array,
+    labels: UInt8Array,
     elements: Sequence[Element],
     density: float,
-    fine: np.ndarray | None = None,
+    fine: UInt8Array | None = None,
     *,
     seed: int,
 ) -> FacadeLibrary:
@@ -215,7 +215,7 @@ def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
 
 
 def _synthesise_grains(
-    fine: np.ndarray, free: np.ndarray, bands: Sequence[WallBand], density: float, seed: int
+    fine: UInt8Array, free: BoolArray, bands: Sequence[WallBand], density: float, seed: int
 ) -> dict[int, WallGrain]:
     """Synthesise the grain of every band that is no moulding; bands of nearly one colour share it."""
     groups: list[list[int]] = []
@@ -236,7 +236,7 @@ def _synthesise_grains(
     return found
 
 
-def _band_mask(free: np.ndarray, band: WallBand, density: float) -> np.ndarray:
+def _band_mask(free: BoolArray, band: WallBand, density: float) -> BoolArray:
     top, foot = round(band.top * density), round(band.foot * density)
     found = np.zeros_like(free)
     # the edges of a band belong to its neighbours
@@ -246,7 +246,7 @@ def _band_mask(free: np.ndarray, band: WallBand, density: float) -> np.ndarray:
 
 
 def _surround_reaches(
-    image: np.ndarray, units: Sequence[FacadeUnit], wall: np.ndarray, density: float
+    image: UInt8Array, units: Sequence[FacadeUnit], wall: Float32Array, density: float
 ) -> list[tuple[float, float, float, float]]:
     """Return the reach of each unit's surround."""
     number = np.full(image.shape[:2], -1)
@@ -260,15 +260,15 @@ def _surround_reaches(
 
 
 def _assign_types(
-    image: np.ndarray, units: Sequence[FacadeUnit], walls: np.ndarray, density: float
-) -> tuple[np.ndarray, dict[int, int]]:
+    image: UInt8Array, units: Sequence[FacadeUnit], walls: FloatArray, density: float
+) -> tuple[Int64Array, dict[int, int]]:
     """Return the type of every unit at every level (levels, units), and the representative unit of each type.
 
     Units in walls of different materials have different types, because their surrounds differ.
     """
     if not units:
         return np.zeros((1, 0), np.int64), {}
-    materials: list[np.ndarray] = []
+    materials: list[FloatArray] = []
     groups: list[list[int]] = []
     for k, wall in enumerate(np.sqrt(walls)):
         number = next(
@@ -292,8 +292,8 @@ def _assign_types(
 
 
 def _assign_material_types(
-    image: np.ndarray, units: Sequence[FacadeUnit], density: float
-) -> tuple[np.ndarray, dict[int, int]]:
+    image: UInt8Array, units: Sequence[FacadeUnit], density: float
+) -> tuple[Int64Array, dict[int, int]]:
     """Return types and representatives of units in walls of one material."""
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
@@ -313,11 +313,11 @@ def _assign_material_types(
 
 
 def _make_type(
-    fine: np.ndarray,
+    fine: UInt8Array,
     unit: FacadeUnit,
     reach: tuple[float, float, float, float],
     density: float,
-    wall_light: np.ndarray,
+    wall_light: Float32Array,
     coarse: float,
 ) -> ElementType:
     height, width = fine.shape[:2]
@@ -336,7 +336,7 @@ def _make_type(
     )
 
 
-def _make_moulding(fine: np.ndarray, free: np.ndarray, band: WallBand, density: float) -> MouldingTexture:
+def _make_moulding(fine: UInt8Array, free: BoolArray, band: WallBand, density: float) -> MouldingTexture:
     """Cut the longest free run of a band and blend its end into its start."""
     top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
     clear = free[top:foot].mean(axis=0) > 0.98

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, FloatArray, IntArray, UInt8Array
 from facade_core.core.grouping import RowIndex, group_rows
 from facade_core.export.factored.glb import FactoredPart
 from facade_core.export.factored.texture_packing import PackedTextures
@@ -41,7 +42,7 @@ def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
 
 def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame) -> dict[int, FactoredPart]:
     """Build the parts of wall pieces by texture."""
-    by_texture: dict[int, list[tuple[WallPiece, np.ndarray, np.ndarray]]] = {}
+    by_texture: dict[int, list[tuple[WallPiece, Float64Array, FloatArray]]] = {}
     for key, own in sorted(pieces.by_picture.items()):
         for piece in own:
             texture, uv, colour = pictures.texture_lookup(key, piece)
@@ -91,8 +92,8 @@ def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPa
 
 
 def pack_unfactored_charts(
-    source: TexturedMesh, triangles_of: RowIndex, charts: np.ndarray, before: int, frame: ModelFrame
-) -> tuple[list[np.ndarray], dict[int, dict[int, FactoredPart]]]:
+    source: TexturedMesh, triangles_of: RowIndex, charts: IntArray, before: int, frame: ModelFrame
+) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPart]]]:
     """Pack the charts that are not factored on pages of their own.
 
     Parameters
@@ -118,7 +119,7 @@ def pack_unfactored_charts(
     share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 
-    def raster(chart: int) -> np.ndarray:
+    def raster(chart: int) -> UInt8Array:
         width, height = texels[chart].tolist()
         return downscale(source.raster(chart), (width, height))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, FloatArray, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, srgb_to_linear
 from facade_core.core.resizing import resize_image
 from facade_core.export.factored.grain_similarity import group_similar_grains
@@ -39,13 +40,13 @@ class PackedTextures:
     scale : scale of each type's picture.
     """
 
-    pictures: list[np.ndarray]
+    pictures: list[UInt8Array]
     is_repeated: list[bool]
-    placement: dict[TextureKey, tuple[int, np.ndarray, np.ndarray]]
+    placement: dict[TextureKey, tuple[int, Float64Array, Float64Array]]
     gain: dict[TextureKey, float]
     scale: dict[TextureKey, float]
 
-    def texture_lookup(self, key: TextureKey, piece: WallPiece) -> tuple[int, np.ndarray, np.ndarray]:
+    def texture_lookup(self, key: TextureKey, piece: WallPiece) -> tuple[int, Float64Array, FloatArray]:
         """Return the texture, texture coordinates (v, 2) and vertex colours (v, 3) 0 to 1 of a piece."""
         texture, corner, size = self.placement[key]
         return texture, corner + piece.place * size, np.clip(piece.light / self.gain[key], 0, 1)
@@ -60,8 +61,8 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
     shared: dict[int, list[TextureKey]] = {}
     for key, number in zip(laid, group_similar_grains(grains), strict=True):
         shared.setdefault(number, []).append(key)
-    pictures: list[np.ndarray] = []
-    placement: dict[TextureKey, tuple[int, np.ndarray, np.ndarray]] = {}
+    pictures: list[UInt8Array] = []
+    placement: dict[TextureKey, tuple[int, Float64Array, Float64Array]] = {}
     for representative, keys in shared.items():
         grain = grains[representative]
         # as bright as the brightest wall needs it, so that vertex colours stay within 1
@@ -99,15 +100,15 @@ def _light_quantile(pieces: WallPieces, key: TextureKey) -> float:
     return max(float(np.quantile(light, LIGHT_QUANTILE)), 1e-3)
 
 
-def _source_picture(libraries: Sequence[FacadeLibrary], key: TextureKey) -> np.ndarray:
+def _source_picture(libraries: Sequence[FacadeLibrary], key: TextureKey) -> UInt8Array:
     kind, number, own = key
     library = libraries[number]
     return library.types[own].picture if kind == "type" else library.mouldings[own].picture
 
 
 def _pack_on_pages(
-    rasters: Sequence[np.ndarray], before: Sequence[int]
-) -> tuple[list[np.ndarray], list[tuple[int, np.ndarray, np.ndarray]]]:
+    rasters: Sequence[UInt8Array], before: Sequence[int]
+) -> tuple[list[UInt8Array], list[tuple[int, Float64Array, Float64Array]]]:
     """Pack rasters with repeated borders on pages; returns the pages and the placements."""
     if not rasters:
         return [], []
@@ -131,6 +132,6 @@ def _pack_on_pages(
     return pages, where
 
 
-def texture_memory_bytes(pictures: Sequence[np.ndarray]) -> float:
+def texture_memory_bytes(pictures: Sequence[UInt8Array]) -> float:
     """Return the graphics memory of pictures with mipmaps, at four bytes per texel."""
     return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR

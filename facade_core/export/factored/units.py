@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 
@@ -75,7 +75,7 @@ def group_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]
     return sorted(found, key=lambda unit: (unit.box[1], unit.box[0]))
 
 
-def _uncovered_panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
+def _uncovered_panes(boxes: Float64Array, balcony: BoolArray) -> list[Rectangle]:
     """Return the parts of windows, doors and shops that no balcony covers."""
     found = []
     for x0, y0, x1, y1 in boxes[~balcony].tolist():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.linear_light import smooth_known, srgb_to_linear
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
@@ -40,7 +40,7 @@ class FactoredFacade:
     chart: int
     base_layer: UInt8Array
     colour: UInt8Array
-    labels: np.ndarray
+    labels: UInt8Array
     elements: Sequence[Element]
     density: float
 
@@ -78,7 +78,7 @@ class WallDecomposition:
             named.append((unit, library.find_similar_unit(unit, look, wall)))
         self.units = [(unit, own) for unit, own in named if own is not None]
 
-    def _band_light(self, band: WallBand) -> np.ndarray:
+    def _band_light(self, band: WallBand) -> Float32Array:
         """Return the light (h, w, 3) on a band; on a moulding one row, averaged over its height."""
         density = self.facade.density
         top = min(round(band.top * density), len(self.light) - 1)
@@ -92,7 +92,7 @@ class WallDecomposition:
             free = np.ones_like(free)
         return smooth_known(light, free, SHADE_SMOOTHING_M * density)
 
-    def nearest_grain(self, y: float) -> tuple[int, np.ndarray, WallBand] | None:
+    def nearest_grain(self, y: float) -> tuple[int, Float32Array, WallBand] | None:
         """Return match, light and band of the grain band nearest to a height; None if there is none."""
         laid = [
             (max(band.top - y, y - band.foot, 0.0), own, shade, band)

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int64Array, IntArray, ObjectArray
 from facade_core.core.linear_light import srgb_to_linear
 from facade_core.export.bodies.mouldings import WallBand
 from facade_core.export.bodies.openings import MIN_OPENING_M2, MIN_OPENING_WIDTH_M, WALL_EDGE_M
@@ -47,11 +48,11 @@ class WallPiece(NamedTuple):
     chart : chart of the wall.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    place: np.ndarray
-    light: np.ndarray
-    triangles: np.ndarray
+    position: Float64Array
+    normal: Float64Array
+    place: Float64Array
+    light: FloatArray
+    triangles: IntArray
     chart: int
 
 
@@ -83,7 +84,7 @@ class WallPolygon(NamedTuple):
     """
 
     outline: Polygon
-    corners: np.ndarray
+    corners: Float64Array
 
 
 def is_planar(plane: WallPolygon) -> bool:
@@ -120,7 +121,7 @@ def build_wall(
     charts: Charts,
     library_index: int,
     detail: WallDetail,
-    behind: list[np.ndarray],
+    behind: list[Float64Array],
     pieces: WallPieces,
 ) -> None:
     """Build the pieces of a wall from its library.
@@ -154,14 +155,14 @@ class _WallBuilder:
     decomposition: WallDecomposition
     library_index: int
     detail: WallDetail
-    offset: np.ndarray
+    offset: Float64Array
     pieces: WallPieces
 
     @property
     def chart(self) -> int:
         return self.decomposition.facade.chart
 
-    def points(self, places: np.ndarray) -> np.ndarray:
+    def points(self, places: Float64Array) -> Float64Array:
         """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
         corners = self.plane.corners
         points, out = self.charts.points(self.chart, *places.T), self.charts.normals()[self.chart]
@@ -169,7 +170,7 @@ class _WallBuilder:
         _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
         return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
 
-    def fill_band(self, band: WallBand, own: int | None, shade: np.ndarray, free: shapely.Geometry) -> None:
+    def fill_band(self, band: WallBand, own: int | None, shade: Float32Array, free: shapely.Geometry) -> None:
         """Fill the free part of a band."""
         x0, y0, x1, y1 = free.bounds
         last = band is self.decomposition.bands[-1][0]
@@ -203,7 +204,7 @@ class _WallBuilder:
         self._add_piece(key, corners, place, light)
 
     def insert_unit(
-        self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]
+        self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[Float64Array]
     ) -> shapely.Geometry:
         """Insert a unit into the free part of the wall and return the rest."""
         kind, density = self.decomposition.library.types[shown], self.decomposition.facade.density
@@ -251,7 +252,7 @@ class _WallBuilder:
         self.pieces.elements.append((key, float(1 / step.max())))
         return rest
 
-    def _add_reveals(self, faces: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+    def _add_reveals(self, faces: Sequence[tuple[Float64Array, Float64Array]]) -> None:
         for ring, flat in faces:
             found = self.decomposition.nearest_grain(float(flat[:, 1].mean()))
             if found is None:
@@ -269,7 +270,7 @@ class _WallBuilder:
             )
             self.pieces.add(("grain", self.library_index, own), piece)
 
-    def _sample_light(self, shade: np.ndarray, band: WallBand, places: np.ndarray) -> np.ndarray:
+    def _sample_light(self, shade: Float32Array, band: WallBand, places: Float64Array) -> FloatArray:
         """Sample the light of a band at places (n, 2), (n, 3)."""
         import cv2
 
@@ -282,7 +283,7 @@ class _WallBuilder:
         )
 
     def _add_piece(
-        self, key: TextureKey, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0
+        self, key: TextureKey, corners: Float64Array, place: Float64Array, light: FloatArray, depth: float = 0.0
     ) -> None:
         """Add triangles (t, 3, 2) with places (t, 3, 2) and light (3,) or (3 t, 3); identical corners are merged."""
         if not len(corners):
@@ -305,7 +306,7 @@ class _WallBuilder:
         )
 
 
-def _make_rectangle(low: np.ndarray, high: np.ndarray) -> Rectangle:
+def _make_rectangle(low: Float64Array, high: Float64Array) -> Rectangle:
     (x0, y0), (x1, y1) = low.tolist(), high.tolist()
     return x0, y0, x1, y1
 
@@ -315,7 +316,7 @@ def _largest_polygon(area: shapely.Geometry) -> Polygon | None:
     return max(parts, key=lambda part: part.area, default=None)
 
 
-def _triangulate_areas(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _triangulate_areas(areas: ObjectArray) -> tuple[Float64Array, Int64Array]:
     """Triangulate areas (n,) to (t, 3, 2), counter-clockwise with y down, and return the area of each triangle."""
     parts, of = shapely.get_parts(areas, return_index=True)
     plane = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 1e-6)

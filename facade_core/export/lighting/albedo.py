@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float32Array, FloatArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 
 # Side of cells whose median brightness is fitted, metres.
@@ -25,7 +25,7 @@ MAX_SHADING = 1.6
 MAX_ALBEDO = 242
 
 
-def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarray | None:
+def estimate_shading(colour: UInt8Array, labels: UInt8Array, density: float) -> Float32Array | None:
     """Estimate the shading of a wall along its width.
 
     A parabola is fitted to the log brightness of cells, relative to the mean of their row, by iteratively reweighted least
@@ -68,7 +68,7 @@ def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> 
     return np.broadcast_to(np.clip(field, MIN_SHADING, MAX_SHADING).astype(np.float32), labels.shape)
 
 
-def divide_light(colour: UInt8Array, light: np.ndarray) -> np.ndarray:
+def divide_light(colour: UInt8Array, light: FloatArray) -> UInt8Array:
     """Divide the light out of a colour.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.pbr_materials import RELIEF
 from facade_core.street.materials.relief import relief_depth
@@ -26,8 +26,8 @@ MIN_CAVITY_VISIBILITY = 0.55
 
 
 def estimate_heights(
-    labels: np.ndarray | None, material: np.ndarray, grey: Float32Array, frames: BoolArray, density: float
-) -> np.ndarray:
+    labels: UInt8Array | None, material: UInt8Array, grey: Float32Array, frames: BoolArray, density: float
+) -> Float32Array:
     """Estimate the relief of a chart: openings, slabs and sills by label, joints and pores by brightness.
 
     Parameters
@@ -56,7 +56,9 @@ def estimate_heights(
     return out.astype(np.float32)
 
 
-def normals_from_heights(height: np.ndarray, density: float, slope_offset: np.ndarray | None = None) -> Float32Array:
+def normals_from_heights(
+    height: Float32Array, density: float, slope_offset: Float32Array | None = None
+) -> Float32Array:
     """Compute normals of a height map by central differences.
 
     Parameters
@@ -79,7 +81,7 @@ def normals_from_heights(height: np.ndarray, density: float, slope_offset: np.nd
     return (found / np.sqrt((found**2).sum(axis=-1, keepdims=True))).astype(np.float32)
 
 
-def cavity_visibility(height: np.ndarray, density: float) -> Float32Array:
+def cavity_visibility(height: Float32Array, density: float) -> Float32Array:
     """Compute the share of the sky that a texel sees past its surroundings, from the mean height around it.
 
     Parameters

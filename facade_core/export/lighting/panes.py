@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
@@ -91,7 +91,7 @@ class FacadeOpening:
         return self.bottom - self.top, self.right - self.left
 
 
-def snap_to_boxes(labels: np.ndarray) -> np.ndarray:
+def snap_to_boxes(labels: UInt8Array) -> UInt8Array:
     """Replace each element of a label map by its bounding box.
 
     Ragged borders would glitter by day and cut the light at night. A shop merges with the windows and doors connected to it
@@ -129,7 +129,7 @@ def snap_to_boxes(labels: np.ndarray) -> np.ndarray:
     return found
 
 
-def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
+def find_openings(labels: UInt8Array) -> Iterator[FacadeOpening]:
     """Find the windows and shops in labels (h, w) of `snap_to_boxes`."""
     import cv2
 
@@ -146,7 +146,7 @@ def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
             yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> np.ndarray:
+def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> BoolArray:
     """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
 
     Parameters
@@ -169,7 +169,7 @@ def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> np.n
         inside[panes.stop :] = False
     frame = max(1, round(PANE_FRAME_M * density))
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
-    found: np.ndarray = eroded[frame:-frame, frame:-frame] > 0
+    found: BoolArray = eroded[frame:-frame, frame:-frame] > 0
     bar = round(MAX_BAR_M * density)
     if bar < 2 or opening.label == FacadeClass.SHOP:  # too coarse to show any; a shop's goods have edges too
         return found
@@ -177,7 +177,7 @@ def glass_mask(opening: FacadeOpening, grey: UInt8Array, density: float) -> np.n
     kernel = np.ones((bar + 1, bar + 1), np.uint8)
     bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > MIN_BRIGHTER)
     bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > MIN_DARKER)
-    clear: np.ndarray = found & ~bars
+    clear: BoolArray = found & ~bars
     return clear if clear.sum() >= (1 - MAX_BAR_SHARE) * found.sum() else found
 
 
@@ -224,7 +224,7 @@ def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
 
 def opening_emission(
     opening: FacadeOpening, density: float, height_m: float, random: SeededRandom
-) -> np.ndarray | None:
+) -> Float32Array | None:
     """Compute the light of an opening at night.
 
     Parameters
@@ -269,7 +269,7 @@ def opening_emission(
     return (light[..., None] * lamp).astype(np.float32)
 
 
-def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> np.ndarray:
+def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> Float32Array:
     """Return the light of a shop's panes."""
     high, wide = opening.shape
     shop = int(at[0] * PLACE_STEP_M / (2 * FLAT_WIDTH_M))  # windows of one shop side by side
@@ -287,7 +287,9 @@ def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], ran
     return light
 
 
-def modulate_by_picture(opening: FacadeOpening, light: np.ndarray, grey: np.ndarray, clear: np.ndarray) -> np.ndarray:
+def modulate_by_picture(
+    opening: FacadeOpening, light: Float32Array, grey: UInt8Array, clear: BoolArray
+) -> Float32Array:
     """Modulate the light of an opening by the picture behind its panes.
 
     Parameters

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.street.materials.field_kernels import SurfaceMaterial
 
@@ -106,7 +106,7 @@ GROUND_MATERIALS = (
 )
 
 
-def classify_facade(labels: np.ndarray, wall: int, panes: BoolArray) -> np.ndarray:
+def classify_facade(labels: UInt8Array, wall: int, panes: BoolArray) -> UInt8Array:
     """Classify the surface materials of a facade.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.provenance import Provenance
@@ -54,9 +54,9 @@ class ChartTexels(NamedTuple):
     labels : (h, w) facade classes; None for charts that are no facade.
     """
 
-    provenance: np.ndarray
-    base_layer: np.ndarray | None
-    labels: np.ndarray | None
+    provenance: UInt8Array
+    base_layer: UInt8Array | None
+    labels: UInt8Array | None
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class RelightingInputs:
 
     scene: Scene
     ground: Ground
-    chart_materials: np.ndarray
+    chart_materials: UInt8Array
     has_source_texture: BoolArray
     chart_numbers: Sequence[int]
     sun: Sun | None
@@ -128,7 +128,7 @@ class _ChartRelighter:
     def density(self, chart: int) -> float:
         return float(self.scene.placement.texels_per_metre[chart])
 
-    def sky_visibility(self, chart: int, shape: tuple[int, ...]) -> np.ndarray:
+    def sky_visibility(self, chart: int, shape: tuple[int, ...]) -> Float32Array:
         """Return the share of the sky that texels see, relative to an unobstructed chart, (h, w) float32."""
         daylight = self.scene.daylight
         daylight.compute([chart])
@@ -140,7 +140,7 @@ class _ChartRelighter:
             grid = _interpolate_axis(grid, axis, shape[axis])
         return grid
 
-    def maps(self, chart: int, colour: np.ndarray, grounds: GroundMaterials) -> PbrMaps:
+    def maps(self, chart: int, colour: UInt8Array, grounds: GroundMaterials) -> PbrMaps:
         inputs, labels = self.inputs, self.inputs.texels(chart).labels
         labels = None if labels is None else snap_to_boxes(labels)
         shape, density = colour.shape[:2], self.density(chart)
@@ -190,8 +190,8 @@ class _ChartRelighter:
         return SeededRandom(int(self.scene.building_hashes[building]), int(self.inputs.chart_numbers[chart]))
 
     def pane_maps(
-        self, chart: int, colour: np.ndarray, labels: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        self, chart: int, colour: UInt8Array, labels: UInt8Array
+    ) -> tuple[BoolArray, Float32Array, Float32Array | None]:
         """Return the maps of a facade's panes.
 
         Returns
@@ -203,7 +203,7 @@ class _ChartRelighter:
         grey, density = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), self.density(chart)
         height, random = float(self.scene.charts.size[chart, 1]), self.make_random(chart)
         panes, leans = np.zeros(labels.shape, bool), np.zeros((*labels.shape, 2), np.float32)
-        lit: np.ndarray | None = None
+        lit: Float32Array | None = None
         for opening in find_openings(labels):
             clear = glass_mask(opening, grey, density)
             panes[opening.box] |= clear
@@ -215,11 +215,11 @@ class _ChartRelighter:
         return panes, leans, lit
 
 
-def _to_uint8(values: np.ndarray) -> np.ndarray:
+def _to_uint8(values: FloatArray) -> UInt8Array:
     return (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def _interpolate_axis(grid: np.ndarray, axis: int, texels: int) -> np.ndarray:
+def _interpolate_axis(grid: Float32Array, axis: int, texels: int) -> Float32Array:
     """Interpolate a grid linearly along an axis at the centres of `texels` texels; the grid spans border to border."""
     at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
     below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array
+from facade_core.core.arrays import Float32Array, FloatArray
 
 # Light of the back wall below the lamps.
 WALL_LIGHT_TOP = 0.75
@@ -97,7 +97,7 @@ def shop_interior_light(
     return (shown + LAMP_LIGHT * np.exp(-lamps)[..., None]).astype(np.float32)
 
 
-def _draw_shelves(shown: np.ndarray, x: np.ndarray, y: np.ndarray, uniform: Callable[..., float]) -> None:
+def _draw_shelves(shown: Float32Array, x: FloatArray, y: FloatArray, uniform: Callable[..., float]) -> None:
     """Draw shelves and goods into the light (h, w, 3); x (w,) in metres, y (h,) as share of the height."""
     goods = np.floor(x / GOODS_WIDTH_M).astype(int)
     step = BOARD_HEIGHTS[1] - BOARD_HEIGHTS[0]

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import NumericArray
+
 # glTF component types.
 BYTE = 5120
 UNSIGNED_SHORT = 5123
@@ -42,7 +44,7 @@ class GlbBuffer:
         return len(self.views) - 1
 
     def add_accessor(
-        self, values: np.ndarray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any
+        self, values: NumericArray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any
     ) -> int:
         """Append an array as an accessor with a view of its own and return its index.
 

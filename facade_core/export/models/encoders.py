@@ -6,8 +6,7 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.pages import JPEG_QUALITY, encode_jpeg
 
@@ -46,8 +45,8 @@ class TextureEncoder:
     extension: str | None
     bytes_per_texel: float
     max_view_mb: float
-    encode: Callable[[np.ndarray], bytes]
-    encode_data: Callable[[np.ndarray], bytes]
+    encode: Callable[[UInt8Array], bytes]
+    encode_data: Callable[[UInt8Array], bytes]
 
 
 def texture_encoder(name: str) -> TextureEncoder:
@@ -65,7 +64,7 @@ def texture_encoder(name: str) -> TextureEncoder:
     return ENCODERS[name]
 
 
-def _webp(image: np.ndarray) -> bytes:
+def _webp(image: UInt8Array) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -73,7 +72,7 @@ def _webp(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def _jpeg_data(image: np.ndarray) -> bytes:
+def _jpeg_data(image: UInt8Array) -> bytes:
     """Encode without chroma subsampling, so that normals keep the resolution of their directions."""
     from PIL import Image
 
@@ -82,7 +81,7 @@ def _jpeg_data(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
+def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
     """Encode as ETC1S with mipmaps; the bytes do not depend on the number of threads."""
     import alktx2
     from PIL import Image

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Int64Array, IntArray
 from facade_core.export.models.buffers import FLOAT, UNSIGNED_SHORT, GlbBuffer
 
 # noData value of strings; no column contains it.
@@ -83,10 +84,10 @@ class FeatureTable:
 
     properties: tuple[MetadataProperty, ...]
     rows: Sequence[Mapping[str, Any]]
-    chart_rows: np.ndarray
-    owner_rows: np.ndarray
+    chart_rows: IntArray
+    owner_rows: IntArray
 
-    def select_building_rows(self, building: np.ndarray, charts_building: np.ndarray) -> np.ndarray:
+    def select_building_rows(self, building: IntArray, charts_building: IntArray) -> Int64Array:
         """Return the rows of some buildings.
 
         Parameters
@@ -103,7 +104,7 @@ class FeatureTable:
         first[charts_building[built]] = self.owner_rows[built]
         return first[building]
 
-    def structural_metadata(self, rows: np.ndarray, add_view: AddView) -> dict[str, Any]:
+    def structural_metadata(self, rows: IntArray, add_view: AddView) -> dict[str, Any]:
         """Return EXT_structural_metadata with the given rows.
 
         Parameters
@@ -129,7 +130,7 @@ class FeatureTable:
         return {"schema": schema, "propertyTables": [table]}
 
 
-def add_feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
+def add_feature_ids(ids: IntArray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
     """Add feature ids to a primitive: one id set per label.
 
     All sets refer to the same table, but only the first says so, because CesiumJS accepts a table for one set only.

@@ -69,7 +69,7 @@ class Primitive:
     uv: Float64Array
     triangles: Int64Array
     material: int
-    tangent: np.ndarray | None = None
+    tangent: Float32Array | None = None
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def extract_images(glb: bytes) -> list[bytes]:
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
-def tangent_vectors(along: np.ndarray) -> np.ndarray:
+def tangent_vectors(along: Float64Array) -> Float32Array:
     """Return the TANGENT attribute for textures with x right and v down.
 
     Parameters

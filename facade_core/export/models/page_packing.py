@@ -10,7 +10,7 @@ from itertools import chain, product
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray
 from facade_core.core.numba_cache import njit
 from facade_core.export.models.pages import PageLayout
 
@@ -29,10 +29,10 @@ MAX_PAGES_TRIED = 4
 # Width and height of pages in cells.
 PageCells = tuple[tuple[int, int], ...]
 # Sort key of a piece from its mask.
-SortKey = Callable[[np.ndarray], tuple[int, ...]]
+SortKey = Callable[[BoolArray], tuple[int, ...]]
 
 
-def shrink_for_border(size: np.ndarray) -> np.ndarray:
+def shrink_for_border(size: Int64Array) -> Int64Array:
     """Shrink sizes just enough that a side which fits a power of two still fits it with its border.
 
     Parameters
@@ -48,7 +48,7 @@ def shrink_for_border(size: np.ndarray) -> np.ndarray:
     return np.where(fits | (side < 32 * CELL_TEXELS), size, np.minimum(size, side - 2 * CELL_TEXELS))
 
 
-def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> BoolArray:
+def rasterise_cells(triangles: Float64Array, size: tuple[int, int]) -> BoolArray:
     """Mark the cells that triangles cover, with a border of one cell.
 
     Parameters
@@ -74,7 +74,7 @@ def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> BoolArray:
     return cv2.dilate(np.pad(cells, 1).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
-def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> PageLayout:
+def pack_pages(masks: Sequence[BoolArray], size: Int64Array) -> PageLayout:
     """Pack pieces on pages with as few texels as first fit finds.
 
     Parameters
@@ -110,11 +110,11 @@ def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> PageLayout:
     raise ValueError(f"a piece is larger than a page of {MAX_PAGE_TEXELS} texels")
 
 
-def _sort_pieces(masks: Sequence[np.ndarray], measure: SortKey) -> list[int]:
+def _sort_pieces(masks: Sequence[BoolArray], measure: SortKey) -> list[int]:
     return sorted(range(len(masks)), key=lambda i: (*measure(masks[i]), i))
 
 
-def _candidate_pages(need: int, longest: np.ndarray) -> list[PageCells]:
+def _candidate_pages(need: int, longest: IntArray) -> list[PageCells]:
     """Return sets of pages (width, height) in cells by increasing area; the first page holds the longest piece."""
     if not need:
         return [()]
@@ -136,11 +136,11 @@ def _candidate_pages(need: int, longest: np.ndarray) -> list[PageCells]:
 
 
 def _place_pieces(
-    masks: Sequence[np.ndarray],
-    runs: Sequence[np.ndarray],
+    masks: Sequence[BoolArray],
+    runs: Sequence[Int32Array],
     order: Sequence[int],
     pages: PageCells,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+) -> tuple[Int64Array, Int64Array, Int64Array] | None:
     """Return page, column and row (n,) of every piece; None if they do not fit."""
     place = [np.zeros(len(masks), np.int64) for _ in range(3)]
     left = list(order)
@@ -161,7 +161,7 @@ def _place_pieces(
     return None if left else (place[0], place[1], place[2])
 
 
-def _find_runs(mask: np.ndarray) -> np.ndarray:
+def _find_runs(mask: BoolArray) -> Int32Array:
     """Return the runs (r, 3) of set cells of a mask: row, first column, end column."""
     edges = np.diff(np.pad(mask, [(0, 0), (1, 1)]).astype(np.int8), axis=1)
     row, start = np.nonzero(edges == 1)
@@ -170,7 +170,7 @@ def _find_runs(mask: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _first_fit(taken: np.ndarray, end: np.ndarray, runs: np.ndarray, columns: int, rows: int) -> tuple[int, int]:
+def _first_fit(taken: Int32Array, end: Int32Array, runs: Int32Array, columns: int, rows: int) -> tuple[int, int]:
     """Find the first position by rows, then columns, mark its cells and return (x, y); (-1, -1) if there is none.
 
     Parameters
@@ -198,7 +198,7 @@ def _first_fit(taken: np.ndarray, end: np.ndarray, runs: np.ndarray, columns: in
 
 
 @njit(cache=True, nogil=True)
-def _mark_run(taken: np.ndarray, end: np.ndarray, row: int, start: int, stop: int) -> None:
+def _mark_run(taken: Int32Array, end: Int32Array, row: int, start: int, stop: int) -> None:
     width = taken.shape[1] - 1
     until = stop
     if stop < width and taken[row, stop] == stop:

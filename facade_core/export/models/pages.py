@@ -53,16 +53,16 @@ class PbrMaps(NamedTuple):
     emissive : light at night, sRGB; None where dark.
     """
 
-    normal: np.ndarray
-    orm: np.ndarray
-    emissive: np.ndarray | None
+    normal: UInt8Array
+    orm: UInt8Array
+    emissive: UInt8Array | None
 
 
 @dataclass(frozen=True)
 class PageImages:
     """Images of a page: base colour (h, w, 3) uint8, and maps at half its size if it is relit."""
 
-    base_colour: np.ndarray
+    base_colour: UInt8Array
     maps: PbrMaps | None = None
 
 
@@ -146,7 +146,7 @@ def fill_between_charts(scene: Scene, page: int, colour: UInt8Array) -> UInt8Arr
 
 
 def draw_page(
-    layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS
+    layout: PageLayout, page: int, raster: Callable[[int], UInt8Array], gutter: int = GUTTER_TEXELS
 ) -> UInt8Array:
     """Draw a page from the rasters of its pieces, with repeated borders and the mean colour between.
 

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.glb import GltfNode, Primitive
 from facade_core.export.models.pages import (
@@ -37,9 +37,9 @@ MAX_CACHED_PAGES = 12
 class ModelFrame(Protocol):
     """Transform from world metres (n, 3) to the frame of a model; directions keep their length."""
 
-    def points(self, world: np.ndarray) -> np.ndarray: ...
+    def points(self, world: Float64Array) -> Float64Array: ...
 
-    def directions(self, world: np.ndarray) -> np.ndarray: ...
+    def directions(self, world: Float64Array) -> Float64Array: ...
 
 
 @dataclass(frozen=True)
@@ -90,25 +90,25 @@ class TexturedMesh:
     mesh: Mesh
     extent: Float64Array
     texels: Int64Array
-    raster: Callable[[int], np.ndarray]
+    raster: Callable[[int], UInt8Array]
     maps: Callable[[int], PbrMaps] | None = None
 
     @cached_property
-    def normals(self) -> np.ndarray:
+    def normals(self) -> Float64Array:
         """Return the outward normal of every vertex, (v, 3)."""
         return self.charts.normals()[self.mesh.vertex_chart]
 
     @cached_property
-    def coordinates(self) -> np.ndarray:
+    def coordinates(self) -> Float64Array:
         """Return every vertex in the frame of its chart, (v, 2) metres."""
         return self.mesh.chart_coordinates(self.charts)
 
     @cached_property
-    def centres(self) -> np.ndarray:
+    def centres(self) -> Float64Array:
         """Return the centre of every chart, (n, 3) metres."""
         return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
 
-    def select_charts(self, buildings: np.ndarray) -> np.ndarray:
+    def select_charts(self, buildings: IntArray) -> Int64Array:
         """Return the charts with triangles of some buildings (-1 for ground)."""
         drawn = np.zeros(len(self.charts), bool)
         drawn[self.mesh.chart] = True
@@ -121,7 +121,7 @@ def triangle_areas(mesh: Mesh) -> Float64Array:
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) -> TexturedMesh:
+def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) -> TexturedMesh:
     """Build the textured mesh of a block from its atlas pages.
 
     Parameters
@@ -132,7 +132,7 @@ def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) ->
     held = lru_cache(maxsize=MAX_CACHED_PAGES)(read_page)
     placement, mesh = scene.placement, scene.mesh
 
-    def raster(chart: int) -> np.ndarray:
+    def raster(chart: int) -> UInt8Array:
         y, x = int(placement.y[chart]), int(placement.x[chart])
         page = held(int(placement.page[chart]))
         return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
@@ -254,7 +254,7 @@ def _draw_base_colour(drawn: PackedCharts, page: int) -> UInt8Array:
 
 
 def draw_page_maps(
-    drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]
+    drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], UInt8Array]], UInt8Array]
 ) -> PbrMaps:
     """Draw the maps of a page.
 
@@ -265,13 +265,13 @@ def draw_page_maps(
     draw : draws rasters of pieces, at half their texels, on the page.
     """
     assert drawn.source.maps is not None
-    found: dict[int, tuple[np.ndarray | None, ...]] = {}
+    found: dict[int, tuple[UInt8Array | None, ...]] = {}
     for i in np.flatnonzero(drawn.layout.page == page).tolist():
         width, height = (-(-side // 2) for side in drawn.layout.size[i].tolist())
         maps = drawn.source.maps(int(drawn.charts[i]))
         found[i] = tuple(None if one is None else downscale(one, (width, height)) for one in maps)
 
-    def kind(number: int) -> np.ndarray | None:
+    def kind(number: int) -> UInt8Array | None:
         if all(one[number] is None for one in found.values()):
             return None
         dark = lambda i: np.zeros_like(found[i][0])  # noqa: E731

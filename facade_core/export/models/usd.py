@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
 from facade_core.export.models.gltf_materials import DAY, EMISSIVE_STRENGTH, NIGHT
@@ -52,12 +53,12 @@ class ZUpFrame:
     origin : (3,) world metres.
     """
 
-    origin: np.ndarray
+    origin: Float64Array
 
-    def points(self, world: np.ndarray) -> np.ndarray:
+    def points(self, world: Float64Array) -> Float64Array:
         return world - self.origin
 
-    def directions(self, world: np.ndarray) -> np.ndarray:
+    def directions(self, world: Float64Array) -> Float64Array:
         return world
 
 

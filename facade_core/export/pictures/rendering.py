@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import RowIndex
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
@@ -51,7 +51,7 @@ class RenderedView:
     depth: Float32Array
 
     @cached_property
-    def visible_charts(self) -> np.ndarray:
+    def visible_charts(self) -> Int32Array:
         """Return the visible charts (c,), ascending."""
         return np.unique(self.chart)
 
@@ -123,7 +123,7 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> R
 
 
 def render_perspective(
-    scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2
+    scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], UInt8Array], *, samples: int = 2
 ) -> UInt8Array:
     """Render the textured block with filtering, sky and haze.
 
@@ -180,7 +180,7 @@ def draw_parse(label_map: UInt8Array, lattice: Lattice) -> UInt8Array:
     return drawn
 
 
-def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:
+def draw_layout(image: UInt8Array, hidden: BoolArray, elements: Sequence[Sequence[Any]]) -> UInt8Array:
     """Draw elements over a texture: outlined where seen, filled where the completion placed them.
 
     Parameters

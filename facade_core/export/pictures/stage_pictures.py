@@ -50,7 +50,7 @@ class StagePicture:
     viewer, report : name and title there; None where it is not shown.
     """
 
-    draw: Callable[[], np.ndarray]
+    draw: Callable[[], UInt8Array]
     viewer: StageTitle | None = None
     report: StageTitle | None = None
 
@@ -91,7 +91,7 @@ class StoredFacade:
             raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
         return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
-    def reconstruct_level(self, level: int) -> np.ndarray:
+    def reconstruct_level(self, level: int) -> UInt8Array:
         """Reconstruct the facade at a level of its hierarchy."""
         return self.hierarchy.reconstruct(level)
 

@@ -84,7 +84,7 @@ def photo_share(record: TexelSources | None) -> float:
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, np.ndarray]]) -> UInt8Array:
+def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, UInt8Array]]) -> UInt8Array:
     """Paint a view of SAMPLES_PER_PIXEL_SIDE from rasters by chart, some charts at a time, (h, w, 3) uint8."""
     for rasters in parts:
         picture.paint(rasters)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
@@ -22,13 +23,13 @@ SAMPLES_PER_TEXEL = 3
 
 def bake_rasters(
     source: TexturedMesh,
-    triangles: np.ndarray,
+    triangles: IntArray,
     charts: Charts,
-    baked_charts: np.ndarray,
-    texels: np.ndarray,
+    baked_charts: IntArray,
+    texels: IntArray,
     density: float,
-    rasters: Sequence[Callable[[int], np.ndarray]],
-) -> list[dict[int, np.ndarray]]:
+    rasters: Sequence[Callable[[int], UInt8Array]],
+) -> list[dict[int, UInt8Array]]:
     """Bake rasters of a building on the charts of its shell.
 
     Texels without a hit take the nearest colour of their chart, else the mean of the building.
@@ -55,7 +56,7 @@ def bake_rasters(
     caster = RayCaster(own)
     highest = own.vertices[:, 2].max()
     normals = charts.normals()
-    shown: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in rasters]
+    shown: list[dict[int, tuple[UInt8Array, BoolArray]]] = [{} for _ in rasters]
     for chart in baked_charts.tolist():
         width, height = texels[chart].tolist()
         x = (np.arange(width * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
@@ -79,15 +80,15 @@ def bake_rasters(
     return [_complete_rasters(baked) for baked in shown]
 
 
-def _complete_rasters(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dict[int, np.ndarray]:
+def _complete_rasters(shown: Mapping[int, tuple[UInt8Array, BoolArray]]) -> dict[int, UInt8Array]:
     seen = [colour[found] for colour, found in shown.values() if found.any()]
     mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
     return {chart: _average_samples(_fill_missing(colour, found, mean)) for chart, (colour, found) in shown.items()}
 
 
 def _sample_colours(
-    source: TexturedMesh, chart: np.ndarray, points: np.ndarray, raster_of_chart: Callable[[int], np.ndarray]
-) -> np.ndarray:
+    source: TexturedMesh, chart: IntArray, points: Float64Array, raster_of_chart: Callable[[int], UInt8Array]
+) -> UInt8Array:
     """Return the colours (k, 3) of the texels at points (k, 3) of charts (k,)."""
     share = source.charts.coordinates(chart, points) / source.extent[chart]
     colours = np.empty((len(chart), 3), np.uint8)
@@ -99,7 +100,7 @@ def _sample_colours(
     return colours
 
 
-def _fill_missing(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarray:
+def _fill_missing(colour: UInt8Array, found: BoolArray, mean: Float64Array) -> UInt8Array:
     from scipy.ndimage import distance_transform_edt
 
     if found.all():
@@ -110,7 +111,7 @@ def _fill_missing(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np
     return colour[tuple(nearest)]
 
 
-def _average_samples(colour: np.ndarray) -> np.ndarray:
+def _average_samples(colour: UInt8Array) -> UInt8Array:
     height, width, _ = colour.shape
     cells = colour.reshape(
         height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import collect_members, quadrant_corner, split_quadrants
 
@@ -37,8 +38,8 @@ class QuadtreeCell:
     """
 
     path: str
-    buildings: np.ndarray
-    ground: np.ndarray
+    buildings: Int64Array
+    ground: IntArray
     texels: int
     scale: float
     children: tuple[QuadtreeCell, ...] = field(default=())
@@ -60,20 +61,20 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
     points = members.points
     low, high = points.min(axis=0), points.max(axis=0)
 
-    def cell(path: str, inside: np.ndarray, children: tuple[QuadtreeCell, ...] = ()) -> QuadtreeCell:
+    def cell(path: str, inside: Int64Array, children: tuple[QuadtreeCell, ...] = ()) -> QuadtreeCell:
         total = int(members.texel_counts[inside].sum())
         # the texels per metre of the coarse tile are halved until it fits
         steps = np.ceil(np.log2(max(1.0, total * COARSE_SCALE**2 / MAX_COARSE_TILE_TEXELS)) / 2)
         return QuadtreeCell(path, *members.split(inside), total, COARSE_SCALE * 0.5 ** float(steps), children)
 
-    def divided(inside: np.ndarray, path: str) -> bool:
+    def divided(inside: Int64Array, path: str) -> bool:
         return (
             int(members.texel_counts[inside].sum()) > DIVISION_FACTOR * MAX_COARSE_TILE_TEXELS
             and len(inside) > 1
             and len(path) < MAX_DEPTH
         )
 
-    def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> QuadtreeCell:
+    def divide(path: str, inside: Int64Array, corner: Float64Array, side: float) -> QuadtreeCell:
         if not divided(inside, path):
             return cell(path, inside)
         parts = {q: inside[mine] for q, mine in split_quadrants(points[inside], corner, side).items()}

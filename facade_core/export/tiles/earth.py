@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.export.models.textured_mesh import to_y_up
 
 # Distance over which the angle between grid north and true north is measured, metres.
@@ -29,28 +30,28 @@ class EarthFrame:
     grid_convergence : angle from true to grid north, clockwise, radians.
     """
 
-    to_earth_centred: Callable[[np.ndarray], np.ndarray]
-    centre: np.ndarray
-    axes: np.ndarray
+    to_earth_centred: Callable[[Float64Array], Float64Array]
+    centre: Float64Array
+    axes: Float64Array
     grid_convergence: float
 
-    def transform(self) -> np.ndarray:
+    def transform(self) -> Float64Array:
         """Return the matrix (4, 4) from the frame to the earth-centred frame."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.axes.T, self.centre
         return matrix
 
-    def points(self, world: np.ndarray) -> np.ndarray:
+    def points(self, world: Float64Array) -> Float64Array:
         return to_y_up((self.to_earth_centred(world) - self.centre) @ self.axes.T)
 
-    def directions(self, world: np.ndarray) -> np.ndarray:
+    def directions(self, world: Float64Array) -> Float64Array:
         """Rotate directions (n, 3) from grid to true north at the origin."""
         x, y, z = world.T
         c, s = np.cos(self.grid_convergence), np.sin(self.grid_convergence)
         return to_y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
 
 
-def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> EarthFrame:
+def earth_frame(crs: Any, origin: Float64Array, geoid_separation: float = 0.0) -> EarthFrame:
     """Build the frame at a point of a block.
 
     Parameters
@@ -64,7 +65,7 @@ def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> 
     to_degrees = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     to_earth = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 
-    def earth_centred(world: np.ndarray) -> np.ndarray:
+    def earth_centred(world: Float64Array) -> Float64Array:
         degrees = to_degrees.transform(world[:, 0], world[:, 1])
         return np.column_stack(to_earth.transform(*degrees, world[:, 2] + geoid_separation))
 

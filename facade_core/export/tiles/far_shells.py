@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.grouping import group_rows
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
@@ -50,7 +51,7 @@ class BuildingShells:
     """
 
     textured_mesh: TexturedMesh
-    without_shell: np.ndarray
+    without_shell: Int64Array
     deviation_m: Mapping[int, float]
 
 
@@ -83,7 +84,7 @@ def build_shells(
     texels = charts.texels(density)
     maps = source.maps
     looks = [source.raster, *([] if maps is None else [lambda chart: _emissive_raster(maps(chart))])]
-    rasters: list[dict[int, np.ndarray]] = [{} for _ in looks]
+    rasters: list[dict[int, UInt8Array]] = [{} for _ in looks]
     for building, mine in group_rows(charts.building).items():
         for own, baked in zip(
             rasters, bake_rasters(source, triangles[building], charts, mine, texels, density, looks), strict=True
@@ -96,11 +97,11 @@ def build_shells(
     return BuildingShells(shown, np.array(kept, np.int64), off)
 
 
-def _emissive_raster(maps: PbrMaps) -> np.ndarray:
+def _emissive_raster(maps: PbrMaps) -> UInt8Array:
     return np.zeros_like(maps.normal) if maps.emissive is None else maps.emissive
 
 
-def _flat_maps(emissive: np.ndarray) -> PbrMaps:
+def _flat_maps(emissive: UInt8Array) -> PbrMaps:
     """Return maps without relief; emissive (h, w, 3) is at the texels of the colour."""
     height, width = emissive.shape[:2]
     small = downscale(emissive, (-(-width // 2), -(-height // 2)))
@@ -108,7 +109,7 @@ def _flat_maps(emissive: np.ndarray) -> PbrMaps:
     return PbrMaps(flat, matt, small if small.any() else None)
 
 
-def _shell_outlines(source: TexturedMesh, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
+def _shell_outlines(source: TexturedMesh, triangles: IntArray) -> tuple[list[Polygon], float, float, float] | None:
     """Return outlines, base and top of a shell and its deviation from the roofs; None if that is too large."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]

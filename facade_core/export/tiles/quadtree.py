@@ -78,7 +78,7 @@ def collect_members(charts: Charts, texels: Int64Array, drawn: Int32Array) -> Qu
     )
 
 
-def split_quadrants(points: np.ndarray, corner: np.ndarray, side: float) -> dict[int, np.ndarray]:
+def split_quadrants(points: Float64Array, corner: Float64Array, side: float) -> dict[int, Int64Array]:
     """Group points by quadrant of a cell; bit 0 is east, bit 1 is north.
 
     Parameters
@@ -90,7 +90,7 @@ def split_quadrants(points: np.ndarray, corner: np.ndarray, side: float) -> dict
     return group_rows((points >= corner + side / 2) @ [1, 2])
 
 
-def quadrant_corner(quadrant: int, corner: np.ndarray, side: float) -> np.ndarray:
+def quadrant_corner(quadrant: int, corner: Float64Array, side: float) -> Float64Array:
     """Return the south-western corner (2,) of a quadrant."""
     return corner + side / 2 * np.array([quadrant & 1, quadrant >> 1])
 

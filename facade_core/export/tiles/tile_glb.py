@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.export.models.buffers import BYTE, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
@@ -36,12 +37,12 @@ class TileBatch:
     tangent : (v, 3) unit vectors along u; only of relit meshes.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    uv: np.ndarray
-    triangles: np.ndarray
-    rows: np.ndarray
-    tangent: np.ndarray | None = None
+    position: Float64Array
+    normal: Float64Array
+    uv: Float64Array
+    triangles: IntArray
+    rows: IntArray
+    tangent: Float64Array | None = None
 
 
 def encode_tile_glb(
@@ -127,7 +128,7 @@ def encode_tile_glb(
     return pack_glb(document, buffer.chunks)
 
 
-def quantisation_grid(points: np.ndarray) -> tuple[np.ndarray, float]:
+def quantisation_grid(points: Float64Array) -> tuple[Float64Array, float]:
     """Return origin (3,) and step of the grid on which points fit 16 bits.
 
     Parameters

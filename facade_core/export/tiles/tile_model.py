@@ -17,7 +17,7 @@ from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, bu
 # Coarse rasters have one of so many texels along each side.
 COARSE_DIVISOR = 4
 # The rasters (h, w, 3) uint8 of some charts (k,), by chart.
-ReadRasters = Callable[[np.ndarray], Mapping[int, np.ndarray]]
+ReadRasters = Callable[[Int64Array], Mapping[int, UInt8Array]]
 
 
 @dataclass(frozen=True)

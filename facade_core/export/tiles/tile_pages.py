@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray, Int64Array, UInt8Array
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.page_packing import (
     CELL_TEXELS,
@@ -31,7 +32,7 @@ class TilePages:
     """
 
     packed: PackedCharts
-    masks: tuple[np.ndarray, ...]
+    masks: tuple[BoolArray, ...]
     used_texels: float
 
     @property
@@ -43,7 +44,7 @@ class TilePages:
         """Draw a page, with its maps if the source has them."""
         packed = self.packed
 
-        def raster(i: int) -> np.ndarray:
+        def raster(i: int) -> UInt8Array:
             width, height = packed.layout.size[i].tolist()
             return downscale(packed.source.raster(int(packed.charts[i])), (width, height))
 
@@ -55,7 +56,7 @@ class TilePages:
             else draw_page_maps(packed, page, lambda raster: self._draw_layer(half, page, raster, CELL_TEXELS // 2)),
         )
 
-    def _draw_layer(self, layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
+    def _draw_layer(self, layout: PageLayout, page: int, raster: Callable[[int], UInt8Array], cell: int) -> UInt8Array:
         """Draw a page (h, w, 3) uint8: masked rasters with their borders, and the mean colour between."""
         width, height = layout.pages[page].tolist()
         image = np.zeros((height, width, 3), np.uint8)
@@ -76,7 +77,7 @@ class TilePages:
         return image
 
 
-def pack_tile_pages(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> TilePages:
+def pack_tile_pages(source: TexturedMesh, charts: Int64Array, scale: float = 1.0) -> TilePages:
     """Pack charts (k,), ascending, on pages at `scale` of their texels."""
     wanted = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
     size = shrink_for_border(np.minimum(wanted, MAX_PAGE_TEXELS))

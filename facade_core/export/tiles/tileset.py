@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array, Int64Array, IntArray
 from facade_core.core.grouping import group_rows
 from facade_core.export.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
@@ -63,7 +64,7 @@ class DetailLevel:
 
     name: str
     glb: bytes
-    corners: np.ndarray
+    corners: Float64Array
     error: float
     draw_calls: int
 
@@ -92,7 +93,7 @@ class _TilesetWriter:
             self.shells.textured_mesh.charts.building, self.source.charts.building
         )
 
-    def write_content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
+    def write_content(self, uri: str, parts: Sequence[tuple[TilePages, IntArray]]) -> Float64Array:
         """Write a tile from pages and the feature rows (charts, 2) of their charts; returns its bounds (2, 3), z up."""
         batches, page_textures = [], []
         for pages, rows in parts:
@@ -144,7 +145,7 @@ class _TilesetWriter:
         return tile
 
     @property
-    def rows(self) -> np.ndarray:
+    def rows(self) -> Int64Array:
         return np.column_stack([self.features.chart_rows, self.features.owner_rows])
 
     def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
@@ -250,7 +251,7 @@ def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
     return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
 
 
-def bounding_corners(positions: Sequence[np.ndarray]) -> np.ndarray:
+def bounding_corners(positions: Sequence[Float64Array]) -> Float64Array:
     """Return the bounds (2, 3), z up, of points (n, 3) in glTF's frame."""
     points = np.concatenate(positions)
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
@@ -324,12 +325,12 @@ def _iterate_coarse_cells(cell: QuadtreeCell, above: float = 0.0) -> Iterator[Qu
         yield from _iterate_coarse_cells(child, cell.scale)
 
 
-def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> np.ndarray:
+def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> Int64Array:
     """Return the charts (k,) of a cell, ascending."""
     return np.union1d(cell.ground, source.select_charts(cell.buildings)).astype(np.int64)
 
 
-def _page_batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[TileBatch]:
+def _page_batches(pages: TilePages, rows: IntArray, frame: EarthFrame) -> list[TileBatch]:
     """Return one batch per page."""
     drawn = pages.packed
     source, mesh = drawn.source, drawn.source.mesh
@@ -364,14 +365,14 @@ def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
     )
 
 
-def _bounding_box(points: np.ndarray) -> list[float]:
+def _bounding_box(points: Float64Array) -> list[float]:
     """Return centre and half axes around points (n, 3), z up, with a minimum thickness."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2, 0.01)
     return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
 
 
-def _box_corners(tile: Mapping[str, Any]) -> np.ndarray:
+def _box_corners(tile: Mapping[str, Any]) -> Float64Array:
     box = np.array(tile["boundingVolume"]["box"])
     half = box[[3, 7, 11]]
     return np.stack([box[:3] - half, box[:3] + half])

@@ -34,7 +34,9 @@ POLICY_POPULATION = 10
 _MUTATION_DEVIATION = 0.15
 
 
-def initial_layout(seen: Sequence[Element], domain: Rectangle, region: Float64Array, model: LayoutModel) -> InitialLayout:
+def initial_layout(
+    seen: Sequence[Element], domain: Rectangle, region: Float64Array, model: LayoutModel
+) -> InitialLayout:
     """Return the observed layout in the form that the policy needs.
 
     Parameters

@@ -104,7 +104,7 @@ def propose_elements(
     priors : statistics of the database.
     entrances : x of mapped doors.
     """
-    variants: list[np.ndarray] = []
+    variants: list[Float64Array] = []
     shared = extension_context(observed, grids)
     for how in EXTENSION_VARIANTS:
         variants.append(_guess_array(extend_grids(shared, domain, how)))
@@ -322,7 +322,7 @@ def _avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
 
 def _unique_guesses(raw: Float64Array) -> Int64Array:
     """Return indices of guesses that represent all others: each guess is similar to one of them."""
-    found: list[np.ndarray] = []
+    found: list[Int64Array] = []
     for label in np.unique(raw[:, 0]):
         index = np.flatnonzero(raw[:, 0] == label)
         step = 0.02 * (raw[index, 3:] - raw[index, 1:3]).min(axis=0)[[0, 1, 0, 1]]

@@ -33,7 +33,7 @@ class BoostedTrees(NamedTuple):
 
 
 @njit(cache=True)
-def predict_probability(trees: BoostedTrees, rows: Float32Array) -> np.ndarray:
+def predict_probability(trees: BoostedTrees, rows: Float32Array) -> Float64Array:
     """Return the (N,) probability of each row.
 
     Parameters
@@ -53,7 +53,9 @@ def predict_probability(trees: BoostedTrees, rows: Float32Array) -> np.ndarray:
     return out
 
 
-def train_trees(rows: np.ndarray, truth: BoolArray, *, seed: int, rounds: int = 400, leaves: int = 32) -> BoostedTrees:
+def train_trees(
+    rows: Float32Array, truth: BoolArray, *, seed: int, rounds: int = 400, leaves: int = 32
+) -> BoostedTrees:
     """Boost trees on features with known truth, in one thread so that results do not depend on the machine.
 
     Parameters

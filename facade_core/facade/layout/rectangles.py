@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, IntArray, NumericArray
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray, NumericArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 
@@ -23,7 +23,7 @@ def _box_iou(p: Float64Array, q: Float64Array) -> float:
 
 
 @njit(cache=True)
-def pairwise_iou(a: Float64Array, b: Float64Array) -> np.ndarray:
+def pairwise_iou(a: Float64Array, b: Float64Array) -> Float64Array:
     """Return the (N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
     out = np.empty((len(a), len(b)))
     for i in range(len(a)):
@@ -44,7 +44,7 @@ def pairwise_overlap(a: Float64Array, b: Float64Array) -> BoolArray:
 
 
 @njit(cache=True)
-def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Array, variants: int) -> np.ndarray:
+def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Array, variants: int) -> Float32Array:
     """Return the largest IoU of each kept guess with a guess of each variant of the same label.
 
     Parameters
@@ -67,7 +67,7 @@ def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Arr
 
 
 @njit(cache=True)
-def select_representatives(box: Float64Array) -> np.ndarray:
+def select_representatives(box: Float64Array) -> Int64Array:
     """Return indices of rectangles (N, 4), in order, none of which nearly equals an earlier one."""
     kept = np.empty(len(box), np.int64)
     n = 0

@@ -108,7 +108,7 @@ def sum_log_densities(
     patterns: Float64Array,
     symmetry: Float64Array,
     compatibility: Float64Array,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Float64Array, Float64Array]:
     """Sum the log-densities of each term over a layout's grids and pairs of grids.
 
     Parameters

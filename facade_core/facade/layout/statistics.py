@@ -37,7 +37,7 @@ _MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
-def cluster_lines(values: Float64Array, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def cluster_lines(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
     """Group values whose neighbours differ by at most `gap`.
 
     Parameters
@@ -77,7 +77,7 @@ def _median(values: Float64Array) -> float:
 @njit(cache=True)
 def measure_layout(
     box: Float64Array, label: Int64Array, grid: Int64Array, domain: Float64Array
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Measure the statistics of a layout.
 
     Parameters
@@ -235,7 +235,7 @@ def _aligned_share(p: Float64Array, q: Float64Array, gap: float, a0: float, a1: 
 
 
 @njit(cache=True)
-def _unmatched_lines(p: Float64Array, q: Float64Array, gap: float) -> np.ndarray:
+def _unmatched_lines(p: Float64Array, q: Float64Array, gap: float) -> Float64Array:
     """Return the lines of p without a line of q within the gap."""
     out = np.empty(len(p))
     n = 0
@@ -296,7 +296,7 @@ def _interleaving_pattern(all_p: Float64Array, all_q: Float64Array, gap: float) 
 
 
 @njit(cache=True)
-def _measure_whole(box: Float64Array, label: Int64Array, extent: Float64Array, domain: Float64Array) -> np.ndarray:
+def _measure_whole(box: Float64Array, label: Int64Array, extent: Float64Array, domain: Float64Array) -> Float64Array:
     """Write Eq. 8-11: types present as bits, coverage, borders in mean element sizes, symmetric share, door position."""
     out = np.full(OVERALL_SIZE, np.nan)
     n = len(box)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
@@ -51,11 +51,11 @@ class TrainingExample:
 
     layout_index: int
     is_benchmark_case: bool
-    box: np.ndarray
-    label: np.ndarray
-    features: np.ndarray
+    box: Float64Array
+    label: IntArray
+    features: Float32Array
     truth: BoolArray
-    hidden_counts: np.ndarray
+    hidden_counts: Int64Array
 
 
 def make_examples(
@@ -108,7 +108,7 @@ def train_ranking(examples: Sequence[TrainingExample], *, seed: int, rounds: int
     return train_trees(rows, truth, seed=seed, rounds=rounds)
 
 
-def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progress: Progress) -> np.ndarray:
+def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progress: Progress) -> Float64Array:
     """Choose the probability from which proposals of each label are selected, at the largest F1.
 
     Each half of the database is judged by trees of the other half.
@@ -117,7 +117,7 @@ def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progres
     -------
     (LABEL_COUNT,) thresholds.
     """
-    judged: list[tuple[TrainingExample, np.ndarray]] = []
+    judged: list[tuple[TrainingExample, Float64Array]] = []
     measured = [e for e in examples if e.is_benchmark_case]
     for half in (0, 1):
         trees = train_ranking([e for e in measured if e.layout_index % 2 != half], seed=seed, rounds=_THRESHOLD_ROUNDS)
@@ -135,7 +135,7 @@ def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progres
     return chosen
 
 
-def _f1(judged: Sequence[tuple[TrainingExample, np.ndarray]], thresholds: np.ndarray, label: int) -> float:
+def _f1(judged: Sequence[tuple[TrainingExample, Float64Array]], thresholds: Float64Array, label: int) -> float:
     right = made = hidden = 0
     for e, p in judged:
         kept = select_proposals(e.box, e.label, p, p >= thresholds[e.label], _NO_BOXES)

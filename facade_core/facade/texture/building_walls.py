@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
 
-from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
@@ -177,7 +177,7 @@ def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: Int32Array, acr
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
-def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: np.ndarray, plain: int) -> None:
+def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
     """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any; `source` as in
     `_blank_cells`.
     """
@@ -301,7 +301,7 @@ def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
     return found
 
 
-def _is_mostly_wall(style: ExemplarStyle, rows: np.ndarray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
+def _is_mostly_wall(style: ExemplarStyle, rows: IntArray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
     """Return whether lattice rows (k,) show mostly wall in the bare columns."""
     left, right = _bare_columns(style, plain)
     shown = [

@@ -68,7 +68,7 @@ def paint_corner_shop(
     labels[top:] = cv2.resize(style.labels[band, slice(*shop)], size, interpolation=cv2.INTER_NEAREST)
 
 
-def _find_corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
+def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | None:
     """Return the columns of the shop for a corner of a width in metres, from a ground floor's labels; None if none fits."""
     if width < MIN_CORNER_M or not (labels == FacadeClass.SHOP).any():
         return None

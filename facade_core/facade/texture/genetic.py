@@ -117,7 +117,7 @@ def _copy_individual(tiles: Int32Array, cost: Float64Array, to: Int32Array, to_c
 @njit(cache=True)
 def _evolve(
     tab: EnergyTables, nodes: _NodeConstraints, population: Int32Array, draws: Float64Array, tries: Float64Array
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Int32Array, Float64Array]:
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))
     fitness = np.empty(count)

@@ -85,7 +85,7 @@ def _edge_capacities(
     edges: Int64Array,
     seam: float,
     unary: Float64Array,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Int64Array, Int64Array, Float64Array]:
     """Return the edges among loose pixels; add the cost of edges to fixed pixels to `unary`."""
     first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)
     forth = np.empty(len(edges), np.float64)

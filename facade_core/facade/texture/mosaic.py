@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.gradient_blending import solve_membrane
 
@@ -77,7 +77,7 @@ def _fit_translation(
 
 
 @njit(cache=True)
-def _mean_differences(image: UInt8Array, known: BoolArray, where: Int64Array, maps: Int64Array) -> np.ndarray:
+def _mean_differences(image: UInt8Array, known: BoolArray, where: Int64Array, maps: Int64Array) -> Float32Array:
     height, width = known.shape
     out = np.full(len(maps), np.float32(3e38))
     for k in range(len(maps)):
@@ -142,7 +142,7 @@ def _copy_box(
     bottom: int,
     left: int,
     right: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[Float32Array, Float32Array, BoolArray]:
     """Return a box's copied image, 0-1, the steps that make joins invisible (`solve_membrane`), and its filled pixels."""
     unit = np.float32(1.0 / 255.0)
     tall, wide = bottom - top, right - left

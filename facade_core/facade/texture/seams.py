@@ -5,12 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int64Array
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def find_min_error_path(error: Float64Array) -> np.ndarray:
+def find_min_error_path(error: Float64Array) -> Int64Array:
     """Find the path of least error along the first axis, with steps of at most 1 (minimum-error cut).
 
     Parameters
@@ -44,7 +44,7 @@ def find_min_error_path(error: Float64Array) -> np.ndarray:
     return path
 
 
-def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> Float32Array:
+def diffuse_difference(difference: FloatArray, weight: FloatArray) -> Float32Array:
     """Diffuse colour differences known on a rim over the whole area.
 
     A membrane by normalised convolution: near the rim its local mean, farther off the mean over an ever wider part of
@@ -69,7 +69,7 @@ def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> Float32Arr
     return sums / np.maximum(shares, 1e-6)[..., None]
 
 
-def _blur(array: np.ndarray, sigma: float) -> np.ndarray:
+def _blur(array: Float32Array, sigma: float) -> Float32Array:
     """Blur by a Gaussian; large sigmas shrink the array first; zero outside."""
     factor = max(1, int(sigma // 4))
     height, width = array.shape[:2]

@@ -158,7 +158,7 @@ def _shrink_to_prior(total: Float32Array, count: Float32Array, prior: float, usu
 @njit(cache=True)
 def _squared_errors(
     image: Float32Array, known: BoolArray, dy: int, step: int, mirrored: int
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Float32Array, Float32Array]:
     height, width = known.shape
     error = np.zeros((height, width), np.float32)
     seen = np.zeros((height, width), np.float32)
@@ -173,7 +173,7 @@ def _squared_errors(
 
 
 @njit(cache=True)
-def _class_mismatches(guide: UInt8Array, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
+def _class_mismatches(guide: UInt8Array, dy: int, step: int, mirrored: int) -> tuple[Float32Array, Float32Array]:
     height, width = guide.shape
     mismatch = np.zeros((height, width), np.float32)
     both_known = np.zeros((height, width), np.float32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArray, NumericArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
@@ -42,8 +42,8 @@ def synthesize(image: UInt8Array, labels: UInt8Array, size: tuple[int, int], *, 
 
 
 def synthesize_on_lattice(
-    image: np.ndarray,
-    labels: np.ndarray,
+    image: UInt8Array,
+    labels: UInt8Array,
     grid: Lattice,
     size: tuple[int, int],
     *,
@@ -79,7 +79,7 @@ def evolve_random_tilings(
     shape: tuple[int, int],
     rng: np.random.Generator,
     generations: int = SYNTHESIS_GENERATIONS,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Int32Array, Float64Array]:
     """Evolve random tilings (Algo. 2).
 
     Parameters
@@ -110,7 +110,7 @@ def evolve_random_tilings(
     )
 
 
-def mean_tile_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_tile_sizes(grid: Lattice, tiles: IntArray) -> tuple[Float64Array, Float64Array]:
     """Return the mean tile height of every row and the mean tile width of every column, in exemplar pixels.
 
     Parameters
@@ -122,7 +122,7 @@ def mean_tile_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.nd
     return np.diff(grid.rows)[tiles // across].mean(1), np.diff(grid.columns)[tiles % across].mean(0)
 
 
-def cell_borders(sizes: np.ndarray, total: int) -> np.ndarray:
+def cell_borders(sizes: NumericArray, total: int) -> Int64Array:
     """Return integer cell borders 0 ... total whose spacings are proportional to sizes.
 
     Parameters

@@ -98,7 +98,7 @@ def _find_seam_paths(
     rows: Int64Array,
     columns: Int64Array,
     most: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Int64Array, Int64Array]:
     """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
     tall, wide = tiles.shape
     across = len(source_columns) - 1
@@ -204,7 +204,7 @@ def _render_labels(
     tiles: Int32Array,
     rows: Int64Array,
     columns: Int64Array,
-) -> np.ndarray:
+) -> UInt8Array:
     wide, across = tiles.shape[1], len(source_columns) - 1
     out = np.empty(cell.shape, np.uint8)
     for y in range(cell.shape[0]):
@@ -225,7 +225,7 @@ def _render_faded(
     rows: Int64Array,
     columns: Int64Array,
     margin: int,
-) -> np.ndarray:
+) -> Float32Array:
     """Accumulate every tile, extended by margin, with weights that fade over the border."""
     height, width = rows[-1], columns[-1]
     out = np.zeros((height, width, 3), np.float32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import BoolArray, FloatArray, Int32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
 from facade_core.core.levelling import fill_unknown
@@ -21,8 +21,8 @@ _RIM_PX = 6
 
 
 def fill_by_tiles(
-    image: UInt8Array, mask: np.ndarray, labels: UInt8Array, grid: Lattice, rng: np.random.Generator
-) -> np.ndarray:
+    image: UInt8Array, mask: BoolArray, labels: UInt8Array, grid: Lattice, rng: np.random.Generator
+) -> UInt8Array:
     """Fill hidden pixels by tiles of a lattice.
 
     A tile is observed if no more than a twentieth of it is hidden. Only wholly visible tiles are copied; hidden
@@ -82,7 +82,7 @@ def fill_by_tiles(
     return _blend_hole(image, drawn, mask)
 
 
-def _similar_contents(shares: np.ndarray) -> np.ndarray:
+def _similar_contents(shares: FloatArray) -> BoolArray:
     """Return, (n, n) bool, whether rows of tiles have the same labels in the same columns, from histograms (n, m,
     classes).
     """
@@ -91,13 +91,13 @@ def _similar_contents(shares: np.ndarray) -> np.ndarray:
 
 
 def _initial_tiling(
-    own: np.ndarray,
-    usable: np.ndarray,
-    frozen: np.ndarray,
-    may_row: np.ndarray,
-    may_column: np.ndarray,
+    own: Int32Array,
+    usable: BoolArray,
+    frozen: BoolArray,
+    may_row: BoolArray,
+    may_column: BoolArray,
     rng: np.random.Generator,
-) -> np.ndarray:
+) -> Int32Array:
     """Draw visible tiles for the hidden nodes, of the same row if one fits, else of the same column."""
     tiles = own.copy()
     anywhere = np.argwhere(usable)
@@ -115,7 +115,7 @@ def _initial_tiling(
     return tiles
 
 
-def _blend_hole(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _blend_hole(image: UInt8Array, drawn: UInt8Array, mask: BoolArray) -> UInt8Array:
     """Return `drawn` in the hole, its colours adjusted to those of the rim, and `image` elsewhere."""
     kernel = np.ones((2 * _RIM_PX + 1, 2 * _RIM_PX + 1), np.uint8)
     rim = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
@@ -186,7 +186,7 @@ def _squared_distances(a: Float32Array, b: Float32Array) -> Float32Array:
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _min_pair_sums(left: Float32Array, right: Float32Array) -> np.ndarray:
+def _min_pair_sums(left: Float32Array, right: Float32Array) -> Float32Array:
     """Return [i, j] = min over windows c of left[i, c] + right[j, c]; a minimum is exact in any order."""
     out = np.empty((left.shape[0], right.shape[0]), np.float32)
     for i in range(left.shape[0]):
@@ -254,7 +254,7 @@ def sum_costs(cost: Float64Array) -> float:
     return out
 
 
-def tiling_energy(tables: EnergyTables, tiles: np.ndarray) -> float:
+def tiling_energy(tables: EnergyTables, tiles: IntArray) -> float:
     """Return Eq. 4 of a tiling: minus the log of the product of all constraint terms.
 
     Parameters

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.arrays import Int32Array, UInt8Array
+from facade_core.core.arrays import FloatArray, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
 
@@ -24,7 +24,7 @@ AVIF_OPTIONS = {"quality": 45, "speed": 6, "max_threads": 1}
 _LIGHT_STEP = 1 / 128
 
 
-def quantise_light(light: np.ndarray) -> np.ndarray:
+def quantise_light(light: FloatArray) -> FloatArray:
     """Return the light at the precision of the file."""
     return np.round(light / _LIGHT_STEP) * _LIGHT_STEP
 

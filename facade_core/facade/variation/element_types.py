@@ -175,7 +175,7 @@ def mean_shift(points: Float64Array, width: float) -> Int32Array:
 
 
 @njit(cache=True)
-def _find_modes(points: Float64Array, width: float) -> np.ndarray:
+def _find_modes(points: Float64Array, width: float) -> Int32Array:
     """Assign points to the best supported mode that theirs meets; number clusters by size, then by first point."""
     number, dimensions = points.shape
     modes = points.copy()

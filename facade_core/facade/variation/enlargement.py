@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import Int32Array, UInt8Array
+from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArray, StringArray, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.rendering import element_boxes
@@ -29,14 +29,14 @@ class EnlargedFacade(NamedTuple):
     """
 
     wall: UInt8Array
-    places: np.ndarray
+    places: Int64Array
     boxes: Int32Array
 
 
 def enlarge_facade(
-    wall: np.ndarray,
+    wall: UInt8Array,
     groups: Sequence[ElementGroup],
-    cells: Sequence[np.ndarray],
+    cells: Sequence[Int32Array],
     floors: int | None,
     columns: int | None,
     rng: np.random.Generator,
@@ -83,14 +83,14 @@ def enlarge_facade(
 
 
 def _repeat_bands(
-    rows: np.ndarray,
-    boxes: np.ndarray,
-    labels: np.ndarray,
+    rows: Float64Array,
+    boxes: IntArray,
+    labels: StringArray,
     axis: int,
     more: int,
     length: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, list[list[tuple[int, int]]]]:
+) -> tuple[Int64Array, list[list[tuple[int, int]]]]:
     """Return source positions of the enlarged axis, and each element's intervals on it.
 
     Parameters
@@ -127,7 +127,7 @@ def _repeat_bands(
     return source, intervals
 
 
-def _find_cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
+def _find_cuts(rows: Float64Array, spans: IntArray, length: int) -> list[int]:
     """Return the positions between rows that the fewest elements cross, and one pitch before and after."""
     found = []
     for (_, end), (start, _) in zip(rows[:-1], rows[1:], strict=True):
@@ -147,14 +147,14 @@ def _find_cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
     return sorted({min(max(c, 1), length - 1) for c in found})
 
 
-def _draw_bands(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
+def _draw_bands(bands: Sequence[int], number: int, rng: np.random.Generator) -> Int64Array:
     """Draw `number` of the bands, each about equally often."""
     if number == 0:
         return np.zeros(0, int)
     return np.concatenate([rng.permutation(bands) for _ in range(-(-number // len(bands)))])[:number]
 
 
-def _splice(wall: np.ndarray, source: np.ndarray, axis: int) -> np.ndarray:
+def _splice(wall: UInt8Array, source: Int64Array, axis: int) -> UInt8Array:
     """Take the lines `source` of the wall along an axis and fade between lines that are not successive."""
     if axis:
         return np.ascontiguousarray(_splice(wall.swapaxes(0, 1), source, 0).swapaxes(0, 1))

@@ -289,7 +289,7 @@ def _merge_types(state: IcmState, previous: Int32Array, cost: Float64Array, alph
 
 
 @njit(cache=True)
-def run_icm(state: IcmState, cost: Float64Array, alpha: float) -> np.ndarray:
+def run_icm(state: IcmState, cost: Float64Array, alpha: float) -> Float64Array:
     """Lower Eq. 1 from a labelling, which is also the reference of the data term.
 
     Single cells move first; if none can, all cells of a type move to another type in use. Every accepted move lowers

@@ -154,7 +154,7 @@ def relative_light(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Floa
     return np.where(known, np.clip(mean / np.median(mean[known]), *_LIGHT_RANGE), 1.0)
 
 
-def bare_wall(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def bare_wall(image: UInt8Array, mask: BoolArray) -> UInt8Array:
     """Fill masked pixels smoothly from their surroundings by pull-push over an image pyramid.
 
     Parameters
@@ -169,8 +169,8 @@ def bare_wall(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     if not mask.any():
         return image
     known = (~mask).astype(np.float32)
-    colours: list[np.ndarray] = [image.astype(np.float32) * known[..., None]]
-    weights: list[np.ndarray] = [known]
+    colours: list[NumericArray] = [image.astype(np.float32) * known[..., None]]
+    weights: list[NumericArray] = [known]
     while weights[-1].min() < 1e-3 and min(weights[-1].shape) > 1:
         colours.append(cv2.pyrDown(colours[-1]))
         weights.append(cv2.pyrDown(weights[-1]))

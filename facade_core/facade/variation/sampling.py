@@ -6,7 +6,7 @@ from math import factorial, gcd
 
 import numpy as np
 
-from facade_core.core.arrays import Int64Array, IntArray
+from facade_core.core.arrays import Int32Array, Int64Array, IntArray
 from facade_core.core.errors import InputError
 
 # Fewer permutations than this are numbered, so that seeds cannot coincide.
@@ -61,7 +61,7 @@ def permute_within_types(types: IntArray, seed: int) -> Int64Array:
     return shown
 
 
-def assign_by_type(types: np.ndarray, places: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def assign_by_type(types: Int32Array, places: Int64Array, boxes: Int32Array, rng: np.random.Generator) -> Int64Array:
     """Assign an element to each place of an enlarged facade, of the type of the place.
 
     Every element of a type is used about equally often, and repetitions are far apart.

@@ -63,7 +63,7 @@ def relax_structure(structure: Int32Array, cost: Float64Array) -> list[Relaxatio
     return found
 
 
-def regularity_terms(structure: np.ndarray) -> tuple[float, float, float]:
+def regularity_terms(structure: Int32Array) -> tuple[float, float, float]:
     """Return the three terms of E_reg: number of types, sum of reciprocal counts, sum of reciprocal rectangle sizes.
 
     Parameters

@@ -51,19 +51,19 @@ class Variations:
         return np.concatenate([g.types for g in self.groups]) if self.groups else np.zeros(0, np.int32)
 
     @cached_property
-    def levels(self) -> tuple[tuple[np.ndarray, ...], ...]:
+    def levels(self) -> tuple[tuple[Int32Array, ...], ...]:
         """Return the structure matrices of each level.
 
         All grids are relaxed with the same weights; states that differ by names only are omitted.
         """
         start = [np.where(c >= 0, self.types[c], -1).astype(np.int32) for c in self.cells]
-        steps: list[list[np.ndarray]] = []
+        steps: list[list[Int32Array]] = []
         for matrix in start:
             # A grid is part of one group, whose types are consecutive.
             first, cost = next((f, c) for f, c in self.costs if f <= matrix.max() < f + len(c))
             relaxed = relax_structure(np.where(matrix >= 0, matrix - first, -1), cost)
             steps.append([matrix] + [np.where(matrix >= 0, r.labels + first, -1).astype(np.int32) for r in relaxed])
-        levels: list[tuple[np.ndarray, ...]] = [tuple(start)]
+        levels: list[tuple[Int32Array, ...]] = [tuple(start)]
         for k in range(1, max((len(s) for s in steps), default=1)):
             state = tuple(s[min(k, len(s) - 1)] for s in steps)
             if any(

@@ -168,7 +168,8 @@ def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[Float64Array, Float64
             right = _outer_corner(edge, edges[edge.following] if edge.following >= 0 else None, edge.end)
             ends.append((left, right))
         short = [
-            bool((right - left)[:2] @ edge.direction < MAX_TOUCH_M) for edge, (left, right) in zip(edges, ends, strict=True)
+            bool((right - left)[:2] @ edge.direction < MAX_TOUCH_M)
+            for edge, (left, right) in zip(edges, ends, strict=True)
         ]
         if not any(short):
             return ends, edges

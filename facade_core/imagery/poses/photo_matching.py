@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.scene import Scene
 from facade_core.parsing.segmenter import outside_mask
 

@@ -59,7 +59,7 @@ def relight_facade(
 
 
 @njit(cache=True, inline="always")
-def _bilinear(grid: np.ndarray, row: int, column: int, down: float, right: float) -> float:
+def _bilinear(grid: Float32Array, row: int, column: int, down: float, right: float) -> float:
     upper = grid[row, column] * (1 - right) + grid[row, column + 1] * right
     return upper * (1 - down) + (grid[row + 1, column] * (1 - right) + grid[row + 1, column + 1] * right) * down
 

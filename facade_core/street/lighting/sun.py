@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt8Array
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
@@ -32,7 +32,7 @@ def sun_direction(sun: Sun) -> Float64Array:
     return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
-def sun_disk_rays(sun: Sun) -> np.ndarray:
+def sun_disk_rays(sun: Sun) -> Float64Array:
     """Return unit directions (DISK_RAYS, 3) that cover the sun's disk evenly.
 
     They lie on a spiral of equal areas.
@@ -48,7 +48,7 @@ def sun_disk_rays(sun: Sun) -> np.ndarray:
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
-def sunlight_share(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
+def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:
     """Compute the share of sunlight (h, w) float32 on a chart.
 
     The share is the cosine of incidence where the sun is unoccluded, 0 in full shadow.
@@ -96,7 +96,7 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[Float64Arr
     return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
 
 
-def apply_sunlight(colour: UInt8Array, light: np.ndarray) -> np.ndarray:
+def apply_sunlight(colour: UInt8Array, light: FloatArray) -> UInt8Array:
     """Apply the sky's light and a share of sunlight.
 
     Parameters

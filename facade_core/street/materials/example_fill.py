@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import paint_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
@@ -49,12 +49,12 @@ MIN_EXAMPLE_M2 = 6.0
 
 def fill_by_example(
     image: UInt8Array,
-    known: np.ndarray,
+    known: BoolArray,
     fillable: BoolArray,
     kinds: UInt8Array,
     density: float,
     max_distance_m: float = MAX_FILL_M,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[UInt8Array, BoolArray]:
     """Fill unknown texels by example from known ones.
 
     Parameters
@@ -99,8 +99,8 @@ def fill_by_example(
 
 
 def _copy_parts(
-    image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
-) -> tuple[np.ndarray, np.ndarray]:
+    image: UInt8Array, known: BoolArray, wanted: BoolArray, kind: UInt8Array, factor: int, step: float
+) -> tuple[UInt8Array, BoolArray]:
     """Copy parts to the wanted texels that translations reach.
 
     Returns the image and the known texels (h, w) bool. step: side of a cell, metres.
@@ -131,8 +131,8 @@ def _copy_parts(
 
 
 def _reduce_to_cells(
-    image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    image: UInt8Array, known: BoolArray, wanted: BoolArray, kind: UInt8Array, factor: int
+) -> tuple[Float32Array, BoolArray, BoolArray, UInt8Array]:
     """Reduce texels to cells of `factor` texels.
 
     Returns colours in 0..1 float32, cells that are all known, other cells with a wanted texel, and kinds.
@@ -150,7 +150,7 @@ def _reduce_to_cells(
     return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
 
 
-def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarray:
+def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> Int64Array:
     """Find translations (k, 2) in cells, down and right, under which the clear cells match best.
 
     Score: normalised correlation of detail, for all translations at once.
@@ -175,7 +175,7 @@ def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.
 
 
 def _source_offers(
-    small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, cells: np.ndarray, moves: np.ndarray, step: float
+    small: Float32Array, clear: BoolArray, kinds: UInt8Array, cells: Int64Array, moves: Int64Array, step: float
 ) -> SourceCosts:
     """Compute colour and cost of every translation (k, 2) at cells (n, 2).
 
@@ -203,13 +203,13 @@ def _source_offers(
     return SourceCosts(price, colour)
 
 
-def _shift_cells(cells: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _shift_cells(cells: Int64Array, move: Int64Array, shape: tuple[int, ...]) -> tuple[Int64Array, BoolArray]:
     """Return the shifted cells (n, 2) and a mask (n,) of those inside the raster."""
     shifted = cells + move
     return shifted, ((shifted >= 0) & (shifted < shape)).all(axis=1)
 
 
-def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _translation_errors(small: Float32Array, clear: BoolArray, move: Int64Array) -> tuple[Float32Array, Float32Array]:
     """Compute the squared colour difference (r, c) of clear cells to shifted ones.
 
     Also returns where both are clear.
@@ -223,7 +223,7 @@ def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) 
     return error, comparable
 
 
-def _seam_costs(small: np.ndarray, clear: np.ndarray, cells: np.ndarray, moves: np.ndarray) -> Float32Array:
+def _seam_costs(small: Float32Array, clear: BoolArray, cells: Int64Array, moves: Int64Array) -> Float32Array:
     """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
     cost = np.zeros((len(moves), len(cells)), np.float32)
     for offset in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):

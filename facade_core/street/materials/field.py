@@ -7,7 +7,7 @@ from copy import copy
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
@@ -225,7 +225,7 @@ class MaterialField:
             self._paint_texels(chart, rows[batch], columns[batch], out[batch])
         return out
 
-    def fine_detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    def fine_detail(self, chart: int, rows: Int64Array, columns: Int64Array, footprint: Float64Array) -> Int16Array:
         """Compute the difference of texels from their means over larger footprints.
 
         Added to a picture whose pixels have these footprints, it restores detail below the pixel size.

@@ -300,7 +300,7 @@ def _colour_batch(
 
 
 @njit(cache=True)
-def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -> np.ndarray:
+def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -> Float64Array:
     """Pick a random colour of a palette for each number.
 
     Parameters
@@ -322,7 +322,7 @@ def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -
 
 
 @njit(cache=True)
-def draw_uniform(number: Int64Array, seed: int) -> np.ndarray:
+def draw_uniform(number: Int64Array, seed: int) -> Float64Array:
     """Draw a uniform number in 0..1 for each number (n,)."""
     out = np.empty(len(number))
     for i in range(len(number)):

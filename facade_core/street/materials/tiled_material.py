@@ -9,7 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.seams import find_min_error_path
@@ -51,7 +51,7 @@ class TiledMaterial:
     size: tuple[float, float]
 
     @classmethod
-    def from_picture(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
+    def from_picture(cls, image: UInt8Array, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
         """Make a material from a picture (h, w, 3) uint8 for a texel density.
 
         Raises
@@ -73,7 +73,7 @@ class TiledMaterial:
             tile = cv2.resize(tile, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3)
         return cls(tile, size)
 
-    def sample(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    def sample(self, across: Float64Array, down: Float64Array, footprint: Float64Array) -> Float64Array:
         """Sample the colour (n, 3) at coordinates and footprints (n,) of a plane, metres."""
         return _sample_points(self.mip_levels, across, down, footprint)
 
@@ -92,7 +92,7 @@ class TiledMaterial:
 
 
 @njit(cache=True)
-def _sample_points(mips: MipLevels, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+def _sample_points(mips: MipLevels, across: Float64Array, down: Float64Array, footprint: Float64Array) -> Float64Array:
     out = np.empty((len(across), 3))
     for i in range(len(across)):
         out[i] = sample_mip_levels(mips, across[i], down[i], footprint[i])
@@ -128,7 +128,7 @@ def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: fl
     )
 
 
-def make_seamless(image: np.ndarray) -> Float32Array:
+def make_seamless(image: UInt8Array) -> Float32Array:
     """Make a picture (h, w, 3) tileable: (h', w', 3) float32, a quarter smaller on both sides.
 
     Removes large-scale shading and joins opposite borders along the path of least difference.
@@ -140,7 +140,7 @@ def make_seamless(image: np.ndarray) -> Float32Array:
     return np.ascontiguousarray(_join_borders(once.transpose(1, 0, 2), around=True).transpose(1, 0, 2))
 
 
-def _join_borders(image: np.ndarray, *, around: bool) -> np.ndarray:
+def _join_borders(image: Float32Array, *, around: bool) -> Float32Array:
     """Blend the right border of (h, w, 3) over the left one along a minimal path.
 
     `around` closes the path for wrapping rows.

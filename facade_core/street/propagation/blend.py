@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import Int32Array, UInt8Array, UInt16Array
+from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, IntArray, UInt8Array, UInt16Array
 from facade_core.core.numba_cache import njit
 
 # Clamps of the blend weights.
@@ -68,7 +68,7 @@ def is_fallback_view(state: BlendState, t: int, d: int, view: int) -> bool:
 
 
 @njit(cache=True, inline="always")
-def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np.ndarray) -> None:
+def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: IntArray) -> None:
     """Add one view of texel t. Called from numba kernels.
 
     Parameters
@@ -110,7 +110,7 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np
 
 @njit(cache=True)
 def add_views(
-    state: BlendState, texel: np.ndarray, d: np.ndarray, proper: np.ndarray, view: np.ndarray, rgb: UInt8Array
+    state: BlendState, texel: Int64Array, d: Int64Array, proper: BoolArray, view: Int64Array, rgb: UInt8Array
 ) -> None:
     """Add views one by one.
 
@@ -148,7 +148,7 @@ def _blend(state: BlendState, out: UInt8Array, views: UInt16Array) -> None:
 
 
 @njit(cache=True, inline="always")
-def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
+def blend_texel(state: BlendState, t: int, out: UInt8Array) -> int:
     """Write Eq. 1 of texel t to out[t] and return the number of blended views.
 
     Called from numba kernels.

@@ -43,18 +43,18 @@ class TranslatedPanorama(NamedTuple):
 
     id: int
     gate: int
-    camera: np.ndarray
+    camera: Float64Array
     rgb: UInt8Array
-    surface: np.ndarray
+    surface: Int32Array
 
 
 def propagate(
     scene: Scene,
     buffer: TexelBuffer,
     viewpoint: Viewpoint,
-    rgb: np.ndarray,
+    rgb: UInt8Array,
     *,
-    charts_seen: np.ndarray | None = None,
+    charts_seen: Int32Array | None = None,
     threads: int = 1,
 ) -> None:
     """Blend a translated panorama into the buffer's writable charts, in place.
@@ -174,14 +174,14 @@ def _fast_atan2(right: float, ahead: float) -> float:
 
 @njit(cache=True, inline="always", error_model="numpy")
 def _project_row(
-    origin: np.ndarray,
-    step: np.ndarray,
+    origin: Float64Array,
+    step: Float64Array,
     columns: int,
     rows: int,
-    column_at: np.ndarray,
-    row_at: np.ndarray,
-    depth: np.ndarray,
-    level: np.ndarray,
+    column_at: Float64Array,
+    row_at: Float64Array,
+    depth: Float64Array,
+    level: Float64Array,
 ) -> None:
     """Project n texels of a row into the panorama.
 
@@ -199,11 +199,11 @@ def _project_row(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _blend_tiles(
     state: BlendState,
-    resolved: np.ndarray,
-    provenance: np.ndarray,
+    resolved: UInt8Array,
+    provenance: UInt8Array,
     charts: FacingCharts,
     view: TranslatedPanorama,
-    marked: np.ndarray,
+    marked: BoolArray,
     part: int,
     parts: int,
 ) -> None:

@@ -89,7 +89,7 @@ class DaylightGrid(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
+def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, lights: Float32Array) -> float:
     """Interpolate the light of a chart's grid bilinearly. Called from numba kernels.
 
     Parameters
@@ -109,7 +109,7 @@ def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, l
 
 
 @njit(cache=True, inline="always")
-def _is_known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
+def _is_known(provenance: UInt8Array, views: UInt16Array, texel: int, near: bool) -> bool:
     """Return True if a texel has a colour; in a near view a fallback colour does not count."""
     if near and provenance[texel] == Provenance.TRANSLATED and texel < len(views) and views[texel] == 0:
         return False

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array
 from facade_core.core.numba_cache import njit
 
 # Side of the kernel, pixels.
@@ -14,7 +15,7 @@ TAP_COUNT = KERNEL_SIZE * KERNEL_SIZE
 
 
 @lru_cache(maxsize=8)
-def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
+def kernel_taps(height: int) -> tuple[Float32Array, Float32Array]:
     """Return rows and column offsets (height, TAP_COUNT) float32 of the kernel's taps, in pixels.
 
     The kernel is a patch of the sphere: pixels around a place at the equator, moved along the meridian to the row's
@@ -34,7 +35,7 @@ def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     return rows.reshape(height, TAP_COUNT).astype(np.float32), columns.reshape(height, TAP_COUNT).astype(np.float32)
 
 
-def gather_taps(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> np.ndarray:
+def gather_taps(image: Float32Array, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> Float32Array:
     """Gather the taps of some rows and columns of a whole panorama, bilinearly.
 
     Parameters
@@ -55,7 +56,7 @@ def gather_taps(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, in
 
 
 @njit(cache=True, nogil=True)
-def _gather_rows(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, left: int, out: np.ndarray) -> None:
+def _gather_rows(image: Float32Array, rows: Float32Array, columns: Float32Array, left: int, out: Float32Array) -> None:
     bands, height, width = image.shape
     count = out.shape[2]
     line = np.empty(count + 1, np.float32)

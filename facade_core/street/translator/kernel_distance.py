@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float64Array, UInt8Array
 
 # Blocks of EfficientNet-Lite0 with strides 4, 8, 16 and 32, whose mean outputs are the features.
 FEATURE_BLOCKS = (2, 4, 10, 15)
@@ -29,7 +29,7 @@ def _network() -> Any:
     return network.eval()
 
 
-def image_features(pictures: Sequence[UInt8Array]) -> np.ndarray:
+def image_features(pictures: Sequence[UInt8Array]) -> Float64Array:
     """Compute features of pictures: mean outputs of FEATURE_BLOCKS at unit length.
 
     Parameters
@@ -58,7 +58,7 @@ def image_features(pictures: Sequence[UInt8Array]) -> np.ndarray:
     return np.array(features)
 
 
-def kernel_distance(ours: np.ndarray, theirs: np.ndarray) -> float:
+def kernel_distance(ours: Float64Array, theirs: Float64Array) -> float:
     """Compute the unbiased squared maximum mean discrepancy under the kernel (x . y + 1)^3.
 
     Parameters
@@ -67,7 +67,7 @@ def kernel_distance(ours: np.ndarray, theirs: np.ndarray) -> float:
     theirs : (m, k) features.
     """
 
-    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def kernel(a: Float64Array, b: Float64Array) -> Float64Array:
         return (a @ b.T + 1) ** 3
 
     n, m = len(ours), len(theirs)

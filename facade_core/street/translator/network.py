@@ -18,6 +18,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, kernel_taps
 
 RESIDUAL_BLOCKS = 9
@@ -211,7 +212,7 @@ def initialise_weights(network: nn.Module, generator: torch.Generator) -> None:
             network.last.weight.mul_(LAST_LAYER_SCALE)
 
 
-def image_to_tensor(image: np.ndarray) -> Tensor:
+def image_to_tensor(image: UInt8Array) -> Tensor:
     """Convert (h, w, bands) or (n, h, w, bands) uint8 to (n, bands, h, w) in -1..1."""
     batch = image if image.ndim == 4 else image[None]
     return torch.from_numpy(np.ascontiguousarray(batch)).permute(0, 3, 1, 2).float() / 127.5 - 1

@@ -42,13 +42,13 @@ class NeuralTranslator:
 
     session: Any
 
-    def translate(self, panorama: Panorama) -> np.ndarray:
+    def translate(self, panorama: Panorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
         rgb = self.translate_image(panorama.rgb)
         rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
         return rgb
 
-    def translate_image(self, image: np.ndarray) -> UInt8Array:
+    def translate_image(self, image: UInt8Array) -> UInt8Array:
         """Translate a whole panorama (h, 2 h, 3) uint8 in tiles that equal the whole.
 
         Raises

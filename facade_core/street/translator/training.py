@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError, ModelError
 from facade_core.street.translator.training_steps import (
     TrainingDomains,
@@ -34,7 +35,7 @@ from facade_core.street.translator.training_views import crop_panorama, crop_ren
 
 Progress = Callable[[str, int, int], None]
 # Called with step, distance, and pictures (h, w, 3) uint8 of inputs above outputs.
-CheckpointCallback = Callable[[int, float, np.ndarray], None]
+CheckpointCallback = Callable[[int, float, UInt8Array], None]
 
 LEARNING_RATE = 2e-4
 ADAM_BETAS = (0.5, 0.999)
@@ -180,7 +181,7 @@ def learning_rate_share(step: int, steps: int) -> float:
 
 def evaluate_generator(
     generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any
-) -> tuple[float, np.ndarray]:
+) -> tuple[float, UInt8Array]:
     """Compute the kernel distance of translated held-out renderings to held-out real crops.
 
     Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a

@@ -85,9 +85,9 @@ class TrainingDomains:
     """
 
     rendered: Sequence[TrainingRendering]
-    real: Sequence[np.ndarray]
+    real: Sequence[UInt8Array]
     judged_rendered: Sequence[TrainingRendering]
-    judged_real: Sequence[np.ndarray]
+    judged_real: Sequence[UInt8Array]
     paired: Sequence[TrainingPair] = ()
 
 

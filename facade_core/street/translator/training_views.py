@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
@@ -76,7 +76,7 @@ def render_sequence(
     viewpoints: Sequence[Viewpoint],
     *,
     furniture: Mesh | None = None,
-    relief: dict[int, np.ndarray] | None = None,
+    relief: dict[int, UInt8Array] | None = None,
 ) -> list[TrainingRendering]:
     """Render viewpoints of one street in order, each with the texture of its predecessors.
 
@@ -109,7 +109,7 @@ def render_sequence(
     return renderings
 
 
-def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
+def _make_buffer(scene: Scene, charts: IntArray, seeds: dict[int, UInt8Array]) -> TexelBuffer:
     """Allocate a buffer in which some charts have texture from the start."""
     rasters, write = TexelBuffer.plan_layout(scene.placement, charts, charts)
     colour, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
@@ -121,7 +121,7 @@ def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray])
     )
 
 
-def _triangle_normals(mesh: Mesh) -> np.ndarray:
+def _triangle_normals(mesh: Mesh) -> Float64Array:
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
@@ -152,7 +152,7 @@ def crop_rendering(
     return _cut_crop(np.repeat(grey[..., None], 3, 2), known, size, rng)
 
 
-def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
+def crop_panorama(panoramas: Sequence[UInt8Array], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
     """Take a random crop of a random panorama: rotated, mirrored, in varied light.
 
     Parameters
@@ -173,7 +173,7 @@ def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: n
 
 def crop_pair(
     pairs: Sequence[TrainingPair], size: tuple[int, int], rng: np.random.Generator
-) -> tuple[TrainingCrop, np.ndarray, np.ndarray]:
+) -> tuple[TrainingCrop, UInt8Array, BoolArray]:
     """Take a random crop of a random pair at one of PANORAMA_WIDTHS, possibly mirrored.
 
     Parameters
@@ -207,7 +207,7 @@ def crop_pair(
     return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), valid
 
 
-def imitate_rendering(photo: np.ndarray) -> UInt8Array:
+def imitate_rendering(photo: UInt8Array) -> UInt8Array:
     """Convert a real crop to an imitation of an untextured rendering.
 
     Keeps shading without detail; the sky is black.
@@ -236,7 +236,7 @@ def imitate_rendering(photo: np.ndarray) -> UInt8Array:
     return out
 
 
-def _cut_crop(image: np.ndarray, known: np.ndarray, size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
+def _cut_crop(image: IntArray, known: BoolArray, size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
     height, width = image.shape[:2]
     first, last = (round(share * height) for share in USED_ROWS)
     top = int(rng.integers(first, max(last - size[0], first) + 1))

@@ -23,7 +23,7 @@ MIN_VIEW_COSINE = 0.02
 class Translator(Protocol):
     """Interface of all translators."""
 
-    def translate(self, panorama: Panorama) -> np.ndarray:
+    def translate(self, panorama: Panorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""
         ...
 

@@ -76,7 +76,7 @@ class NearbyPanoramas:
         return tuple(self.panoramas[i] for i in sorted(chosen[:MAX_PANORAMAS_PER_SURFACE]))
 
     @cached_property
-    def _positions(self) -> np.ndarray:
+    def _positions(self) -> Float64Array:
         """Return all positions (n, 3), metres."""
         return np.array([(one.pose.x, one.pose.y, one.pose.z) for one in self.panoramas]).reshape(-1, 3)
 
@@ -100,7 +100,7 @@ def find_panoramas(
     )
 
 
-def _chart_pieces(charts: Charts, chart: int) -> np.ndarray:
+def _chart_pieces(charts: Charts, chart: int) -> Float64Array:
     """Return the corners (p, 4, 2), seen from above, of the pieces of a chart across its longer side: of at most MAX_PIECE_M each."""
     axes = np.stack([charts.axis_u[chart], charts.axis_v[chart]])
     sides = np.linalg.norm(axes[:, :2], axis=1) * charts.size[chart]

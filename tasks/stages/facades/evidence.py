@@ -92,7 +92,7 @@ class EarlierCapture(NamedTuple):
     compared: float
     day: str | None
     cells: tuple[str, ...] = ()
-    picture: np.ndarray | None = None
+    picture: UInt8Array | None = None
 
 
 class PhotoFit(NamedTuple):
@@ -223,7 +223,7 @@ def _fuse_panoramas(
     )
 
 
-def _shrink(view: ChartView) -> np.ndarray:
+def _shrink(view: ChartView) -> UInt8Array:
     """Return a small copy of a view (h, w, 3), grey where it does not show the wall."""
     image = np.where(view.clear[..., None], view.rgb, np.uint8(GREY))
     scale = min(1.0, LONGEST / max(image.shape[:2]))

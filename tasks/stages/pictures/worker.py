@@ -21,7 +21,7 @@ from facade_core.atlas.stored_files import (
     tile_paths,
     write_stored_file,
 )
-from facade_core.core.arrays import Int32Array
+from facade_core.core.arrays import Int32Array, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
@@ -114,7 +114,7 @@ def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
     return {}  # type: ignore[typeddict-item]
 
 
-def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Iterator[dict[int, np.ndarray]]:
+def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Iterator[dict[int, UInt8Array]]:
     """Iterate over the rasters (h, w, 3) of some charts (k,) from encoded pages, by chart, a page at a time."""
     from PIL import Image
 
@@ -130,7 +130,7 @@ def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Ite
         }
 
 
-def _read_coarse_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+def _read_coarse_rasters(plan: Plan, group: StoreGroup, charts: IntArray) -> Iterator[dict[int, UInt8Array]]:
     """Iterate over the coarse rasters of the tiles of some charts (k,), by chart, a tile at a time."""
     place = plan.scene.placement
     texels = np.column_stack([place.width, place.height]).astype(np.int64)

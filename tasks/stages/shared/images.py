@@ -12,7 +12,7 @@ import numpy as np
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture, open_picture, read_picture
 from catalogs.readers.pictures.folders import label_map_path
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 from tasks.engine.outcome import collect_rejections
@@ -50,7 +50,7 @@ def capture_date(path: Path) -> str | None:
         return exif_capture_date(image)
 
 
-def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
+def read_textures(paths: Sequence[Path], used: IntArray, refused: list[Exception]) -> dict[int, UInt8Array]:
     """Read the used pictures (h, w, 3) uint8.
 
     Parameters
@@ -73,7 +73,7 @@ def read_panorama(path: Path) -> UInt8Array:
 
 
 @lru_cache(maxsize=2)
-def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
+def _read_panorama(path: Path, size: int, modified: int) -> UInt8Array:
     return read_image(path)[0]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
@@ -28,7 +28,7 @@ from tasks.stages.shared.surface_panorama import SurfacePanorama
 MAX_CACHED_MASKS = 8
 
 # What stands before surfaces on a panorama (H, W, 3) uint8 of a pose: (H, W) bool.
-Hides = Callable[[np.ndarray, Pose], np.ndarray]
+Hides = Callable[[UInt8Array, Pose], BoolArray]
 
 
 def open_cameras(
@@ -106,7 +106,7 @@ def write_views(
         of_chart = np.array([0, *(numbers.get(panorama, 0) for panorama in used[chart])], np.uint16)
         camera[texels] = of_chart[one.camera.astype(np.int64) + 1].reshape(-1)
         confidence[texels] = np.round(255 * one.confidence.clip(0, 1)).reshape(-1)
-    arrays: dict[str, np.ndarray] = {
+    arrays: dict[str, AnyArray] = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
         "facade_maps/camera": camera,
@@ -121,7 +121,7 @@ def write_views(
     return chart_digests(seed, evidence, placement, rasters, plan.ids), told
 
 
-def _mean_distance(scene: Scene, own: Mapping[int, np.ndarray], one: SurfacePanorama) -> float:
+def _mean_distance(scene: Scene, own: Mapping[int, AnyArray], one: SurfacePanorama) -> float:
     """Return the mean distance of a camera from texels (h, w) of charts, metres."""
     away = []
     for chart, texels in own.items():
@@ -134,7 +134,7 @@ def _mean_distance(scene: Scene, own: Mapping[int, np.ndarray], one: SurfacePano
 
 # What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
 # them.
-_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
+_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], BoolArray] = OrderedDict()
 
 
 def _occluder_bits(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> BoolArray:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from facade_core.atlas.journal import read_journal
+from facade_core.core.arrays import IntArray
 from tasks.engine.pending_reasons import NEW, NOT_DONE, READS_AGAIN, REASONS, STREETS_CHANGED, VIEW_CHANGED
 from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import differing_parts
@@ -24,7 +25,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
     following: set[int] = set()
     # charts in sight of streets of earlier waves that are pending or follow one that is
     earlier, wave = np.zeros(len(plan.ids), bool), -1
-    of_wave: list[np.ndarray] = []
+    of_wave: list[IntArray] = []
     for street in sorted(np.unique(plan.street_charts[:, 0]).tolist(), key=lambda s: (int(plan.wave[s]), s)):
         if plan.wave[street] != wave:
             earlier[np.concatenate([np.zeros(0, np.int64), *of_wave])] = True

@@ -14,7 +14,7 @@ import numpy as np
 
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
-from facade_core.core.arrays import Int32Array, Int64Array
+from facade_core.core.arrays import Int32Array, Int64Array, IntArray
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -24,7 +24,7 @@ from tasks.stages.shared.key_parts import material_digests
 from tasks.stages.streets.record import ViewpointRecord
 
 # The records of some units (n,) of a stage, in that order.
-_Read = Callable[[str, np.ndarray], list[Record | None]]
+_Read = Callable[[str, IntArray], list[Record | None]]
 
 # Settings that streets' texels depend on.
 KEY_SETTINGS = ("texels_per_metre", "panorama_width", "translator")

@@ -14,7 +14,7 @@ import numpy as np
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.core.arrays import BoolArray, Int64Array
+from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, UInt8Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
@@ -176,7 +176,7 @@ def process_street(run: Run, fork: Any, street: int, steps: int, street_key: str
     }
 
 
-def _shared_pixels_digest(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
+def _shared_pixels_digest(plan: Plan, chart: Int32Array, rgb: UInt8Array) -> str:
     """Return a digest of the pixels of a panorama that other streets may blend: those on charts of the street stage."""
     shared = (chart >= 0) & plan.writable[chart]
     return picture_digest(np.where(shared[..., None], rgb, np.uint8(0)))

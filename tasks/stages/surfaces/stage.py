@@ -10,6 +10,7 @@ from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.store import open_table
 from facade_core.atlas.surroundings import coplanar_pieces
+from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import RowIndex
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
@@ -86,7 +87,7 @@ def _match_previous(change: Change) -> dict[int, int]:
     }
 
 
-def surface_memory(texels: np.ndarray, *, continued: bool = False) -> int:
+def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
     """Return the memory of a building or piece of ground: all charts are kept, one at a time is levelled.
 
     Parameters

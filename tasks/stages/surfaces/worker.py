@@ -111,7 +111,7 @@ def _chart_slices(placement: Placement, chart: int) -> tuple[int, slice, slice]:
     return int(placement.page[chart]), slice(y, y + height), slice(x, x + width)
 
 
-def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
+def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> UInt8Array | None:
     """Return the labels (h, w) uint8 of a facade; None of other charts."""
     return (
         np.asarray(group["facade_maps/labels"][_chart_slices(plan.scene.placement, chart)])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.block.reader import Block
+from facade_core.core.arrays import Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -44,7 +45,7 @@ def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     ]
 
 
-def _texels_by_building(plan: Plan) -> np.ndarray:
+def _texels_by_building(plan: Plan) -> Int64Array:
     """Return the number of texels of the textured charts of each building, (b,)."""
     building = plan.scene.charts.building
     textured = np.flatnonzero(plan.textured & (building >= 0))

@@ -10,6 +10,7 @@ from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_digests, read_journal, unit_key
 from facade_core.atlas.stored_files import COARSE, delete_stored_files
 from facade_core.atlas.stored_files import TILES as FOLDER
+from facade_core.core.arrays import IntArray
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.tiles.block_tiles import plan_block_tiles
@@ -64,8 +65,8 @@ def tile_memory(texels: int) -> int:
 def tile_key(
     run: Run,
     plan: Plan,
-    charts: np.ndarray,
-    buildings: np.ndarray,
+    charts: IntArray,
+    buildings: IntArray,
     origin: tuple[float, ...],
     digests: Mapping[str, str],
 ) -> str:
@@ -89,7 +90,7 @@ def tile_key(
     )
 
 
-def tile_shape(plan: Plan, charts: np.ndarray) -> str:
+def tile_shape(plan: Plan, charts: IntArray) -> str:
     """Return a digest of the layout of a tile's pictures: its charts (k,), their texels, and the code."""
     placement = plan.scene.placement
     sides = (placement.width[charts].tolist(), placement.height[charts].tolist())

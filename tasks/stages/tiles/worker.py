@@ -98,7 +98,7 @@ def _earlier_tile(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | No
 def _textured_scene(run: Run) -> TexturedMesh:
     """Return the textured scene of the block, without pages."""
 
-    def nothing(page: int) -> np.ndarray:
+    def nothing(page: int) -> UInt8Array:
         raise StoreError(f"page {page} is not read as a whole")
 
     return build_textured_mesh(plan_of_run(run).scene, nothing)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
+from facade_core.core.arrays import IntArray
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.plan.plan import Plan
@@ -97,7 +96,7 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
     )
 
 
-def wall_memory(texels: np.ndarray, pictures: Sequence[Sequence[Path]]) -> int:
+def wall_memory(texels: IntArray, pictures: Sequence[Sequence[Path]]) -> int:
     """Return the memory of a building.
 
     Parameters

@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
@@ -67,6 +67,6 @@ def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> BoolArray:
 
 
 @lru_cache(maxsize=MAX_CACHED_MASKS)
-def _edge_bits(run: Run, pose: Pose, rows: int, columns: int) -> np.ndarray:
+def _edge_bits(run: Run, pose: Pose, rows: int, columns: int) -> UInt8Array:
     """Return the same as bits; consecutive units share them."""
     return np.packbits(mask_model_edges(plan_of_run(run).scene, pose, (rows, columns)))

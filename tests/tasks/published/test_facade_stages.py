@@ -38,7 +38,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         if view.tables.facades.role[index] != WallRole.STREET:
             assert facade not in shown
             continue
-        declared = [stage.report for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.report]
+        declared = [stage.report for stage in iterate_stage_pictures(view.open_facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
         assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
@@ -61,7 +61,7 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
 ) -> None:
     images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
     index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
-    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.stored_facade(index)) if stage.viewer and stage.report]
+    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.open_facade(index)) if stage.viewer and stage.report]
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
         kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
