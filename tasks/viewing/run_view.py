@@ -125,8 +125,8 @@ class RunView:
     def renamed_ids(self) -> dict[str, str]:
         """Present id by the id at the time of a correction."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
-open_facade
-    def stored_facade(self, index: int) -> StoredFacade:
+
+    def open_facade(self, index: int) -> StoredFacade:
         """Return the stored data of a facade."""
         chart = int(self.tables.facades.chart[index])
         exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]

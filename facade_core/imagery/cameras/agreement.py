@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array
+from facade_core.core.arrays import BoolArray, Float32Array, NumericArray
 from facade_core.core.levelling import fill_unknown
 from facade_core.imagery.rectify.fusion import ChartView
 
