@@ -33,7 +33,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     exemplars : names of available exemplars.
     corrected : corrections in effect, each with author, time and reason.
     """
-    tables, corrections = view.tables, corrections.rename_targets(view.renamed_ids)
+    tables, corrections = view.tables, corrections.rename_targets(view.id_by_former_id)
     row = int(tables.facades.building[index])
     facade, building = tables.facades.id[index], tables.buildings[row]
     chart = int(tables.facades.chart[index])

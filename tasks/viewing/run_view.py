@@ -81,7 +81,7 @@ class RunView:
         return str(self.session.snapshot_id)
 
     @property
-    def published_snapshot(self) -> str | None:
+    def newest_publication(self) -> str | None:
         """Return the newest published snapshot, which may be older than this one during a run."""
         found = find_current_snapshot(self.out)
         return found.id if found else None
@@ -97,7 +97,7 @@ class RunView:
         return self.journals["facades"]
 
     @cached_property
-    def corrected_buildings(self) -> frozenset[str]:
+    def buildings_with_corrections(self) -> frozenset[str]:
         """Buildings with corrections."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
@@ -122,7 +122,7 @@ class RunView:
         return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
 
     @cached_property
-    def renamed_ids(self) -> dict[str, str]:
+    def id_by_former_id(self) -> dict[str, str]:
         """Present id by the id at the time of a correction."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
@@ -147,7 +147,7 @@ class RunView:
             "crs": self.group.attrs["crs"],
             "notes": self.group.attrs.get("notes", []),
             "snapshot": self.snapshot,
-            "published": self.published_snapshot,
+            "published": self.newest_publication,
             "changed_from": CHANGED,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
@@ -181,7 +181,7 @@ class RunView:
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
-            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.corrected_buildings)
+            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.buildings_with_corrections)
             row["look_first"] = look_first(facades, index, record, row["quality"])
         return {name: _to_python(value) for name, value in row.items() if value is not None}
 
@@ -218,8 +218,8 @@ class RunView:
             ]
         return {
             "snapshot": self.snapshot,
-            "published": self.published_snapshot,
-            "ended": self.published_snapshot == self.snapshot,
+            "published": self.newest_publication,
+            "ended": self.newest_publication == self.snapshot,
             "stages": stages,
             "failures": failures,
             "stale": outdated,
