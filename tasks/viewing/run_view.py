@@ -31,12 +31,12 @@ from tasks.publish.rows import facts
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 
-# What a facade may be coloured by: not what names it, nor where it lies.
+# Columns by which a facade cannot be coloured: names and positions.
 _HIDDEN_COLUMNS = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
 SHOWN_COLUMNS = tuple(column for column in COLUMNS if column.name not in _HIDDEN_COLUMNS)
 
 
-# What is kept of a building's roof and materials; a store of before that has none.
+# Columns of a building's roof and materials; older stores lack them.
 APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
 
 
@@ -271,7 +271,7 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
     placement = placement_from_table(charts, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     start = charts["origin"][facades.chart, :2]
     along = charts["axis_u"][facades.chart]
-    normal = np.cross(charts["axis_v"][facades.chart], along)  # v runs down: v x u is outward
+    normal = np.cross(charts["axis_v"][facades.chart], along)  # v points down, so v x u points outward
     return _PlanTables(
         facades,
         placement,
