@@ -144,7 +144,7 @@ def fetch_for_block(
     values = {"path": folder_name, "poses": poses}
     if add_imagery(block_file, "panoramas", values):
         return fetched
-    return replace(fetched, named=f"imagery: {{{format_imagery_entry('panoramas', values)}}}")
+    return replace(fetched, manual_entry=f"imagery: {{{format_imagery_entry('panoramas', values)}}}")
 
 
 def fetch_for_box(

@@ -52,9 +52,9 @@ def doctor(out: Folder | None, as_json: bool) -> None:
         found.append(finding)
         if not as_json:
             print_line(f"{FINDING_WORDS[finding.is_well]:<6} {finding.concern:<10} {finding.message}")
-    well = all(finding.well is not False for finding in found)
+    well = all(finding.is_well is not False for finding in found)
     if as_json:
-        lines = [{"concern": f.concern, "state": FINDING_WORDS[f.well], "said": f.said} for f in found]
+        lines = [{"concern": f.concern, "state": FINDING_WORDS[f.is_well], "said": f.message} for f in found]
         print_line(json.dumps({"ok": well, "findings": lines}))
     sys.exit(0 if well else 1)
 
@@ -69,4 +69,4 @@ def _examine_runs(out: Folder) -> Iterator[Finding]:
         yield from examine_folder(out)
     for name, folder in runs.items():
         for finding in examine_folder(folder):
-            yield replace(finding, said=f"{name}: {finding.message}")
+            yield replace(finding, message=f"{name}: {finding.message}")
