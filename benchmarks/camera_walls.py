@@ -88,8 +88,12 @@ def _recovered(
     paint = side_pattern(street)
     squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
-        PanoramaCamera(image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own))
-        for image, pose, mask, factor, own in zip(images, poses, hidden, exposure_factors(squares), squares, strict=True)
+        PanoramaCamera(
+            image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own)
+        )
+        for image, pose, mask, factor, own in zip(
+            images, poses, hidden, exposure_factors(squares), squares, strict=True
+        )
     ]
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)

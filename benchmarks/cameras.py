@@ -98,7 +98,9 @@ def photographed_street(
             )
         )
         gains.append(float(rng.uniform(0.7, 1.0)))
-        images.append(render_street_panorama(street, pose, width, gain=gains[-1], seed=number, ground=ground, sides=sides))
+        images.append(
+            render_street_panorama(street, pose, width, gain=gains[-1], seed=number, ground=ground, sides=sides)
+        )
     return true, given, gains, images
 
 
@@ -136,7 +138,9 @@ def _recovered(
     factor = exposure_factors(squares)
     cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
-    street_line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
+    street_line = Street(
+        "street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)])
+    )
     materials = MaterialField(scene, (street_line,), seed=1)
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
     shown: dict[int, CameraView] = {}
@@ -161,7 +165,9 @@ def _recovered(
         ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
-        covered = np.stack([is_behind_cutout(street, points, a, assumed_pose=b) for a, b in zip(true, poses, strict=True)])
+        covered = np.stack(
+            [is_behind_cutout(street, points, a, assumed_pose=b) for a, b in zip(true, poses, strict=True)]
+        )
         camera = shown[chart].camera if chart in shown else np.full(size, -1, np.int8)
         rasters = {
             "truth": paint(points.reshape(-1, 3)[:, :2]).reshape(points.shape),

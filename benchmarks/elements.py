@@ -1,7 +1,8 @@
 """How far what is told of facades can be trusted: `python -m benchmarks.elements --data DIR` prints one JSON object.
 
 Of photos that the parser neither learnt from nor was measured on for its certainty (`facade_core.parsing.confidence`): cmp's
-and ecp's held-out folds, and artdeco, a style that it never saw. By class of elements: how often those found are right (IoU of a
+and ecp's held-out folds, and artdeco, a style that it never saw. By class of elements: how often those found
+are right (IoU of a
 half with a true one) and the expected calibration error, over tenths, of the network's own confidence and of what is
 published. Of the window share, and of the numbers of windows and storeys: how many facades are within five points of the truth,
 or have its number, and how many intervals of 90 % hold it. What is not labelled is left out.

@@ -100,7 +100,9 @@ def measure_photos(folder: Path) -> dict[str, Any]:
                 behind = in_front[box[1] : box[3], box[0] : box[2]]
                 counts["by_parser"] += bool(behind.mean() >= COVERED)
                 x0, y0, x1, y1 = place[0]
-                counts["by_either"] += bool((behind | seen.private_mask(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED)
+                counts["by_either"] += bool(
+                    (behind | seen.private_mask(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED
+                )
         print(name, result, file=sys.stderr, flush=True)
     return result
 
@@ -126,7 +128,11 @@ def _told(kind: str, pictures: Iterator[tuple[np.ndarray, list[Box]]]) -> dict[s
 
 
 def _looked(kind: str, image: np.ndarray) -> Detections:
-    return Detections(faces=find_faces(image)[0]) if kind == FACES else Detections(plates=find_plates(image, plates_top=0.0)[0])
+    return (
+        Detections(faces=find_faces(image)[0])
+        if kind == FACES
+        else Detections(plates=find_plates(image, plates_top=0.0)[0])
+    )
 
 
 def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Detections, shape: tuple[int, int]) -> None:

@@ -79,7 +79,9 @@ def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[flo
                 target = charts.points(chart, np.array([width / 2]), np.array([up]))[0]
                 foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
                 turn = 0.35 * charts.axis_u[chart]
-                eye = target + metres * (charts.normals()[chart] + turn) / np.linalg.norm(charts.normals()[chart] + turn)
+                eye = target + metres * (charts.normals()[chart] + turn) / np.linalg.norm(
+                    charts.normals()[chart] + turn
+                )
                 eye[2] = foot[2] + 1.7
                 to_eye = eye - target
                 depth, _ = scene.caster.cast(
@@ -135,7 +137,9 @@ def main() -> None:
         folders = {}
         for name, textures in (("unique", None), ("factored", "factored")):
             start = time.monotonic()
-            made = export_run(options.out, "glb", Path(scratch) / name, textures=textures, lit=None if textures else False)
+            made = export_run(
+                options.out, "glb", Path(scratch) / name, textures=textures, lit=None if textures else False
+            )
             seconds = time.monotonic() - start
             folders[name] = Path(str(made.path))
             told[name] = measure(folders[name] / "block.glb")

@@ -154,7 +154,9 @@ def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.
     for number, layout in enumerate(layouts):
         by_kind = {}
         for kind in training_cases.BENCHMARK_KINDS:
-            seen, region = training_cases.hide_part(kind, layout.elements, layout.domain, np.random.default_rng([0, number]))
+            seen, region = training_cases.hide_part(
+                kind, layout.elements, layout.domain, np.random.default_rng([0, number])
+            )
             hidden = [e for e in layout.elements if e not in set(seen)]
             if seen and hidden:
                 by_kind[kind] = matched(hidden, complete(seen, layout.domain, region)[0], 0.5).sum(axis=0)
@@ -163,7 +165,9 @@ def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.
 
 
 def layout_figures(found: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:
-    by_kind = {kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in training_cases.BENCHMARK_KINDS}
+    by_kind = {
+        kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in training_cases.BENCHMARK_KINDS
+    }
     by_kind["all"] = sum(by_kind.values(), np.zeros(3))
     return {kind: float(2 * n[0] / max(n[1] + n[2], 1)) for kind, n in by_kind.items()}
 

@@ -208,7 +208,9 @@ def _cameras(pose: Pose) -> list[PerspectiveCamera]:
     """Views around a panorama."""
     turns = np.arange(HEADINGS) * 360 / HEADINGS
     return [
-        PerspectiveCamera.from_heading(camera_position(pose), heading=turn, pitch=0.0, field_of_view=FIELD_OF_VIEW, size=(SIDE, SIDE))
+        PerspectiveCamera.from_heading(
+            camera_position(pose), heading=turn, pitch=0.0, field_of_view=FIELD_OF_VIEW, size=(SIDE, SIDE)
+        )
         for turn in turns.tolist()
     ]
 
@@ -217,7 +219,9 @@ def _seen(found: Published, camera: PerspectiveCamera) -> Seen:
     """What a camera sees of what was published, without haze."""
     scene = found.plan.scene
     picture = cast_view(scene, camera, samples=SAMPLES)
-    for chart in picture.visible_charts[np.argsort(scene.placement.page[picture.visible_charts], kind="stable")].tolist():
+    for chart in picture.visible_charts[
+        np.argsort(scene.placement.page[picture.visible_charts], kind="stable")
+    ].tolist():
         picture.paint({chart: found.textured.raster(chart)})
     chart = np.full(picture.rgb.shape[:2], MISS, np.int32)
     depth = np.full(chart.shape, np.inf)
@@ -263,7 +267,9 @@ def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[n
         distance = np.linalg.norm(to, axis=-1)
         depth, _ = found.plan.scene.caster.cast(camera_position(one.pose), to / distance[..., None])
         colours, clear = _sampled(one, to)
-        sees = hit & (depth > distance - 2 * OCCLUSION_TOLERANCE_M) & (distance < FARTHEST_M) & (colours.max(axis=-1) > 0)
+        sees = (
+            hit & (depth > distance - 2 * OCCLUSION_TOLERANCE_M) & (distance < FARTHEST_M) & (colours.max(axis=-1) > 0)
+        )
         shown |= sees & clear
         worth = np.where(clear, distance, distance + FARTHEST_M)
         better = sees & (worth < best)

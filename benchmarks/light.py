@@ -51,7 +51,12 @@ def main() -> None:
         frame = local_frame(found.plan.scene.mesh)
         sun = relighting_inputs(found).sun or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
-    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": to_y_up(sun_direction(sun)[None])[0].tolist()}
+    seen = {
+        "eye": eye.tolist(),
+        "target": target.tolist(),
+        "up": 48,
+        "sun": to_y_up(sun_direction(sun)[None])[0].tolist(),
+    }
     seen |= {"width": SIZE[0], "height": SIZE[1]}
     told: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as scratch:

@@ -56,7 +56,9 @@ def main() -> None:
     facades, seconds = [], []
     for number in range(options.count):
         start = time.process_time()
-        facades.append(paint_exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES))
+        facades.append(
+            paint_exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES)
+        )
         seconds.append(time.process_time() - start)
     figures: dict[str, Any] = {
         "benchmark": "painting",

@@ -58,13 +58,17 @@ def papers_file(image: np.ndarray, of: Variations) -> PapersFile:
     return PapersFile(out.getvalue(), np.clip(canvas.round(), 0, 255).astype(np.uint8))
 
 
-def _group(image: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]) -> tuple[np.ndarray, bytes, dict[str, object]]:
+def _group(
+    image: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]
+) -> tuple[np.ndarray, bytes, dict[str, object]]:
     """A group's patches as a reader sees them, (N, h, w, 3) float32; its axes as a file; the rest."""
     size = patch_size(group.boxes)
     front = [g.boxes for g in groups if drawing_depth(g.label) > drawing_depth(group.label)]
     in_front = box_mask(np.concatenate(front) if front else np.zeros((0, 4), int), image.shape[:2])
     seen = cut_patches(in_front.astype(np.float32), group.boxes, size) < 0.5
-    patches = fill_from_similar(cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32), seen)
+    patches = fill_from_similar(
+        cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32), seen
+    )
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     mean = flat.mean(axis=0)
     _, strength, axes = np.linalg.svd(flat - mean, full_matrices=False)

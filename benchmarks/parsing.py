@@ -1,7 +1,8 @@
 """Scores of a parser: `python -m benchmarks.parsing --data DIR` prints one JSON object.
 
 Each set is measured on the facades that the model's .json does not name as trained on: the shipped model's ecp figures
-are those of the held-out fold of `catalogs.learning.datasets.split_facades`, artdeco and ruemonge2014 (the authors' validation part)
+are those of the held-out fold of `catalogs.learning.datasets.split_facades`, artdeco and ruemonge2014 (the
+authors' validation part)
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
 occluders is measured on street photos of labelmefacade: vegetation and vehicles against all else that is labelled.
@@ -268,7 +269,9 @@ def main(arguments: list[str] | None = None) -> None:
                 result[f"{name} as parsed"] = measure(facades, model=options.model, regular=False)
                 result[f"{name} in one view"] = measure(facades, model=options.model, one_view=True)
         elif name == "behind":
-            facades = list(unseen(read_dataset(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model))
+            facades = list(
+                unseen(read_dataset(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model)
+            )
             result["behind"] = measure_behind(facades, _pieces(options.data / "occluders"), model=options.model)
         elif name in ("in_front", "clean"):
             result[name] = measure_in_front(options.data, name, options.model)

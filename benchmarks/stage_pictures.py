@@ -175,7 +175,9 @@ def _street() -> tuple[SyntheticStreet, list[Pose], list[Pose], list[np.ndarray]
             )
         )
         gain = float(chance.uniform(0.7, 1.0))
-        images.append(render_street_panorama(street, true[-1], WIDTH, gain=gain, seed=number, ground=ground_pattern(street)))
+        images.append(
+            render_street_panorama(street, true[-1], WIDTH, gain=gain, seed=number, ground=ground_pattern(street))
+        )
     return street, true, given, images
 
 
@@ -199,7 +201,9 @@ def ground() -> np.ndarray:
         PanoramaCamera(image, pose, mask_ground_occluders(image, pose), factor, typical_ground_colour(own))
         for image, pose, factor, own in zip(images, seen, exposure_factors(squares), squares, strict=True)
     ]
-    shown = {c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
+    shown = {
+        c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
+    }
     chart = max(shown, key=lambda c: float(part.is_visible.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
@@ -234,7 +238,10 @@ def walls() -> np.ndarray:
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
-    without, known = KnownTexture(shown_reader(scene, {}), (), ()), KnownTexture(shown_reader(scene, shown), shown, (), shown)
+    without, known = (
+        KnownTexture(shown_reader(scene, {}), (), ()),
+        KnownTexture(shown_reader(scene, shown), shown, (), shown),
+    )
     material, finished = (finish_chart(scene, materials, chart, one, is_neural=False)[0] for one in (without, known))
     taken = np.where(shown[chart].is_visible[..., None], shown[chart].rgb, 255)
     x, y = np.meshgrid(*((np.arange(n) + 0.5) / scene.placement.texels_per_metre[chart] for n in size[::-1]))

@@ -110,7 +110,9 @@ def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mappin
     told = count_from_map(read_block(block_file))
 
     def count(stage: str, start: str = "") -> int:
-        return sum(one is not None and one["unit"].startswith(start) for one in read_newest_journal(out / "store", stage))
+        return sum(
+            one is not None and one["unit"].startswith(start) for one in read_newest_journal(out / "store", stage)
+        )
 
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
     placement = plan.scene.placement

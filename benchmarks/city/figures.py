@@ -24,7 +24,8 @@ Interval = tuple[float, float]
 def figures_of(ran: Ran, out: Path, workers: int) -> dict[str, Any]:
     """What a run took, by stage and phase; what it left, in bytes."""
     records = {
-        kind.stage: [r for r in read_newest_journal(out / "store", kind.stage) if r and "seconds" in r] for kind in STAGES_IN_ORDER
+        kind.stage: [r for r in read_newest_journal(out / "store", kind.stage) if r and "seconds" in r]
+        for kind in STAGES_IN_ORDER
     }
     units = {stage: [_interval(record) for record in of] for stage, of in records.items() if of}
     by_worker: dict[str, list[Interval]] = {}

@@ -2,7 +2,8 @@
 this project.
 
 STEPS is a JSON file of steps in order, each done to an empty scene; TOLD gets what each told. A step has `open`, the path of
-a GLB, OBJ or USD file, and may have `export`, the path of a GLB to be written of the scene, and `render` (`to`, `camera_position`,
+a GLB, OBJ or USD file, and may have `export`, the path of a GLB to be written of the scene, and `render`
+(`to`, `camera_position`,
 `target`, `field_of_view`, `size` as height and width: a picture by Cycles on the processor).
 """
 

@@ -135,7 +135,10 @@ def measure(
     seconds: dict[str, list[float]] = {}
     for case in chosen:
         rng = np.random.default_rng(0)
-        pitch = [p or 64 for p in (estimate_floor_height(case.image, case.mask, rng), estimate_bay_width(case.image, case.mask, rng))]
+        pitch = [
+            p or 64
+            for p in (estimate_floor_height(case.image, case.mask, rng), estimate_bay_width(case.image, case.mask, rng))
+        ]
         (work / f"{case.name}.pitch.json").write_text(json.dumps(pitch))
         files = {"truth": case.truth, "image": case.image, "mask": case.mask.astype(np.uint8) * 255}
         for kind, picture in files.items():

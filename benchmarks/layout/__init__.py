@@ -171,7 +171,9 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
 
     texels, counts = {}, np.zeros((3, 3))
     for style, seed in which:
-        truth = paint_facade((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
+        truth = paint_facade(
+            (13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2
+        )
         made = build_facade_from_photo(truth.image, truth.occluded, clean=True, seed=1, front=True)
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)

@@ -66,7 +66,11 @@ def extension(how: Extension) -> Method:
     """Grids carried on with filled gaps, own sizes, patterns and balconies."""
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
-        return [cleared(rows_of(list(extend_grids(extension_context(seen, fit_grids(seen)), domain, how))), seen, domain, region)]
+        return [
+            cleared(
+                rows_of(list(extend_grids(extension_context(seen, fit_grids(seen)), domain, how))), seen, domain, region
+            )
+        ]
 
     return method
 

@@ -52,7 +52,9 @@ class Output:
     @cached_property
     def scene(self) -> Scene:
         """The geometry, for what casts rays and draws."""
-        page, chunk, gutter = (get_subgroup(self.group, "charts").attrs[name] for name in ("page_size", "chunk", "gutter"))
+        page, chunk, gutter = (
+            get_subgroup(self.group, "charts").attrs[name] for name in ("page_size", "chunk", "gutter")
+        )
         whole = float(get_subgroup(self.group, "atlas").attrs["texels_per_metre"])
         spec = AtlasSpec(self.placement.pages, whole, page, chunk, gutter)
         return Scene(self.mesh, self.charts, self.placement, spec)

@@ -93,7 +93,9 @@ def standing(output: Output, place: np.ndarray, heading: float) -> PerspectiveCa
     if chart[0] == MISS or output.charts.kind[chart[0]] != ChartKind.GROUND:
         return None
     position = top - [0, 0, float(depth[0]) - EYE_M]
-    return PerspectiveCamera(position, position + np.array([np.cos(heading), np.sin(heading), PITCH]), FIELD_OF_VIEW, SIZE)
+    return PerspectiveCamera(
+        position, position + np.array([np.cos(heading), np.sin(heading), PITCH]), FIELD_OF_VIEW, SIZE
+    )
 
 
 def shows_street(output: Output, camera: PerspectiveCamera, nearest: float = NEAREST_M) -> bool:

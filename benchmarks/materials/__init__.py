@@ -173,7 +173,11 @@ def _tint(materials: MaterialField, chart: int, name: str) -> tuple[np.ndarray, 
     from facade_core.street.materials.procedural import GLASS_COLOUR, REFLECTED_SKY_COLOUR
 
     surfaces = materials.arrays.charts
-    return (GLASS_COLOUR, REFLECTED_SKY_COLOUR) if name == "glass" else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])
+    return (
+        (GLASS_COLOUR, REFLECTED_SKY_COLOUR)
+        if name == "glass"
+        else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])
+    )
 
 
 def _truth(raster: np.ndarray, stepped: _Plain) -> dict[str, float]:

@@ -81,7 +81,9 @@ def _window(plan: Plan, street: int) -> TexelBuffer:
     return TexelBuffer.allocate(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
 
 
-def _seen(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, dict[str, float]]:
+def _seen(
+    plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int
+) -> tuple[TexelBuffer, dict[str, float]]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.street_viewpoints(street)[:count]:
         chart = plan.scene.cast_panorama(viewpoint, PANORAMA)[2]

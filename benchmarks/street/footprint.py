@@ -184,7 +184,9 @@ def _scores(
         )
         points = scene.charts.points(chart, x, y)[..., :2] - street.world_point(0, 0)
         inside = (
-            (np.abs(points @ across) < STREET_HALF_WIDTH_M) & (points @ street.axis > 0) & (points @ street.axis < street.length)
+            (np.abs(points @ across) < STREET_HALF_WIDTH_M)
+            & (points @ street.axis > 0)
+            & (points @ street.axis < street.length)
         )
         inside &= known[held].reshape(shape)
         if not inside.any():

@@ -118,7 +118,12 @@ def run_block(block: Path, out: Path) -> dict[str, Any]:
 
 def begun(out: Path) -> dict[tuple[str, str], float]:
     """When each unit was begun, by stage and name."""
-    return {(stage, r["unit"]): r["started"] for stage in STAGE_NAMES for r in read_newest_journal(out / "store", stage) if r}
+    return {
+        (stage, r["unit"]): r["started"]
+        for stage in STAGE_NAMES
+        for r in read_newest_journal(out / "store", stage)
+        if r
+    }
 
 
 def _photo(folder: Path, keys: dict[str, Any]) -> None:

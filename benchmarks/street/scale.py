@@ -128,7 +128,9 @@ def _scene(
     up = np.tile([0.0, 0.0, 1.0], (len(cells), 1))
     numbers = np.arange(6 * len(cells)).reshape(-1, 3)
     kinds = np.full(len(cells), ChartKind.GROUND)
-    pieces.add_surfaces(kinds, np.arange(len(cells)), -1, *chart_axes(up), floor, numbers, np.repeat(np.arange(len(cells)), 2))
+    pieces.add_surfaces(
+        kinds, np.arange(len(cells)), -1, *chart_axes(up), floor, numbers, np.repeat(np.arange(len(cells)), 2)
+    )
     charts, mesh = pieces.build()
     owner = charts.building.copy()
     owner[chart] = building

@@ -86,7 +86,10 @@ def _beside_photos(
     apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        texels, shape = rasters.texel_slice(placement, chart), (int(placement.height[chart]), int(placement.width[chart]))
+        texels, shape = (
+            rasters.texel_slice(placement, chart),
+            (int(placement.height[chart]), int(placement.width[chart])),
+        )
         colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return colour[rows, columns], provenance[rows, columns]
 

@@ -36,9 +36,13 @@ def quilt(image: np.ndarray, size: tuple[int, int], rng: np.random.Generator) ->
             squared = ((new - old) ** 2).sum(2).astype(np.float64)
             shown = np.ones((_BLOCK, _BLOCK), bool)
             if m > 0:
-                shown &= np.arange(_BLOCK)[:, None] >= find_min_error_path(np.ascontiguousarray(squared[:_OVERLAP].T))[None]
+                shown &= (
+                    np.arange(_BLOCK)[:, None] >= find_min_error_path(np.ascontiguousarray(squared[:_OVERLAP].T))[None]
+                )
             if n > 0:
-                shown &= np.arange(_BLOCK)[None] >= find_min_error_path(np.ascontiguousarray(squared[:, :_OVERLAP]))[:, None]
+                shown &= (
+                    np.arange(_BLOCK)[None] >= find_min_error_path(np.ascontiguousarray(squared[:, :_OVERLAP]))[:, None]
+                )
             out[here] = np.where(shown[..., None], new, old)
     return out[: size[0], : size[1]].astype(np.uint8)
 

@@ -41,4 +41,6 @@ def metrics(out: Folder, otlp: str | None) -> None:
         from tasks.otlp import send_metrics
     except ModuleNotFoundError as error:
         raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
-    print_line(f"{otlp}: took {send_metrics(collect_metrics(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")
+    print_line(
+        f"{otlp}: took {send_metrics(collect_metrics(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}"
+    )

@@ -58,8 +58,10 @@ STEP_COUNT = 8
 def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     """Write published/<snapshot>/ from the newest snapshot, unless `current` names it and it is complete.
 
-    If too many units failed, `current` stays; the summary says so as `withheld`. Parts that could not be published are listed in
-    the summary as `unpublished`, each with its reason; the next run tries again. Equal files of the previous snapshot are linked.
+    If too many units failed, `current` stays; the summary says so as `withheld`. Parts that could not be
+    published are listed in
+    the summary as `unpublished`, each with its reason; the next run tries again. Equal files of the previous
+    snapshot are linked.
 
     Parameters
     ----------

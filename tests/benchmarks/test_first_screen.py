@@ -18,7 +18,9 @@ ROOT = Path(__file__).parents[2]
 def test_bare_geometry_is_grey_and_darker_at_its_foot() -> None:
     street = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
-    charts, mesh, _ = build_block_surfaces([box], [street], terrain=build_terrain([], None), ground_margin=10, largest=90)
+    charts, mesh, _ = build_block_surfaces(
+        [box], [street], terrain=build_terrain([], None), ground_margin=10, largest=90
+    )
     placement = pack_charts(charts.size, 8, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 8.0, page=1024))
     roof, wall = (bare(scene, int(np.flatnonzero(charts.kind == kind)[0])) for kind in (ChartKind.ROOF, ChartKind.WALL))

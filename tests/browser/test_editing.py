@@ -196,7 +196,10 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
             "roof_shape": "gabled", "roof_height": 2.5, "wall_material": "brick", "wall_colour": "#9e4232",
             "roof_colour": "#203040",
         }  # fmt: skip
-        assert {what: len(said.corrected_value("a-0", what)) for what in said.by_target["a-0"]} == {"hide": 1, "keep": 1}
+        assert {what: len(said.corrected_value("a-0", what)) for what in said.by_target["a-0"]} == {
+            "hide": 1,
+            "keep": 1,
+        }
         assert {what: one.value for what, one in said.by_target["a"].items()} == {"height": 8.25, "exemplar": "1"}
         # who comes back finds it so, and takes a box away
         page.evaluate("location.hash = '#/review'")

@@ -46,7 +46,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pose = Pose(EAST + 14.0, NORTH - 4.0, None, 350.0)
     rows = [
         format_match_row(
-            "IMG_0.jpg", None, [FacadeCandidate("b-2", 0.52, "seen"), FacadeCandidate("a-0", 0.41, "seen too")], pose, has_heading=True
+            "IMG_0.jpg",
+            None,
+            [FacadeCandidate("b-2", 0.52, "seen"), FacadeCandidate("a-0", 0.41, "seen too")],
+            pose,
+            has_heading=True,
         ),
         format_match_row("IMG_1.jpg", "b-2", [FacadeCandidate("b-2", 0.93, "before it")], pose, has_heading=False),
         format_match_row("IMG_2.jpg", None, [], pose, has_heading=False),
@@ -62,7 +66,9 @@ def page(browser: Any) -> Iterator[Any]:
 
 
 def said(folder: Path) -> dict[str, tuple[str, str]]:
-    return {match.photo: (match.facade, match.decided_by) for match in read_match_table(folder / "in" / TABLE).matches()}
+    return {
+        match.photo: (match.facade, match.decided_by) for match in read_match_table(folder / "in" / TABLE).matches()
+    }
 
 
 def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(page: Any, folder: Path) -> None:

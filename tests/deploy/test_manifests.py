@@ -13,9 +13,13 @@ import pytest
 import yaml
 
 from deploy.certificates import settings
+from facade_core.export.models.page_packing import MAX_PAGE_TEXELS
+from facade_core.street.translator.neural_translator import MAX_NETWORK_PIXELS
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
+from tasks.stages.pages.stage import page_memory
 from tasks.stages.shared import memory
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, MAX_PIXELS
+from tasks.stages.streets.memory import street_memory
 from tests.pipeline.runs import ROOT
 
 DEPLOY = ROOT / "deploy"
@@ -183,9 +187,9 @@ def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
     shared_out = int(said.removesuffix("GB")) * 10**9 * UNITS_SHARE
     exemplar = MAX_EXEMPLAR_SIDE**2 * (memory.FACADE_TEXEL + memory.PICTURE_PIXEL)
     photo = MAX_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
-    for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, memory.page_memory(memory.LARGEST_PAGE**2)):
+    for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, page_memory(MAX_PAGE_TEXELS**2)):
         assert memory.LIBRARY_BYTES + unit <= shared_out
-    assert memory.street_memory(10_000_000, 10_000_000, network=memory.NETWORK_PIXELS) <= shared_out
+    assert street_memory(10_000_000, 10_000_000, network=MAX_NETWORK_PIXELS) <= shared_out
     for limit in (
         COMPOSE["services"]["worker"]["deploy"]["resources"]["limits"]["memory"],
         dict(pods())["worker"]["spec"]["template"]["spec"]["containers"][0]["resources"]["limits"]["memory"],

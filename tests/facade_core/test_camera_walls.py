@@ -129,7 +129,9 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
 
-    street = Street("s", None, shapely.LineString([end.street.world_point(0, 0), end.street.world_point(end.street.length, 0)]))
+    street = Street(
+        "s", None, shapely.LineString([end.street.world_point(0, 0), end.street.world_point(end.street.length, 0)])
+    )
     materials = MaterialField(scene, (street,), seed=1)
     colour, rank = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, (), {chart}), is_neural=False)
     assert (rank[~shown] == Provenance.INPAINTED).all()

@@ -161,7 +161,7 @@ def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkey
         drawn.append(labels.shape)
         return picture, labels
 
-    monkeypatch.setattr("facade_core.facade.pipeline.on_wall", seen)
+    monkeypatch.setattr("facade_core.facade.pipeline.compose_wall", seen)
     fine, coarse, _ = (
         build_facade_from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
         for wall, of in ((back, 20), (back, 5), (front, 5))

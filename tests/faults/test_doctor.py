@@ -102,7 +102,9 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     settings = yaml.safe_load(block.read_text())
     block.write_text(yaml.safe_dump(settings | {"seed": 4}))
     assert wrong(out) == {}, "what is stale is whole"
-    [said] = [finding.message for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None]
+    [said] = [
+        finding.message for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None
+    ]
     assert "streets (block's settings changed)" in said
     assert said.endswith(f"made again by the next run: `streetloom run {block} --out {out}`")
     block.write_text(yaml.safe_dump(settings | {"name": "other"}))
@@ -125,7 +127,9 @@ def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     for path in network.SHIPPED_NETWORK.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "network.onnx").write_bytes(b"cut")
-    whole, cut = check_models({network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network})
+    whole, cut = check_models(
+        {network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network}
+    )
     assert whole.is_well
     assert cut.is_well is False
     assert "checksum" in cut.message

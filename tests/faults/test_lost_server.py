@@ -36,7 +36,9 @@ def test_a_server_that_dies_at_its_start_says_why_at_once(
 
 def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
-    monkeypatch.setattr(server_module, "server_command", lambda port: [sys.executable, "-c", "import time; time.sleep(600)"])
+    monkeypatch.setattr(
+        server_module, "server_command", lambda port: [sys.executable, "-c", "import time; time.sleep(600)"]
+    )
     with prefect_server(tmp_path / "prefect") as record:
         assert record.guard is not None
         guard = psutil.Process(record.guard.pid)
@@ -54,7 +56,10 @@ def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: py
 def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
     monkeypatch.setattr(server_module, "ANSWER_S", 0)
-    with prefect_server(tmp_path) as record, pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"):
+    with (
+        prefect_server(tmp_path) as record,
+        pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"),
+    ):
         record.wait_until_ready()
 
 

@@ -112,5 +112,7 @@ def test_workers_killed_among_facades_and_in_a_street(
     assert summary["failures"] == []
     commits = Counter(s.message for s in open_repository(out / "store").ancestry(branch=BRANCH))
     assert {message: n for message, n in commits.items() if n > 1} == {}
-    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)}
+    workers = {
+        record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)
+    }
     assert "three" in workers

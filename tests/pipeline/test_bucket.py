@@ -135,7 +135,10 @@ def done(out: S3Folder) -> list[str]:
     """The units that the store holds as done."""
     with suppress(FacadeError, KeyError, FileNotFoundError):
         return [
-            r["unit"] for stage in STAGE_NAMES for r in read_newest_journal(out / "store", stage) if r and r["status"] == "done"
+            r["unit"]
+            for stage in STAGE_NAMES
+            for r in read_newest_journal(out / "store", stage)
+            if r and r["status"] == "done"
         ]
     return []
 
@@ -169,7 +172,9 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
     assert open_atlas(catalogs.folder_at(str(runs.out))).facade(facade).sizes == rasters[0].sizes
     call = CliRunner().invoke
     for style, name in (("glb", ""), ("gpkg", "a.gpkg")):
-        exported = call(command_line, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))])
+        exported = call(
+            command_line, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))]
+        )
         assert exported.exit_code == 0, exported.output
     # what is corrected of it is kept beside its block file, which lies in no bucket
     walls = geopandas.read_file(tmp_path / "a.gpkg", layer="facades")

@@ -95,5 +95,7 @@ def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:
     entries = yaml.safe_load((ROOT / "deploy" / "prefect.yaml").read_text())["deployments"]
     (nightly,) = [entry for entry in entries if entry["entrypoint"] == "flows.city:city"]
     flow.validate_parameters(nightly["parameters"])
-    assert next_time_of_day(nightly["parameters"]["until"], datetime(2026, 11, 24, 2, 0)) == datetime(2026, 11, 24, 6, 0)
+    assert next_time_of_day(nightly["parameters"]["until"], datetime(2026, 11, 24, 2, 0)) == datetime(
+        2026, 11, 24, 6, 0
+    )
     assert nightly["concurrency_limit"] == {"limit": 1, "collision_strategy": "CANCEL_NEW"}

@@ -167,7 +167,9 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
         state = flows_of_cities.city.fn(file, str(killed), until="06:00")
     assert state.name == "BlocksLeft"
     assert "0 of 2 blocks are done; 2 are left" in state.message
-    names = [name for name, *_ in (path.name.partition(".") for path in (local_folder(killed) / "input").glob("*.yaml"))]
+    names = [
+        name for name, *_ in (path.name.partition(".") for path in (local_folder(killed) / "input").glob("*.yaml"))
+    ]
 
     # one whose time is up soon after
     with monkeypatch.context() as patch:

@@ -148,7 +148,9 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
         stands["said"]["wall_material"],
         {one["what"] for one in stands["corrected"]},
     ) == (10.0, "brick", {"height", "wall_material"})
-    done = CorrectionImporter(out).add([{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna")
+    done = CorrectionImporter(out).add(
+        [{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna"
+    )
     assert done.buildings == 2, "under both ids"
     assert not read_corrections(folder / "in" / "block.yaml")
 
@@ -198,9 +200,7 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     assert import_corrections(folder / "out", newly, who="anna").facades == 0, "and is exported so"
     assert texture(folder / "in" / "block.yaml", tmp_path / "fresh").said is None
     assert digests_of(tmp_path / "fresh") == digests_of(folder / "out")
-    assert taker.add([{"facade_id": "b-2", "elements": None}], "said", who="anna").facades == 1, (
-        "what is published now"
-    )
+    assert taker.add([{"facade_id": "b-2", "elements": None}], "said", who="anna").facades == 1, "what is published now"
     made(folder)
     assert len(record(folder, "b-2")["elements"]) == len(ours)
 

@@ -173,7 +173,12 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     shown = artifacts(site, run.id)
     assert set(shown) == {"progress", "units", "facades", "failures", "viewer", "report", "outputs"}
     assert shown["progress"][0] == 100
-    records = [(stage, record["unit"]) for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record]
+    records = [
+        (stage, record["unit"])
+        for stage in STAGE_NAMES
+        for record in read_newest_journal(out / "store", stage)
+        if record
+    ]
     rows = shown["units"][0]
     assert sorted((row["stage"], row["unit"]) for row in rows) == sorted([("ingest", "small"), *records])
     assert {row["status"] for row in rows} == {"done"}

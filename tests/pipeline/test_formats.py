@@ -54,9 +54,8 @@ def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> Non
     session = open_repository(run.store).writable_session("main")
     open_root(session).attrs["format"] = STORE_FORMAT + 1
     commit(session, "as a later version")
-    said = (
-        f"is of format {STORE_FORMAT + 1}, and .* reads {STORE_FORMAT}; `streetloom run BLOCK.yaml --out {run.out}` makes it anew"
-    )
+    said = f"is of format {STORE_FORMAT + 1}, and .* reads {STORE_FORMAT}; "
+    said += f"`streetloom run BLOCK.yaml --out {run.out}` makes it anew"
     with pytest.raises(FormatError, match=said):
         RunReader(Path(run.out)).open_newest()
     with pytest.raises(FormatError, match=said):

@@ -203,7 +203,10 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
     assert {unit for unit in before if after[unit] != before[unit]} == see
     assert_as_fresh(folder, made)
-    shown = [[r["panorama"] for r in read_newest_journal(folder / out / "store", "viewpoints") if r] for out in ("out", "fresh")]
+    shown = [
+        [r["panorama"] for r in read_newest_journal(folder / out / "store", "viewpoints") if r]
+        for out in ("out", "fresh")
+    ]
     assert shown[0] == shown[1]
 
 

@@ -30,7 +30,9 @@ def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any
         for sample in samples
         if sample.name == "streetloom_units"
     }
-    records = [(stage, record) for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record]
+    records = [
+        (stage, record) for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record
+    ]
     assert Counter(told) == Counter((stage, record["status"]) for stage, record in records)
     assert told["facades", "failed"] == 0, "it is there before anything failed"
     assert told["facades", "done"] == summary["facades_done"]

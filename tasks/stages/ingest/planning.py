@@ -52,7 +52,8 @@ def make_plan(block: Block, last: PreviousPlacement | None = None, each: Paralle
 
 
 def plan_key(block: Block) -> str:
-    """Return a digest of the inputs of a block's plan, without panoramas: the plan of the last ingest stays valid if it is equal."""
+    """Return a digest of the inputs of a block's plan, without panoramas: the plan of the last ingest stays
+    valid if it is equal."""
     return f"{geometry_digest(block)} {stage_code('ingest')}"
 
 

@@ -124,9 +124,9 @@ def missing_facade_reasons(plan: Plan) -> list[str]:
     coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < MIN_FACADE_TEXELS)
     unseen = int(wall.sum() - small.sum() - coarse.sum())
     return [
-        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {MIN_FACADE_WIDTH_M:g} x {MIN_FACADE_HEIGHT_M:g} m, "
-        f"{coarse.sum()} have under {MIN_FACADE_TEXELS} texels a side (raise texture.texels_per_metre), {unseen} are seen from no "
-        "street (check streets, or raise texture.visibility_range)"
+        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {MIN_FACADE_WIDTH_M:g} x "
+        f"{MIN_FACADE_HEIGHT_M:g} m, {coarse.sum()} have under {MIN_FACADE_TEXELS} texels a side (raise "
+        f"texture.texels_per_metre), {unseen} are seen from no street (check streets, or raise texture.visibility_range)"
     ]
 
 

@@ -207,7 +207,8 @@ def forget_street(run: Run, street: int, street_key: str) -> None:
 def _take_buffer(entry: _Street, here: StreetContext, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
     """Take the street's buffer with its first `step` viewpoints, None for any number, from this process or by replay.
 
-    Also returns the mark that is stored in its place. With a material field the panoramas of other streets are left out: only the
+    Also returns the mark that is stored in its place. With a material field the panoramas of other streets
+    are left out: only the
     end of the street needs them.
     """
     for other in [held for held in list(_streets) if held[0] != entry[0]]:

@@ -139,11 +139,17 @@ def test_each_block_has_a_record_of_its_own(tmp_path: Path) -> None:
     write_block_result(tmp_path / "out", other, BlockResult(1, reason="cut"))
     (tmp_path / "out" / "blocks" / other / "ended.json").write_text("{cut")
     assert (tmp_path / "out" / "city.json").stat().st_ino == held.st_ino, "the cost of a block is not all blocks'"
-    assert read_city_log(tmp_path / "out").blocks == {**account.blocks, one: how}, "of a damaged record nothing is known"
+    assert read_city_log(tmp_path / "out").blocks == {**account.blocks, one: how}, (
+        "of a damaged record nothing is known"
+    )
 
 
 def test_failed_blocks_are_told_and_the_others_added_up(tmp_path: Path) -> None:
-    ended = {"a": BlockResult(0, summary={"facades_done": 3}), "b": BlockResult(2, reason="no streets"), "c": BlockResult()}
+    ended = {
+        "a": BlockResult(0, summary={"facades_done": 3}),
+        "b": BlockResult(2, reason="no streets"),
+        "c": BlockResult(),
+    }
     summary = CityLog("town", blocks=ended).summary(tmp_path)
     assert (summary["blocks"], summary["blocks_done"], summary["facades_done"]) == (3, 1, 3)
     assert summary["failures"] == [{"unit": "block b", "reason": "no streets", "code": 2}]

@@ -14,7 +14,9 @@ from tasks.city.city_log import BlockResult
 
 
 def ended(folder: Path, ends: float | None = None) -> BlockResult:
-    return run_block.fn(folder, "a", folder / "none.yaml", ["--workers", "1"], BlockResult(), "d", "v", ends, tiles=True)
+    return run_block.fn(
+        folder, "a", folder / "none.yaml", ["--workers", "1"], BlockResult(), "d", "v", ends, tiles=True
+    )
 
 
 def test_what_a_block_says_is_why_it_failed(tmp_path: Path) -> None:

@@ -52,7 +52,9 @@ def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, ExampleSour
     return fetched
 
 
-def test_a_fetched_block_names_what_was_fetched(fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path) -> None:
+def test_a_fetched_block_names_what_was_fetched(
+    fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path
+) -> None:
     block, source = fetch(tmp_path / "blocks", "model.json", hashlib.sha256(CONTENT).hexdigest())
     assert source.licence == "open data"
     keys = check_keys(read_yaml(block))
@@ -90,7 +92,9 @@ def test_a_name_without_public_data_is_told_the_known_ones(tmp_path: Path) -> No
 def test_a_source_brings_every_file_that_its_block_names(name: str) -> None:
     named = yaml.safe_load((EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml").read_text())
     text = str(named).replace("${STREETLOOM_DATA}/", "")
-    brought = [file.path for file in EXAMPLE_SOURCES[name].files] + [path for path, _ in EXAMPLE_SOURCES[name].companion_files]
+    brought = [file.path for file in EXAMPLE_SOURCES[name].files] + [
+        path for path, _ in EXAMPLE_SOURCES[name].companion_files
+    ]
     paths = named["buildings"]["path"]
     for path in [paths] if isinstance(paths, str) else paths:
         assert path.replace("${STREETLOOM_DATA}/", "") in brought

@@ -113,7 +113,9 @@ def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, sty
 
 
 def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> None:
-    one, other = (export_run(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other"))
+    one, other = (
+        export_run(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other")
+    )
     assert one == other
 
 

@@ -39,7 +39,9 @@ def test_the_command_line_offers_every_format() -> None:
 def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     runner = click.testing.CliRunner()
     for style in HERE:
-        done = runner.invoke(command_line, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
+        done = runner.invoke(
+            command_line, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)]
+        )
         assert done.exit_code == 0, done.output
         about = json.loads((tmp_path / style / marker_name(style)).read_text())
         assert about["snapshot"] == (undisturbed[0] / "current").read_text().strip()

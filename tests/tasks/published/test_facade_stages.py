@@ -61,7 +61,11 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
 ) -> None:
     images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
     index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
-    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.open_facade(index)) if stage.viewer and stage.report]
+    both = [
+        (stage.viewer, stage.report)
+        for stage in iterate_stage_pictures(view.open_facade(index))
+        if stage.viewer and stage.report
+    ]
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
         kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))

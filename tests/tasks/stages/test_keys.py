@@ -28,7 +28,10 @@ from tasks.stages.streets.stage import STREETS
 def test_keys_differ_in_the_parts_that_changed() -> None:
     one = join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1})
     assert join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
-    assert differing_parts(one, join_key_parts("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == ["photo", "settings"]
+    assert differing_parts(one, join_key_parts("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == [
+        "photo",
+        "settings",
+    ]
     assert differing_parts(one, join_key_parts("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
         "exemplar",
         "photo",

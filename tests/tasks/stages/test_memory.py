@@ -65,7 +65,8 @@ def retargeted(height, width):
     from facade_core.facade.texture.wall_floors import FacadeWall
     made = exemplars(1, seed=5)[0]
     wall = FacadeWall.freestanding(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
-    return lambda: build_facade_from_exemplar(extract_style(made.image, made.labels), wall, (height, width), metres_per_pixel=0.05)
+    return lambda: build_facade_from_exemplar(extract_style(made.image, made.labels), wall, (height, width),
+    metres_per_pixel=0.05)
 
 def street(height, width):
     import shapely
@@ -338,7 +339,5 @@ def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
     picture = tmp_path / "picture.png"
     Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
     assert facade_memory(1000, FacadeImagery(picture)) - facade_memory(0, FacadeImagery(picture)) >= 100_000
-    assert (
-        facade_memory(10, FacadeImagery(picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
-    )
+    assert facade_memory(10, FacadeImagery(picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
     assert street_memory(200, 100) > street_memory(100, 100) < street_memory(100, 200)

@@ -26,7 +26,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         gone.append("two")
 
     monkeypatch.setattr(kernel_warmup, "WARMUPS", (one, two))
-    monkeypatch.setattr(numba_cache, "CACHE", tmp_path)
+    monkeypatch.setattr(numba_cache, "CACHE_FOLDER", tmp_path)
     return gone
 
 
@@ -50,7 +50,7 @@ def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[
 
 
 def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(numba_cache, "CACHE", None)
+    monkeypatch.setattr(numba_cache, "CACHE_FOLDER", None)
     compile_kernels_once()
     assert parts == []
 

@@ -126,7 +126,9 @@ class Machines:
         if self.silent:
             raise TimeoutError
         named = self.workers.items()
-        return SchedulerView({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
+        return SchedulerView(
+            {n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named}
+        )
 
 
 @contextmanager

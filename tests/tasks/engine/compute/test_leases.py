@@ -48,7 +48,9 @@ def test_a_lost_workers_lease_waits_for_room() -> None:
 
 def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.LogCaptureFixture) -> None:
     def view(one: float, running: bool = True) -> SchedulerView:
-        return SchedulerView({"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)})
+        return SchedulerView(
+            {"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)}
+        )
 
     half = DEFAULT_TIMEOUTS.worker_silence / 2
     roll = WorkerRegistry(view(0), DEFAULT_TIMEOUTS)

@@ -21,7 +21,11 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 def of_exemplar() -> Facade:
     size = (270, 334)
     return build_facade_from_exemplar(
-        extract_style(PAINTED.image, PAINTED.labels), FacadeWall.freestanding(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
+        extract_style(PAINTED.image, PAINTED.labels),
+        FacadeWall.freestanding(16.2, 20.0, floors=5),
+        size,
+        metres_per_pixel=0.06,
+        seed=3,
     )
 
 

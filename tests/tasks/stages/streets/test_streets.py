@@ -108,7 +108,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
         both.wait(300)
         see(*arguments, **named)
 
-    monkeypatch.setattr(viewpoint, "see", together)
+    monkeypatch.setattr(viewpoint, "mark_first_visible", together)
     copies = [threading.Thread(target=one) for _ in range(2)]
     for copy in copies:
         copy.start()
