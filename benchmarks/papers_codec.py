@@ -66,9 +66,8 @@ def _group(
     front = [g.boxes for g in groups if drawing_depth(g.label) > drawing_depth(group.label)]
     in_front = box_mask(np.concatenate(front) if front else np.zeros((0, 4), int), image.shape[:2])
     seen = cut_patches(in_front.astype(np.float32), group.boxes, size) < 0.5
-    patches = fill_from_similar(
-        cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32), seen
-    )
+    even = cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32)
+    patches = fill_from_similar(np.asarray(even, np.float32), seen)
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     mean = flat.mean(axis=0)
     _, strength, axes = np.linalg.svd(flat - mean, full_matrices=False)

@@ -78,7 +78,7 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
         off, turn = rng.normal(0, errors[0], 3), rng.normal(0, errors[1], 3)
         pose = Pose(x + off[0], y + off[1], HEIGHT_M + off[2], heading + turn[0], float(turn[1]), float(turn[2]))
         fine = render_street_panorama(street, pose, WIDTH * SUPERSAMPLED, seed=number)
-        rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
+        rgb = np.asarray(cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA), np.uint8)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
         seen = scene.cast_panorama(viewpoint, WIDTH)[2]
         propagate(scene, window, viewpoint, rgb, charts_seen=seen)

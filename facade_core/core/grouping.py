@@ -19,7 +19,7 @@ class RowIndex:
         first, last = np.searchsorted(self._values, (value, value + 1))
         return self._order[first:last]
 
-    def rows_with_any(self, values: Int64Array) -> Int64Array:
+    def rows_with_any(self, values: IntArray) -> Int64Array:
         """Return the rows (k,) with any of the values (v,), ascending; repeated values count once."""
         values = np.unique(values)
         first, last = (np.searchsorted(self._values, values, side) for side in ("left", "right"))

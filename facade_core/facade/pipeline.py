@@ -407,7 +407,7 @@ def build_facade_from_exemplar(
         columns = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
         texture, labels = resize_image(np.ascontiguousarray(texture[:, columns]), size), labels[:, columns]
         if labels.shape != size:
-            labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+            labels = np.asarray(cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST), labels.dtype)
     with _timer(seconds, "elements"):
         layout = tuple(elements(labels))
     hierarchy = varied = None

@@ -13,6 +13,7 @@ from facade_core.core.arrays import (
     AnyArray,
     Float32Array,
     Float64Array,
+    FloatArray,
     Int32Array,
     Int64Array,
     IntArray,
@@ -77,7 +78,7 @@ class Charts:
         normal.flags.writeable = False
         return normal
 
-    def points(self, chart: int | IntArray, x: Float64Array, y: Float64Array) -> Float64Array:
+    def points(self, chart: int | IntArray, x: FloatArray, y: FloatArray) -> Float64Array:
         """Return world points = origin + x axis_u + y axis_v of places in chart frames.
 
         Parameters
@@ -89,7 +90,8 @@ class Charts:
         -------
         (..., 3) metres.
         """
-        return self.origin[chart] + x[..., None] * self.axis_u[chart] + y[..., None] * self.axis_v[chart]
+        points = self.origin[chart] + x[..., None] * self.axis_u[chart] + y[..., None] * self.axis_v[chart]
+        return np.asarray(points, np.float64)
 
     def points_at_shares(self, charts: IntArray, share: NumericArray) -> Float64Array:
         """Return world points (k, s, 3) at shares (s, 2) of the width and height of charts (k,)."""

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, IntArray
+from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
 
 # Metres; walls are not cut into shorter pieces.
 MIN_WALL_PIECE_M = 0.05
@@ -73,8 +73,8 @@ def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
 
 
 def cut_triangles(
-    vertices: Float64Array, triangles: IntArray, uv: FloatArray, grid: float
-) -> tuple[Float64Array, IntArray, FloatArray, Int64Array, Int64Array]:
+    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, grid: float
+) -> tuple[Float64Array, Int64Array, Float32Array, Int64Array, Int64Array]:
     """Cut triangles on the planes of the world grid, along the axes on which together they exceed a cell.
 
     Parameters
@@ -102,8 +102,8 @@ def cut_triangles(
 
 
 def _split_at_plane(
-    vertices: Float64Array, triangles: IntArray, uv: FloatArray, axis: int, at: float
-) -> tuple[Float64Array, IntArray, FloatArray, Int64Array]:
+    vertices: Float64Array, triangles: Int64Array, uv: Float32Array, axis: int, at: float
+) -> tuple[Float64Array, Int64Array, Float32Array, Int64Array]:
     """Split triangles that cross a plane in two or three; the fourth value is the source triangle of each part."""
     height = vertices[:, axis] - at
     height[np.abs(height) < ON_PLANE_M] = 0

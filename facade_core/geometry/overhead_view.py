@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, FloatArray, UInt8Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
@@ -53,7 +53,7 @@ def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[
     return rgb, known
 
 
-def texel_points(scene: Scene, chart: int, rows: Float64Array, columns: Float64Array) -> Float64Array:
+def texel_points(scene: Scene, chart: int, rows: FloatArray, columns: FloatArray) -> Float64Array:
     """Return the world points of texels of a chart.
 
     Parameters

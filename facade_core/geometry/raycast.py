@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, Int32Array
+from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int32Array
 from facade_core.geometry.charts import Mesh
 
 MISS = -1
@@ -44,7 +44,7 @@ class RayCaster:
             self._tensor(mesh.triangles.astype(np.uint32)),
         )
 
-    def cast(self, origin: Float64Array, directions: Float64Array) -> tuple[Float32Array, Int32Array]:
+    def cast(self, origin: Float64Array, directions: FloatArray) -> tuple[Float32Array, Int32Array]:
         """Cast rays and return their nearest hits.
 
         Parameters

@@ -216,7 +216,7 @@ def _paste_occluder(
     )
     if bottom - size[1] >= VIEW_SIDE or max(size) > 4 * VIEW_SIDE:
         return image, occluder
-    piece = _vary_light(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), rng)
+    piece = _vary_light(np.asarray(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), np.uint8), rng)
     if rng.random() < 0.5:
         piece = piece[:, ::-1]
     y0, y1 = max(0, bottom - piece.shape[0]), min(VIEW_SIDE, bottom)
@@ -265,7 +265,7 @@ def _degrade(image: UInt8Array, rng: np.random.Generator) -> UInt8Array:
     import cv2
 
     if rng.random() < 0.15:
-        image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.5, 1.6))
+        image = np.asarray(cv2.GaussianBlur(image, (0, 0), rng.uniform(0.5, 1.6)), np.uint8)
     if rng.random() < 0.1:
         noise = rng.normal(0, rng.uniform(2, 10), image.shape[:2]).astype(np.float32)
         image = np.clip(image + noise[..., None], 0, 255).astype(np.uint8)

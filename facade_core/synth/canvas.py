@@ -20,7 +20,7 @@ GAMMA = 2.2  # of display values
 def hex_to_linear(colour: str) -> Float32Array:
     """Convert a display colour '#rrggbb' to (3,) float32 in linear light."""
     rgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float32)
-    return (rgb / 255) ** np.float32(GAMMA)
+    return np.asarray((rgb / 255) ** np.float32(GAMMA), np.float32)
 
 
 @dataclass(frozen=True)
@@ -200,8 +200,8 @@ def smooth_noise(shape: tuple[int, int], cell: float | tuple[float, float], rng:
     if min(shape) > 16 and min(steps) >= 12:
         # Wide features need no more than a quarter of the raster before a cheap enlargement.
         quarter = cv2.resize(grid, (shape[1] // 4, shape[0] // 4), interpolation=cv2.INTER_CUBIC)
-        return cv2.resize(quarter, shape[::-1], interpolation=cv2.INTER_LINEAR)
-    return cv2.resize(grid, shape[::-1], interpolation=cv2.INTER_CUBIC)
+        return np.asarray(cv2.resize(quarter, shape[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(cv2.resize(grid, shape[::-1], interpolation=cv2.INTER_CUBIC), np.float32)
 
 
 def fractal_noise(shape: tuple[int, int], cell: float, octaves: int, rng: np.random.Generator) -> Float32Array:
@@ -237,7 +237,8 @@ def gaussian_blur(array: Float32Array, sigma: float) -> Float32Array:
     """
     factor = max(1, int(sigma / 3))
     if factor == 1 or min(array.shape[:2]) < 4 * factor:
-        return cv2.GaussianBlur(array, (0, 0), max(sigma, 0.3), borderType=cv2.BORDER_REPLICATE)
+        blurred = cv2.GaussianBlur(array, (0, 0), max(sigma, 0.3), borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, array.dtype)
     small = cv2.resize(array, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
     small = cv2.GaussianBlur(small, (0, 0), sigma / factor, borderType=cv2.BORDER_REPLICATE)
-    return cv2.resize(small, array.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.resize(small, array.shape[1::-1], interpolation=cv2.INTER_LINEAR), array.dtype)

@@ -67,7 +67,7 @@ def _cast_shadows(relief: Float32Array, scale: float) -> Float32Array:
         above *= np.float32(1 / (0.012 + 0.16 * depth))
         np.maximum(highest, above, out=highest)
     soft = np.minimum(highest, 1, out=highest) * np.float32(0.88)
-    return cv2.resize(soft, relief.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.resize(soft, relief.shape[::-1], interpolation=cv2.INTER_LINEAR), soft.dtype)
 
 
 def _add_plate_shadow(shadow: Float32Array, plate: Plate, scale: float) -> None:
@@ -77,7 +77,8 @@ def _add_plate_shadow(shadow: Float32Array, plate: Plate, scale: float) -> None:
     if plate.is_hinged:
         rows, columns = alpha.shape
         shear = np.array([[1, dx / rows, 0], [0, 1 + dy / rows, 0]], np.float64)
-        alpha, dy, dx = cv2.warpAffine(alpha, shear, (columns + dx, rows + dy)), 0, 0
+        alpha = np.asarray(cv2.warpAffine(alpha, shear, (columns + dx, rows + dy)), alpha.dtype)
+        dy = dx = 0
     soft = gaussian_blur(np.pad(alpha, pad), 0.035 * plate.depth * scale)
     y, x = plate.y + dy - pad, plate.x + dx - pad
     top, left = max(0, -y), max(0, -x)

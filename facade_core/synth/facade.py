@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
@@ -210,7 +210,7 @@ def _paint_openings(
 ) -> None:
     mpp, style = plan.metres_per_pixel, plan.style
     factor = round(canvas.scale * mpp)
-    tiles: dict[tuple[str, str, tuple[int, int], bool, int], tuple[Canvas, Float32Array | None]] = {}
+    tiles: dict[tuple[str, str, tuple[int, int], bool, int], tuple[Canvas, BoolArray | None]] = {}
 
     def metres(o: PaintedOpening) -> ornament.Box:
         x0, y0, x1, y1 = o.box

@@ -86,7 +86,7 @@ def _ironwork(
     alpha[:, :2] = alpha[:, -2:] = 255
     colour = np.full((*shape, 3), hex_to_linear("#23272a"), np.float32)
     colour[: max(1, rail // 2)] = hex_to_linear("#5b6166")
-    return colour, alpha.astype(np.float32) / 255
+    return colour, np.asarray(alpha.astype(np.float32) / 255, np.float32)
 
 
 def _parapet(

@@ -80,7 +80,8 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) 
     painted = []
     for facade, photo in zip(street.facades, photos, strict=True):
         size = (facade.image.shape[1], facade.image.shape[0])
-        painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
+        image = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
+        painted.append(replace(facade, image=image))
     return replace(street, facades=tuple(painted))
 
 

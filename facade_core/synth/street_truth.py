@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
 from facade_core.core.numba_cache import njit
@@ -280,7 +280,7 @@ def _trace_colours(
 
 
 def _blend_cutouts(
-    street: SyntheticStreet, origin: Float64Array, rays: Float32Array, nearest: Float32Array, colour: Float32Array
+    street: SyntheticStreet, origin: Float64Array, rays: FloatArray, nearest: Float32Array, colour: Float32Array
 ) -> Float32Array:
     """Blend the cut-outs nearer than `nearest` (in ray lengths) along rays (..., 3) over `colour`, in place.
 

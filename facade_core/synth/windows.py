@@ -154,15 +154,15 @@ def _room_colours(
             sides = rng.uniform(0.7, 1.25, 2).astype(np.float32)
             wide = drape * np.where(x < 0.5, sides[0], sides[1])
             cover = np.clip((np.abs(x - 0.5) - (0.5 - wide)) * columns / 2, 0, 1)
-        return room + cover[..., None] * (cloth - room)
+        return np.asarray(room + cover[..., None] * (cloth - room), np.float32)
     if state.startswith("blind"):
         reach = float(rng.uniform(0.25, 0.62)) if state == "blind-half" else 1.0
         slats = 0.80 + 0.20 * np.sin(2 * np.pi * y * rows / max(4.0, 0.07 * scale))
         cover = np.clip((reach - y) * rows / 2, 0, 1) + np.zeros_like(x)
         edge = np.exp(-(((reach - y) * rows / (0.03 * scale)) ** 2)) * (reach < 1)
         cloth = 0.7 * fabrics.blind * (slats * (0.9 + 0.1 * x) * (1 - 0.45 * edge))[..., None]
-        return room + cover[..., None] * (cloth - room)
-    return room
+        return np.asarray(room + cover[..., None] * (cloth - room), np.float32)
+    return np.asarray(room, np.float32)
 
 
 def _paint_frame(tile: Canvas, glazing: str, kind: str, colour: Float32Array) -> None:

@@ -54,4 +54,4 @@ def read_picture_file(path: Path) -> tuple[UInt8Array, str]:
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: no picture; fetch it again")
-    return image[..., ::-1], hashlib.sha256(content).hexdigest()
+    return np.asarray(image[..., ::-1], np.uint8), hashlib.sha256(content).hexdigest()

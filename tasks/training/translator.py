@@ -240,7 +240,7 @@ def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRend
     for chart, painted in zip(street.charts, street.facades, strict=True):
         shape = (int(placement.width[chart]), int(placement.height[chart]))
         grey = relief_image(painted.labels, painted.metres_per_pixel)
-        reliefs[chart] = cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST)
+        reliefs[chart] = np.asarray(cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST), np.uint8)
     viewpoints = []
     for number, along in enumerate(np.arange(2.5, street.length, 5.0)):
         x, y = street.world_point(float(along), 0.0)

@@ -213,7 +213,7 @@ def _connected_components(corners: Float64Array) -> Int64Array:
     from scipy.sparse.csgraph import connected_components
 
     points = corners.reshape(-1, 3)
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.asarray(np.isfinite(points).all(axis=1))
     grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD_M).astype(np.int64)
     vertex = np.zeros(len(points), np.int64)
     for axis in range(3):  # three sorts of numbers are faster than one sort of rows

@@ -95,7 +95,7 @@ def read_picture(
         if rgb.shape[:2] != size:
             import cv2
 
-            rgb = cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA)
+            rgb = np.asarray(cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
             hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
     return Picture(_rotate_upright(rgb, turned), _rotate_upright(hidden, turned), scale)
 

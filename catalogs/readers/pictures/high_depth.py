@@ -79,9 +79,9 @@ def read_high_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
         low, high, opaque = math.inf, -math.inf, 0.0
         for window in windows:
             values = _read_values(raster, bands, window)
-            known = values[:, np.isfinite(values).all(axis=0)]
-            if known.size:
-                low, high = min(low, float(known.min())), max(high, float(known.max()))
+            finite = values[:, np.isfinite(values).all(axis=0)]
+            if finite.size:
+                low, high = min(low, float(finite.min())), max(high, float(finite.max()))
             if transparent:
                 opaque = max(opaque, float(raster.read(transparent, window=window).max()))
         most = _white_value(path, raster.dtypes[0], low, high)
@@ -89,7 +89,7 @@ def read_high_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
         rgb, hidden = np.empty((*shape, 3), np.uint8), np.empty(shape, bool)
         for window in windows:
             values = _read_values(raster, bands, window)
-            known = np.isfinite(values).all(axis=0)
+            known = np.asarray(np.isfinite(values).all(axis=0))
             if transparent:
                 known &= raster.read(transparent, window=window) * 2.0 > opaque
             values = np.clip(np.where(known, values, 0.0) / np.float32(most), 0.0, 1.0)

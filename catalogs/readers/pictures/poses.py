@@ -259,7 +259,7 @@ def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[s
                 continue
             rotation = _rotation_matrix(shot["rotation"])
             centre = -rotation.T @ _parse_vector(shot["translation"])
-            lon, lat, _ = to_lonlat.transform(*centre)
+            lon, lat, _ = to_lonlat.transform(centre[0], centre[1], centre[2])
             heading, pitch, roll = _angles(rotation)
         except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
             yield Path(name).name, error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.arrays import Int64Array
+from facade_core.core.arrays import Int64Array, IntArray
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
@@ -16,7 +16,7 @@ SNAP_GRID_M = 0.001
 MIN_PART_M2 = 0.1
 
 
-def building_footprint(source: TexturedMesh, triangles: Int64Array) -> list[Polygon]:
+def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
     Eaves have a ceiling below them. If ceilings cover everything, or there is no roof, all surfaces count.

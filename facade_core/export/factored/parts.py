@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, FloatArray, IntArray, UInt8Array
+from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, UInt8Array
 from facade_core.core.grouping import RowIndex, group_rows
 from facade_core.export.factored.glb import FactoredPart
 from facade_core.export.factored.texture_packing import PackedTextures
@@ -92,7 +92,7 @@ def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPa
 
 
 def pack_unfactored_charts(
-    source: TexturedMesh, triangles_of: RowIndex, charts: IntArray, before: int, frame: ModelFrame
+    source: TexturedMesh, triangles_of: RowIndex, charts: Int64Array, before: int, frame: ModelFrame
 ) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPart]]]:
     """Pack the charts that are not factored on pages of their own.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from facade_core.core.arrays import IntArray
+from facade_core.core.arrays import Int64Array
 from facade_core.core.grouping import RowIndex
 from facade_core.export.bodies.recess import RECESS_DEPTHS_M
 from facade_core.export.factored.glb import encode_factored_glb
@@ -48,7 +48,7 @@ class FactoredLeaves:
     pictures: PackedTextures
     picture_names: Sequence[str]
     source: TexturedMesh
-    unfactored_charts: IntArray
+    unfactored_charts: Int64Array
     frame: ModelFrame
     features: FeatureTable
     encoder: TextureEncoder

@@ -195,7 +195,9 @@ class _WallBuilder:
             place = np.stack(
                 [(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1
             )
-            light = self._sample_light(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
+            light: FloatArray = self._sample_light(shade, band, corners.reshape(-1, 2)) / np.maximum(
+                moulding.colour, 1e-4
+            )
             key: TextureKey = ("moulding", self.library_index, own if own is not None else -1)
         else:
             place = corners + self.offset
@@ -270,7 +272,7 @@ class _WallBuilder:
             )
             self.pieces.add(("grain", self.library_index, own), piece)
 
-    def _sample_light(self, shade: Float32Array, band: WallBand, places: Float64Array) -> FloatArray:
+    def _sample_light(self, shade: Float32Array, band: WallBand, places: Float64Array) -> Float32Array:
         """Sample the light of a band at places (n, 2), (n, 3)."""
         import cv2
 
@@ -278,9 +280,8 @@ class _WallBuilder:
         x = places[:, 0] * density - 0.5
         y = (places[:, 1] - band.top) * density - 0.5 if len(shade) > 1 else np.zeros(len(places))
         across, down = (part.astype(np.float32)[:, None] for part in (x, y))
-        return np.asarray(cv2.remap(shade, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(
-            -1, 3
-        )
+        sampled = cv2.remap(shade, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(sampled, shade.dtype).reshape(-1, 3)
 
     def _add_piece(
         self, key: TextureKey, corners: Float64Array, place: Float64Array, light: FloatArray, depth: float = 0.0

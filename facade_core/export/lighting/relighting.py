@@ -200,7 +200,8 @@ class _ChartRelighter:
         """
         import cv2
 
-        grey, density = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), self.density(chart)
+        grey = np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.uint8)
+        density = self.density(chart)
         height, random = float(self.scene.charts.size[chart, 1]), self.make_random(chart)
         panes, leans = np.zeros(labels.shape, bool), np.zeros((*labels.shape, 2), np.float32)
         lit: Float32Array | None = None

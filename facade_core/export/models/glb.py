@@ -69,7 +69,7 @@ class Primitive:
     uv: Float64Array
     triangles: Int64Array
     material: int
-    tangent: Float32Array | None = None
+    tangent: Float64Array | None = None
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,16 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.levelling import fill_unknown_colours
 from facade_core.geometry.scene import Scene
+
+Texel = TypeVar("Texel", np.uint8, np.float32)
 
 # Width of the repeated border of a piece, texels; pieces start on multiples of it. Down to the mip level of an eighth,
 # no interpolated texel and no block of a JPEG's luma mixes two pieces.
@@ -180,7 +183,7 @@ def draw_page(
     return drawn
 
 
-def downscale(image: UInt8Array, size: tuple[int, int]) -> UInt8Array:
+def downscale(image: NDArray[Texel], size: tuple[int, int]) -> NDArray[Texel]:
     """Downscale an image by area averaging.
 
     Parameters
@@ -192,7 +195,8 @@ def downscale(image: UInt8Array, size: tuple[int, int]) -> UInt8Array:
 
     if image.shape[:2] == size[::-1]:
         return image
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
+    smaller = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), image.dtype)
+    return smaller.reshape(size[1], size[0], -1)
 
 
 def encode_jpeg(image: UInt8Array, quality: int = JPEG_QUALITY) -> bytes:

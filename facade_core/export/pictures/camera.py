@@ -93,7 +93,7 @@ class PerspectiveCamera:
         height, width = self.size
         forward, right, down, focal = self.axes()
         ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
-        outside = (ahead <= 0).all(axis=1)
+        outside: BoolArray = np.asarray((ahead <= 0).all(axis=1))
         for sideways, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
             outside |= (sideways > ahead * half).all(axis=1) | (-sideways > ahead * half).all(axis=1)
         return ~outside

@@ -58,7 +58,8 @@ def build_mip_pyramid(raster: UInt8Array, coarsest: float) -> MipPyramid:
     levels = [raster]
     while 2 ** (len(levels) - 1) < coarsest and max(levels[-1].shape[:2]) > 1:
         rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
-        levels.append(cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3))
+        smaller = np.asarray(cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
+        levels.append(smaller.reshape(rows, columns, 3))
     shapes = np.array([level.shape[:2] for level in levels])
     area = shapes.prod(axis=1)
     texels = np.concatenate([level.reshape(-1, 3) for level in levels])

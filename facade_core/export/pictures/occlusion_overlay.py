@@ -36,7 +36,7 @@ def _mosaic(image: UInt8Array) -> UInt8Array:
     height, width = image.shape[:2]
     few = (max(1, width // MOSAIC_PX), max(1, height // MOSAIC_PX))
     coarse = cv2.resize(image, few, interpolation=cv2.INTER_AREA)
-    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 def draw_crop(image: UInt8Array, hidden: BoolArray, box: Box) -> UInt8Array:
@@ -52,7 +52,7 @@ def draw_crop(image: UInt8Array, hidden: BoolArray, box: Box) -> UInt8Array:
 
     scale = min(1.0, MAX_PREVIEW_PX / max(image.shape[:2]))
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
-    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     x0, y0, x1, y1 = (round(at * scale) for at in box)
     x1, y1 = min(width, max(x1, x0 + 1)), min(height, max(y1, y0 + 1))
     tinted = cv2.resize(hidden.astype(np.uint8), (x1 - x0, y1 - y0), interpolation=cv2.INTER_NEAREST) == 1

@@ -157,7 +157,7 @@ def average_samples(rgb: UInt8Array, samples: int) -> UInt8Array:
     import cv2
 
     size = (rgb.shape[1] // samples, rgb.shape[0] // samples)
-    return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def encode_image(rgb: UInt8Array, format: str, **options: int) -> bytes:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
@@ -210,7 +210,10 @@ def choose_floors(
             continue
         start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))
         end = price[middle, ground[0]] if ground and ground[0] >= 0 else 0.05 * np.arange(len(middle))[::-1]
-        walk = middle[cheapest_walk(price[np.ix_(middle, middle)], start, end, wanted)] if wanted else []
+        ends = np.asarray(start, np.float64), np.asarray(end, np.float64)
+        walk: IntArray | list[int] = (
+            middle[cheapest_walk(price[np.ix_(middle, middle)], *ends, wanted)] if wanted else []
+        )
         floor_indices = [int(f) for f in [*kept, *walk, *ground]]
         scale = height / float(sizes[floor_indices].sum())
         strain = abs(np.log(scale)) + 0.15 * (len(roofs) - len(kept))

@@ -145,7 +145,10 @@ def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Flo
     """Return the mean error around every pixel, in a square window blurred twice."""
     window = side, side
     total, count = (
-        cv2.blur(cv2.blur(values, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT)
+        np.asarray(
+            cv2.blur(cv2.blur(values, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT),
+            values.dtype,
+        )
         for values in (error, seen)
     )
     return _shrink_to_prior(total, count, _WINDOW_PRIOR, usual)

@@ -57,7 +57,7 @@ def compose_tiles(
     if min(shrink_y, shrink_x) < 0.95:  # area filtering first, so that the bilinear warp works near scale 1
         height, width = image.shape[:2]
         small = max(4, round(height * min(1.0, shrink_y))), max(4, round(width * min(1.0, shrink_x)))
-        image = cv2.resize(image, small[::-1], interpolation=cv2.INTER_AREA)
+        image = np.asarray(cv2.resize(image, small[::-1], interpolation=cv2.INTER_AREA), image.dtype)
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)

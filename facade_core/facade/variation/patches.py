@@ -8,9 +8,9 @@ from facade_core.core.arrays import (
     BoolArray,
     Float32Array,
     Float64Array,
+    FloatArray,
     Int32Array,
     IntArray,
-    NumericArray,
     UInt8Array,
 )
 
@@ -75,7 +75,7 @@ def align_boxes(image: UInt8Array, box: Int32Array, size: tuple[int, int]) -> In
     return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2)
 
 
-def cut_patches(image: NumericArray, box: IntArray, size: tuple[int, int]) -> Float32Array:
+def cut_patches(image: UInt8Array | Float32Array, box: IntArray, size: tuple[int, int]) -> Float32Array:
     """Cut each box with its margin and resample it to `size`.
 
     Parameters
@@ -98,7 +98,9 @@ def crop_box(image: UInt8Array, box: IntArray) -> Float32Array:
     return image[rows[:, None], columns].astype(np.float32)
 
 
-def _cut_with_margin(image: NumericArray, box: IntArray, margin: int, size: tuple[int, int]) -> Float32Array:
+def _cut_with_margin(
+    image: UInt8Array | Float32Array, box: IntArray, margin: int, size: tuple[int, int]
+) -> Float32Array:
     import cv2
 
     # Alignment may move a box beyond the image.
@@ -122,7 +124,8 @@ def wall_integrals(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array, Int3
     import cv2
 
     wall = (~mask).astype(np.uint8)
-    return cv2.integral(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) * wall), cv2.integral(wall)
+    light = cv2.integral(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) * wall)
+    return np.asarray(light, np.int32), np.asarray(cv2.integral(wall), np.int32)
 
 
 def relative_light(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Float64Array:
@@ -169,12 +172,12 @@ def bare_wall(image: UInt8Array, mask: BoolArray) -> UInt8Array:
     if not mask.any():
         return image
     known = (~mask).astype(np.float32)
-    colours: list[NumericArray] = [image.astype(np.float32) * known[..., None]]
-    weights: list[NumericArray] = [known]
+    colours: list[Float32Array] = [image.astype(np.float32) * known[..., None]]
+    weights: list[Float32Array] = [known]
     while weights[-1].min() < 1e-3 and min(weights[-1].shape) > 1:
-        colours.append(cv2.pyrDown(colours[-1]))
-        weights.append(cv2.pyrDown(weights[-1]))
-    filled = colours[-1] / np.maximum(weights[-1], 1e-6)[..., None]
+        colours.append(np.asarray(cv2.pyrDown(colours[-1]), np.float32))
+        weights.append(np.asarray(cv2.pyrDown(weights[-1]), np.float32))
+    filled: FloatArray = colours[-1] / np.maximum(weights[-1], 1e-6)[..., None]
     for colour, weight in zip(colours[-2::-1], weights[-2::-1], strict=True):
         up = cv2.resize(filled, weight.shape[::-1], interpolation=cv2.INTER_LINEAR)
         filled = colour + (1 - weight[..., None]) * up

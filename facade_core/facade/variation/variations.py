@@ -144,7 +144,7 @@ def _find_variations(image: UInt8Array, elements: list[Element]) -> Variations:
         size = patch_size(all_boxes[members])
         box = align_boxes(image, all_boxes[members], size)
         shade = relative_light(sums, all_boxes[members])
-        patches = cut_patches(image, box, size) / shade[:, None, None, None].astype(np.float32)
+        patches = np.asarray(cut_patches(image, box, size) / shade[:, None, None, None].astype(np.float32), np.float32)
         in_front = box_mask(all_boxes[depth > depth[members[0]]], image.shape[:2])
         seen = cut_patches(in_front.astype(np.float32), box, size) < 0.5
         patches = fill_from_similar(patches, seen)

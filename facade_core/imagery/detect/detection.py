@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, FloatArray, UInt8Array
 from facade_core.core.types import Box
 from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
@@ -46,7 +46,7 @@ class Detections:
     lines : lines of text, including those of the plates.
     """
 
-    faces: Float64Array = field(default_factory=_no_boxes)
+    faces: FloatArray = field(default_factory=_no_boxes)
     plates: Float64Array = field(default_factory=_no_boxes)
     lines: Sequence[TextLine] = ()
 

@@ -51,9 +51,9 @@ def _faces_in_tile(image: UInt8Array, scale: float) -> tuple[Float32Array, Float
 
     height, width = (round(side * scale) for side in image.shape[:2])
     if scale != 1:
-        image = cv2.resize(image, (width, height), interpolation=cv2.INTER_CUBIC)
+        image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
     below, beside = -height % _SIDE_MULTIPLE, -width % _SIDE_MULTIPLE
-    image = cv2.copyMakeBorder(image, 0, below, 0, beside, cv2.BORDER_REPLICATE)
+    image = np.asarray(cv2.copyMakeBorder(image, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.uint8)
     feed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)
     net = model_session(FACE_MODEL)
     centres, sizes, offsets, _ = net.run(None, {net.get_inputs()[0].name: feed})

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array, NumericArray, UInt8Array
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, model_session
 
@@ -122,7 +122,7 @@ def _lines_in_tile(image: UInt8Array, scale: float) -> Iterator[Float64Array]:
         yield _from_upper_left(np.clip(corners, 0, [width, height]))
 
 
-def _mean_within(values: Float32Array, corners: FloatArray) -> float:
+def _mean_within(values: Float32Array, corners: NumericArray) -> float:
     import cv2
 
     x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)

@@ -170,7 +170,7 @@ def _adjust(
     change = np.zeros((len(start), 6))
     usable = np.array(is_included)
     matches, agreements = before
-    matches = matches.select(usable[matches.panorama].all(axis=1))
+    matches = matches.select(np.asarray(usable[matches.panorama].all(axis=1)))
     for _ in range(ROUNDS):
         if not len(matches):
             break
@@ -178,7 +178,7 @@ def _adjust(
         change[~usable] = 0.0
         poses = [_apply_change(pose, pose_change) for pose, pose_change in zip(start, change, strict=True)]
         matches, agreements = match_shared_walls(scene, surfaces, images, poses, LATER_SEARCH_M, poses_agree=True)
-        matches = matches.select(usable[matches.panorama].all(axis=1))
+        matches = matches.select(np.asarray(usable[matches.panorama].all(axis=1)))
     return change, matches, agreements
 
 

@@ -10,7 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int64Array,
+    IntArray,
+    NumericArray,
+    UInt8Array,
+)
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
@@ -218,7 +226,7 @@ def _match_patches(
     return matches
 
 
-def _parabola_peak(three: FloatArray) -> float:
+def _parabola_peak(three: NumericArray) -> float:
     """Peak of the parabola through three values, relative to the middle one."""
     low, middle, high = (float(value) for value in three)
     bend = low - 2 * middle + high

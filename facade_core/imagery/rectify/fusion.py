@@ -141,9 +141,9 @@ def fuse_views(views: Sequence[ChartView], *, exposures_match: bool = False) -> 
         if exposures_match
         else _exposure_gains(colour, share_clear > 0.5, quality.sum(axis=(1, 2)))
     )
-    colour = np.clip(colour * gain[:, None, None], 0, 255) / 255
-    unary = _unary_costs(colour, share_seen, share_clear, np.stack([_cell_means(q, cell) for q in quality]))
-    label = _alpha_expansion(unary, _fill_unseen(colour, share_seen)).repeat(cell, axis=0).repeat(cell, axis=1)
+    even = np.clip(colour * gain[:, None, None], 0, 255) / 255
+    unary = _unary_costs(even, share_seen, share_clear, np.stack([_cell_means(q, cell) for q in quality]))
+    label = _alpha_expansion(unary, _fill_unseen(even, share_seen)).repeat(cell, axis=0).repeat(cell, axis=1)
     return _compose(views, gain, seen, clear, quality, label[: seen.shape[1], : seen.shape[2]])
 
 

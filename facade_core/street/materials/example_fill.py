@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, IntArray, UInt8Array
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import paint_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
@@ -203,10 +203,10 @@ def _source_offers(
     return SourceCosts(price, colour)
 
 
-def _shift_cells(cells: Int64Array, move: Int64Array, shape: tuple[int, ...]) -> tuple[Int64Array, BoolArray]:
+def _shift_cells(cells: IntArray, move: IntArray, shape: tuple[int, ...]) -> tuple[IntArray, BoolArray]:
     """Return the shifted cells (n, 2) and a mask (n,) of those inside the raster."""
     shifted = cells + move
-    return shifted, ((shifted >= 0) & (shifted < shape)).all(axis=1)
+    return shifted, np.asarray(((shifted >= 0) & (shifted < shape)).all(axis=1))
 
 
 def _translation_errors(small: Float32Array, clear: BoolArray, move: Int64Array) -> tuple[Float32Array, Float32Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, Float64Array, NumericArray, UInt8Array
+from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 
@@ -72,7 +72,8 @@ def cast_shadows(
 
     depth = relief_depth(labels, density)
     right, down = np.clip(towards[:2] / towards[2], -MAX_SHADOW_RATIO, MAX_SHADOW_RATIO)
-    shadow: NumericArray = cv2.blur(_trace_shadows(depth, float(right), float(down), float(density)), (3, 3))
+    traced = _trace_shadows(depth, float(right), float(down), float(density))
+    shadow = np.asarray(cv2.blur(traced, (3, 3)), np.float32)
     grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY).astype(np.float32)
     side = 2 * round(SHADE_WINDOW_M * density / 2) + 1
     recessed = depth < 0

@@ -94,7 +94,7 @@ def stain_tones(
     """
     import cv2
 
-    grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY)
+    grey = np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), np.uint8)
     rows, columns = (max(2, int(np.ceil(side / density * STAIN_DENSITY))) for side in labels.shape)
     step = 1 / STAIN_DENSITY
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))

@@ -70,7 +70,8 @@ class TiledMaterial:
             metres_per_pixel * texels_per_metre < 1
         ):  # finer than a texel: its means, or texels would pick pixels at random
             columns, rows = (max(1, round(side * texels_per_metre)) for side in size)
-            tile = cv2.resize(tile, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3)
+            smaller = np.asarray(cv2.resize(tile, (columns, rows), interpolation=cv2.INTER_AREA), tile.dtype)
+            tile = smaller.reshape(rows, columns, 3)
         return cls(tile, size)
 
     def sample(self, across: Float64Array, down: Float64Array, footprint: Float64Array) -> Float64Array:
@@ -83,7 +84,7 @@ class TiledMaterial:
         levels = [self.tile]
         while max(levels[-1].shape[:2]) > 1:
             rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
-            smaller = cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA)
+            smaller = np.asarray(cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA), self.tile.dtype)
             levels.append(smaller.reshape(rows, columns, 3))
         shapes = np.array([level.shape[:2] for level in levels])
         pixels = np.concatenate([level.reshape(-1, 3) for level in levels])

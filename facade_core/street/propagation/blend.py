@@ -134,7 +134,7 @@ def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[UInt8Ar
     -------
     Colour (t, 3) uint8, rounded to nearest, and the number of blended views (t,) uint16.
     """
-    chosen = BlendState(*(array[texels] for array in state))
+    chosen = BlendState._make(array[texels] for array in state)
     out = np.zeros((len(chosen.views), 3), np.uint8)
     views = np.zeros(len(out), np.uint16)
     _blend(chosen, out, views)

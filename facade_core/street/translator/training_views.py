@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
+from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
@@ -236,7 +236,7 @@ def imitate_rendering(photo: UInt8Array) -> UInt8Array:
     return out
 
 
-def _cut_crop(image: IntArray, known: BoolArray, size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
+def _cut_crop(image: AnyArray, known: BoolArray, size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
     height, width = image.shape[:2]
     first, last = (round(share * height) for share in USED_ROWS)
     top = int(rng.integers(first, max(last - size[0], first) + 1))

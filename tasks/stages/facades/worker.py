@@ -15,7 +15,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import earlier_path, hierarchy_path, stored_file_digest, write_stored_file
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
@@ -317,7 +317,7 @@ def _write_rasters(
     rasters = TexelLayout.of_charts(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)
     evidence = result.provenance.reshape(-1)
-    arrays = {
+    arrays: dict[str, AnyArray] = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
         "facade_maps/labels": result.labels.reshape(-1),

@@ -115,4 +115,4 @@ def read_labels(path: Path, shape: tuple[int, int]) -> UInt8Array | None:
         raise ImageError(
             f"{beside.name} is no label map of {path.name}; give one grey value a class, at its size, or remove it"
         )
-    return cv2.resize(labels, shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(cv2.resize(labels, shape[::-1], interpolation=cv2.INTER_NEAREST), labels.dtype)

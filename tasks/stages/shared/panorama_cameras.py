@@ -134,7 +134,7 @@ def _mean_distance(scene: Scene, own: Mapping[int, AnyArray], one: SurfacePanora
 
 # What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
 # them.
-_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], BoolArray] = OrderedDict()
+_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], UInt8Array] = OrderedDict()
 
 
 def _occluder_bits(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> BoolArray:

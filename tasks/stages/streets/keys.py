@@ -59,7 +59,7 @@ def street_keys(
     journals : those of base layer stages and viewpoints, if they were read for many streets.
     """
 
-    def records(stage: str, units: Int64Array) -> list[Record | None]:
+    def records(stage: str, units: IntArray) -> list[Record | None]:
         return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
 
     viewpoints = plan.street_viewpoints(street)

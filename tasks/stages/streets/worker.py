@@ -14,7 +14,7 @@ import numpy as np
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.core.arrays import BoolArray, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import AnyArray, BoolArray, Int32Array, Int64Array, UInt8Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
@@ -165,7 +165,8 @@ def process_street(run: Run, fork: Any, street: int, steps: int, street_key: str
         views = window.state.views
         colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
     written = replace(rasters, charts=rasters.charts[~_written_by_later(here.plan, group, street, rasters.charts)])
-    for name, flat in {"street": colour, "street_views": views}.items():
+    arrays: dict[str, AnyArray] = {"street": colour, "street_views": views}
+    for name, flat in arrays.items():
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
     return fork, {
         "digests": chart_digests(colour, views, scene.placement, rasters, here.plan.ids),
