@@ -24,7 +24,7 @@ from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models.glb import read_glb_header
 from facade_core.export.models.textured_mesh import local_frame
 from tasks.export.formats import export_run
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 
 METRES = (3.0, 15.0, 40.0)
 SIZE = (760, 500)
@@ -55,7 +55,7 @@ def measure(path: Path) -> dict[str, Any]:
 def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[float], list[float]]]:
     """Facade, metres before it, eye and target in the models' frame: those named, else the largest on streets that are made
     from an exemplar and from a photo."""
-    with published(out) as found:
+    with open_published_run(out) as found:
         plan, scene = found.plan, found.plan.scene
         facades, charts = plan.facades, scene.charts
         frame = local_frame(scene.mesh)

@@ -17,7 +17,7 @@ from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.propagation.render import daylight_grey
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 
 # Grey of bare geometry, as a share of white.
 BARE = 0.86
@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--view", default="street-0", help="one of the report's views")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="folder of the files")
     asked = parser.parse_args()
-    with published(asked.out) as found:
+    with open_published_run(asked.out) as found:
         views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
         if asked.view not in views:
             parser.error(f"--view {asked.view}: there are {', '.join(views)}")

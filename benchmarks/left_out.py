@@ -37,7 +37,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
-from tasks.publish.opened import Published, published
+from tasks.publish.published_run import PublishedBlock, open_published_run
 from tasks.stages.bundles.refined_poses import is_rejected, select_pose
 from tasks.stages.shared.images import read_panorama
 
@@ -126,12 +126,12 @@ def measure(file: Path, out: Path, workers: int, pictures: Path | None) -> dict[
     for name in taken:
         others = [other for other in names if other != name]
         seconds[f"without {name}"] = _run(file, block, others, out, workers)
-        with published(out / "run") as found:
+        with open_published_run(out / "run") as found:
             ours[name] = [_seen(found, camera) for camera in views[name]]
             known[name] = _placed(found, others, taken)
     seconds["without any"] = _run(file, block, [], out, workers)
     told: dict[str, list[dict[str, float]]] = {}
-    with published(out / "run") as found:
+    with open_published_run(out / "run") as found:
         for name, one in taken.items():
             compared = [
                 _compared(found, one, camera, ours[name][number], known[name], taken)
@@ -185,8 +185,8 @@ def _absolute(value: Any, folder: Path) -> Any:
 def _taken(block: Block, out: Path) -> dict[str, Taken]:
     """The panoramas that the run could place."""
     found = {}
-    with published(out / "run") as run:
-        for panorama, pose, record in zip(block.panoramas, run.plan.poses, run.posed, strict=True):
+    with open_published_run(out / "run") as run:
+        for panorama, pose, record in zip(block.panoramas, run.plan.poses, run.refined_poses, strict=True):
             if not is_rejected(record):
                 image = read_panorama(panorama.path)
                 at = select_pose(pose, record)
@@ -194,9 +194,9 @@ def _taken(block: Block, out: Path) -> dict[str, Taken]:
     return found
 
 
-def _placed(found: Published, names: Sequence[str], taken: dict[str, Taken]) -> dict[str, Taken]:
+def _placed(found: PublishedBlock, names: Sequence[str], taken: dict[str, Taken]) -> dict[str, Taken]:
     """The panoramas of a run of some, at the poses that this run found."""
-    poses = zip(names, found.plan.poses, found.posed, strict=True)
+    poses = zip(names, found.plan.poses, found.refined_poses, strict=True)
     return {
         name: Taken(taken[name].image, select_pose(pose, record), taken[name].hidden)
         for name, pose, record in poses
@@ -215,7 +215,7 @@ def _cameras(pose: Pose) -> list[PerspectiveCamera]:
     ]
 
 
-def _seen(found: Published, camera: PerspectiveCamera) -> Seen:
+def _seen(found: PublishedBlock, camera: PerspectiveCamera) -> Seen:
     """What a camera sees of what was published, without haze."""
     scene = found.plan.scene
     picture = cast_view(scene, camera, samples=SAMPLES)
@@ -229,7 +229,7 @@ def _seen(found: Published, camera: PerspectiveCamera) -> Seen:
     return Seen(picture.rgb, chart, camera.position + picture.camera.rays() * depth[..., None])
 
 
-def _kinds(found: Published, chart: np.ndarray) -> dict[str, np.ndarray]:
+def _kinds(found: PublishedBlock, chart: np.ndarray) -> dict[str, np.ndarray]:
     """Which pixels show which kind of surface."""
     hit, kind = chart != MISS, found.plan.scene.charts.kind
     facade, ground = np.isin(chart, found.plan.facades.chart), hit & (kind[chart] == ChartKind.GROUND)
@@ -255,7 +255,7 @@ def _picture(one: Taken, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndar
     return average_samples(rgb, SAMPLES), _sampled(one, camera.rays())[1]
 
 
-def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[np.ndarray, np.ndarray]:
+def _projected(found: PublishedBlock, view: Seen, others: Sequence[Taken]) -> tuple[np.ndarray, np.ndarray]:
     """Each sample of a view from the nearest panorama that shows its place clear, else from the nearest with whatever stands
     before it: (h, w, 3) uint8; and which pixels (h, w) one shows clear."""
     hit, points = view.dense_chart != MISS, view.dense_points
@@ -278,7 +278,7 @@ def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[n
 
 
 def _compared(
-    found: Published,
+    found: PublishedBlock,
     one: Taken,
     camera: PerspectiveCamera,
     ours: Seen,

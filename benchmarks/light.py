@@ -27,7 +27,7 @@ from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.street.lighting.sun import sun_direction
 from tasks.export.formats import export_run
 from tasks.export.lighting import relighting_inputs
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 
 HERE = Path(__file__).resolve().parent
 SIZE = (1280, 640)
@@ -46,7 +46,7 @@ def main() -> None:
     asked = parser.parse_args()
     if CHROMIUM is None or not (PACKAGES / "three").is_dir():
         parser.error("Chromium and three.js draw it; install chromium, and run `make clients`")
-    with published(asked.out) as found:
+    with open_published_run(asked.out) as found:
         view = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))[asked.view]
         frame = local_frame(found.plan.scene.mesh)
         sun = relighting_inputs(found).sun or NOON

@@ -38,7 +38,7 @@ from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.street_paint import ground_pattern, side_pattern
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
-from tasks.publish.opened import Published, published
+from tasks.publish.published_run import PublishedBlock, open_published_run
 
 PAPER, GAP = 255, 8
 # What a place of the atlas is drawn in where its colour is shown by where it comes from: unseen, material, translated,
@@ -64,7 +64,7 @@ def beside(pictures: Sequence[np.ndarray], height: int) -> np.ndarray:
     return np.concatenate(parts[:-1], axis=1)
 
 
-def ingest(found: Published) -> np.ndarray:
+def ingest(found: PublishedBlock) -> np.ndarray:
     """A block from above: walls by what they are to the streets, and viewpoints."""
     plan = found.plan
     every = list(range(len(plan.viewpoints)))
@@ -96,7 +96,7 @@ def from_above(
     return np.asarray(drawn)
 
 
-def imagery(found: Published) -> np.ndarray:
+def imagery(found: PublishedBlock) -> np.ndarray:
     """A block's facades on streets, panoramas every few metres, and the fewest that show what all of them show."""
     from facade_core.plan.panorama_choice import choose_panoramas
 
@@ -108,7 +108,7 @@ def imagery(found: Published) -> np.ndarray:
     return from_above(plan, on_street, ((rest, (150, 150, 150), 4), (sorted(chosen), (40, 90, 170), 9)))
 
 
-def staged(found: Published, facade: str, titles: Sequence[str], height: int = 420) -> np.ndarray:
+def staged(found: PublishedBlock, facade: str, titles: Sequence[str], height: int = 420) -> np.ndarray:
     """Some of the stages of a facade, by the names that the viewer or the report has for them."""
     number = found.plan.facades.id.index(facade)
     chart, record = int(found.plan.facades.chart[number]), found.records[number]
@@ -118,7 +118,7 @@ def staged(found: Published, facade: str, titles: Sequence[str], height: int = 4
     return beside([named[title]() for title in titles], height)
 
 
-def first_made(found: Published) -> str:
+def first_made(found: PublishedBlock) -> str:
     """The first facade on a street whose texture is an exemplar's."""
     facades = found.plan.facades
     exemplars = {Path(made["unit"]).stem for made in found.journals["exemplars"] if made}
@@ -128,7 +128,7 @@ def first_made(found: Published) -> str:
     raise SystemExit(f"{found.block}: no facade on a street is made from an exemplar; name one with --made")
 
 
-def surfaces(found: Published) -> np.ndarray:
+def surfaces(found: PublishedBlock) -> np.ndarray:
     """A street as it is textured, and by where each texel comes from."""
     views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
     scene, camera = found.plan.scene, views["street-0"]
@@ -140,7 +140,7 @@ def surfaces(found: Published) -> np.ndarray:
     return beside(drawn, 380)
 
 
-def publish(found: Published) -> np.ndarray:
+def publish(found: PublishedBlock) -> np.ndarray:
     """A page of the atlas, and the block from afar."""
     above = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))["above"]
     return beside([found.page(0), render_perspective(found.plan.scene, above, found.textured.raster)], 520)
@@ -249,7 +249,7 @@ def walls() -> np.ndarray:
     return beside([material, taken, finished, truth], 420)
 
 
-def of_run(found: Published, facade: str, made: str) -> dict[str, Callable[[], np.ndarray]]:
+def of_run(found: PublishedBlock, facade: str, made: str) -> dict[str, Callable[[], np.ndarray]]:
     """The pictures of a run: `facade` is one of which there is a photo, `made` one that an exemplar textures."""
     return {
         "imagery": lambda: imagery(found),
@@ -280,7 +280,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[], help="the names of pictures")
     parser.add_argument("--to", type=Path, default=Path("docs/stages"), help="folder of the files")
     asked = parser.parse_args()
-    with published(asked.out) as found:
+    with open_published_run(asked.out) as found:
         drawn = {**of_run(found, asked.facade, asked.made or first_made(found)), **OF_NOTHING}
         for name in asked.only or drawn:
             (asked.to / f"{name}.jpg").write_bytes(encode_image(drawn[name](), "JPEG", quality=82))

@@ -28,7 +28,7 @@ from PIL import Image
 from facade_core.export.models.glb import COMPONENT_DTYPES, read_glb_header
 from facade_core.geometry.charts import ChartKind
 from tasks.export.formats import export_run
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 
 MIPMAPS = 4 / 3
 
@@ -99,7 +99,7 @@ def detail(out: Path) -> dict[str, Any]:
     import cv2
 
     told = {}
-    with published(out) as found:
+    with open_published_run(out) as found:
         source = found.textured
         kinds = source.charts.kind
         for name, kind in (("walls", ChartKind.WALL), ("roofs", ChartKind.ROOF), ("ground", ChartKind.GROUND)):

@@ -40,7 +40,7 @@ from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
-from tasks.publish.prune import pruned
+from tasks.publish.prune import prune_or_explain
 from tasks.publish.task import publish_block
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
@@ -113,7 +113,7 @@ def city_block(
                     )
             summary = entry.summary
             if keep is not None:
-                for line in pruned(folder, keep):
+                for line in prune_or_explain(folder, keep):
                     print_status(line)
             publish_outcome(entry.run, summary)
     if "withheld" in summary:

@@ -15,7 +15,7 @@ from hypothesis import settings
 
 from tasks.engine.compute.kernel_compilation import compile_kernels_once
 from tasks.engine.compute.worker_setup import limit_threads
-from tasks.publish.opened import Published, published
+from tasks.publish.published_run import PublishedBlock, open_published_run
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block
@@ -140,7 +140,7 @@ def left_to_streets_copy(left_to_streets: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[Published]:
+def found(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[PublishedBlock]:
     """What the run published that many tests look at."""
-    with published(undisturbed[0]) as opened:
+    with open_published_run(undisturbed[0]) as opened:
         yield opened

@@ -18,7 +18,7 @@ from facade_core.export.models.textured_mesh import local_frame
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.export.pictures.views import choose_cameras, view_names
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 # Of pixels, so many are edges: those with the steepest brightness.
 EDGES = 0.1
@@ -55,7 +55,7 @@ def moved_by_cjio(city: Path) -> np.ndarray:
     return np.array(document["vertices"]).min(axis=0) * scale + translate
 
 
-def of_street(found: Published) -> PerspectiveCamera:
+def of_street(found: PublishedBlock) -> PerspectiveCamera:
     """The first of a block's views along a street, small; that from above where there is none."""
     views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
     return replace(views.get("street-0", views["above"]), size=SIZE)
@@ -72,12 +72,12 @@ def shot(camera: PerspectiveCamera, origin: np.ndarray, to: Path) -> dict[str, A
     }
 
 
-def origin_of_models(found: Published) -> np.ndarray:
+def origin_of_models(found: PublishedBlock) -> np.ndarray:
     """Where the coordinates of a block's GLB begin, (3,)."""
     return local_frame(found.plan.scene.mesh).origin
 
 
-def own_picture(found: Published, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndarray]:
+def own_picture(found: PublishedBlock, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndarray]:
     """Streetloom's picture from a camera, (h, w, 3) uint8, without haze, which no export has, and where it shows a wall or
     roof, (h, w)."""
     samples = 2

@@ -19,7 +19,7 @@ from benchmarks.clients.validators import gltf_issues
 from benchmarks.programs import Absent, chromium
 from benchmarks.solid import validated
 from tasks.export.formats import export_run
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 
 COLUMNS = (
     *("client", "version", "format", "opened", "pictures", "attributes", "seconds", "mb", "texture_mb"),
@@ -120,7 +120,7 @@ def _in_blender(exports: Exports, style: str, **options: Any) -> Row:
     """A format in Blender, CityJSON as cjio writes it."""
     path = exports.main(style, **options)
     city = path if style in ("cityjson", "lod3") else None
-    with published(exports.out) as found:
+    with open_published_run(exports.out) as found:
         camera, origin = blender.of_street(found), blender.origin_of_models(found)
         own, built = blender.own_picture(found, camera)
     if city:

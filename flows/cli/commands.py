@@ -188,9 +188,9 @@ def _run_block(
             with show_progress():
                 summary = _texture_recorded(entry.source, out, workers, dask, redo if only else None)
         if keep is not None:
-            from tasks.publish.prune import pruned
+            from tasks.publish.prune import prune_or_explain
 
-            for line in pruned(out, keep):
+            for line in prune_or_explain(out, keep):
                 print_notice(line)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:

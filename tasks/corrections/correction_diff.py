@@ -26,7 +26,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 from facade_core.facade.correction import unmatched_elements
 from tasks.corrections.drawable_values import drawable_values
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 # Smaller differences come from rounding in exports and journal.
 MIN_SHIFT_TEXELS = 0.6
@@ -43,7 +43,7 @@ class CorrectionDiff:
     notes : remarks about the edited values, one line each.
     """
 
-    def __init__(self, results: Published, before: Corrections) -> None:
+    def __init__(self, results: PublishedBlock, before: Corrections) -> None:
         self.results = results
         self._renamed_ids = cast(dict[str, str], results.group.attrs.get("known_by_place", {}))
         self._stored, self.before = before, before.rename_targets(self._renamed_ids)

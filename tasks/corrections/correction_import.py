@@ -32,7 +32,7 @@ from facade_core.core.errors import InputError
 from tasks.corrections.correction_diff import CorrectionDiff
 from tasks.corrections.unaffected_walls import find_unaffected_walls
 from tasks.engine.store.status import read_source
-from tasks.publish.opened import Published, opened, published
+from tasks.publish.published_run import PublishedBlock, open_published_run, open_published_snapshot
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def import_corrections(
     by = _correction_author(who, why, when)
     if (out / CITY_FILE_NAME).is_file():
         return _import_into_city(out, path, by)
-    with published(out) as results:
+    with open_published_run(out) as results:
         said = read_annotations(path, facades_by_picture_name(list(results.plan.facades.id)))
         run = results.snapshot.out
         return _write_diffs(run, [_diff_block(run, results, said, str(path), by)])
@@ -97,7 +97,7 @@ class CorrectionImporter:
     def __init__(self, out: Folder) -> None:
         self.out = out
         self._lock = threading.Lock()
-        self._found: Published | None = None
+        self._found: PublishedBlock | None = None
 
     def add(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> ImportResult:
         """Import a list of corrections in streetloom's own JSON form; all or none.
@@ -115,7 +115,7 @@ class CorrectionImporter:
         """
         with self._lock, current_snapshot(self.out).hold_for_reading() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
-                self._found = opened(snapshot)
+                self._found = open_published_snapshot(snapshot)
             return _write_diffs(
                 self.out,
                 [
@@ -156,7 +156,7 @@ def _correction_author(who: str, why: str, when: datetime | None = None) -> Corr
     return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
-def _diff_block(out: Folder, results: Published, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
+def _diff_block(out: Folder, results: PublishedBlock, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
     block = find_block_file(out)
     diff = CorrectionDiff(results, read_corrections(block))
     new = diff.compute(named, said, by)
@@ -209,8 +209,8 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
     said = read_annotations(path, facades_by_picture_name(facades))
     if any(id not in run_by_id for id, _, _ in said):  # the catalogue lacks buildings without a facade
         for name, folder in runs.items():
-            with published(folder) as results:
-                run_by_id |= {results.names[index]: name for index in results.choose(()).tolist()}
+            with open_published_run(folder) as results:
+                run_by_id |= {results.names[index]: name for index in results.select_buildings(()).tolist()}
     by_block = defaultdict(list)
     for one in said:
         if one[0] not in run_by_id:
@@ -220,7 +220,7 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
         by_block[run_by_id[one[0]]].append(one)
     diffs = []
     for name, some in by_block.items():
-        with published(runs[name]) as results:
+        with open_published_run(runs[name]) as results:
             diffs.append(_diff_block(runs[name], results, some, str(path), by))
     return _write_diffs(out, diffs) if diffs else ImportResult((), "", 0, 0, ())
 

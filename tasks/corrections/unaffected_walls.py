@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction
 from facade_core.geometry.charts import ChartKind
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 # Kinds of corrections that set the material or colour of walls.
 _WALL_KINDS = ("wall_material", "wall_colour")
@@ -28,7 +28,7 @@ class UnaffectedWalls(NamedTuple):
     buildings: frozenset[str]
 
 
-def find_unaffected_walls(results: Published, new: Sequence[Correction]) -> UnaffectedWalls:
+def find_unaffected_walls(results: PublishedBlock, new: Sequence[Correction]) -> UnaffectedWalls:
     """Find the walls and buildings that new corrections of materials and colours do not change."""
     plan = results.plan
     buildings = {name: index for index, name in results.names.items()}
@@ -54,7 +54,7 @@ def find_unaffected_walls(results: Published, new: Sequence[Correction]) -> Unaf
     return UnaffectedWalls((note,), frozenset(whole))
 
 
-def _count_textured_facades(results: Published, building: int, none: Collection[str]) -> int:
+def _count_textured_facades(results: PublishedBlock, building: int, none: Collection[str]) -> int:
     """Count a building's facades with a texture, without those that are corrected to be none."""
     facades = results.plan.facades
     return sum(

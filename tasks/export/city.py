@@ -17,7 +17,7 @@ from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.models import add_ground
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.bodies.building_models import BuildingModel
@@ -32,7 +32,7 @@ APPEARANCE_ATTRIBUTES = {
 }
 
 
-def write_cityjson(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjson(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.json and its textures.
 
     Parameters
@@ -49,7 +49,7 @@ def write_cityjson(results: Published, buildings: IntArray, folder: Path) -> tup
     return _write_document(results, buildings, folder, f"{results.block}.city.json", openings=False)
 
 
-def write_lod3(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_lod3(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
 
     Parameters
@@ -66,7 +66,7 @@ def write_lod3(results: Published, buildings: IntArray, folder: Path) -> tuple[l
     return _write_document(results, buildings, folder, f"{results.block}.lod3.city.json", openings=True)
 
 
-def write_cityjsonseq(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjsonseq(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.city.jsonl, a header and one feature a line, and its textures.
 
     Parameters
@@ -97,7 +97,7 @@ def write_cityjsonseq(results: Published, buildings: IntArray, folder: Path) -> 
 
 
 def _write_document(
-    results: Published, buildings: IntArray, folder: Path, name: str, *, openings: bool
+    results: PublishedBlock, buildings: IntArray, folder: Path, name: str, *, openings: bool
 ) -> tuple[list[str], list[str]]:
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
@@ -117,7 +117,7 @@ def _json_line(value: dict[str, Any]) -> str:
 
 
 def _list_features(
-    results: Published, buildings: IntArray, folder: Path, *, openings: bool
+    results: PublishedBlock, buildings: IntArray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
@@ -160,7 +160,7 @@ def _list_features(
 
 
 def city_objects(
-    results: Published,
+    results: PublishedBlock,
     drawn: Any,
     triangles: IntArray,
     index: int,
@@ -212,14 +212,14 @@ def city_objects(
     return {name: body | ({"children": list(installations)} if installations else {})} | installations
 
 
-def is_facade(results: Published, facade: str) -> bool:
+def is_facade(results: PublishedBlock, facade: str) -> bool:
     """Report whether a wall is still a facade, and is not corrected to be none."""
     record = results.records[results.plan.facades.id.index(facade)]
     return record is None or record.get("facade") is not False
 
 
 def building_model(
-    results: Published,
+    results: PublishedBlock,
     drawn: Any,
     triangles: IntArray,
     index: int,
@@ -253,13 +253,13 @@ def _unused_id(id: str, taken: set[str]) -> str:
     return id
 
 
-def building_attributes(results: Published, building: int, body: Any) -> dict[str, Any]:
+def building_attributes(results: PublishedBlock, building: int, body: Any) -> dict[str, Any]:
     """Collect a building's attributes from the plan and the finished facades, with CityJSON names.
 
     The measured height ends at the highest point of the roof, without chimneys and other attachments.
     """
     row = {name: column[building] for name, column in results.buildings.items()}
-    facades = [results.records[i] for i in results.rectified(np.array([building]))]
+    facades = [results.records[i] for i in results.finished_facades(np.array([building]))]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
@@ -274,12 +274,12 @@ def building_attributes(results: Published, building: int, body: Any) -> dict[st
     }
 
 
-def compute_building_heights(results: Published) -> dict[str, float]:
+def compute_building_heights(results: PublishedBlock) -> dict[str, float]:
     """Compute the measured height of each building by id, as exports state it."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import pack_charts
 
-    source, buildings = results.textured, results.choose(())
+    source, buildings = results.textured, results.select_buildings(())
     drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     bodies = {
@@ -303,14 +303,14 @@ def _roof_attributes(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
-def facade_layouts(results: Published, buildings: IntArray) -> dict[int, list[Element]]:
+def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
     from facade_core.export.bodies.ledges import detect_ledges
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement = results.plan.scene.placement
     layouts = {}
-    for index in results.rectified(buildings):
+    for index in results.finished_facades(buildings):
         chart = int(results.plan.facades.chart[index])
         density = float(placement.texels_per_metre[chart])
         elements = [
@@ -324,12 +324,12 @@ def facade_layouts(results: Published, buildings: IntArray) -> dict[int, list[El
     return layouts
 
 
-def model_origin(results: Published) -> Float64Array:
+def model_origin(results: PublishedBlock) -> Float64Array:
     """Return the origin (3,) of a model's local frame, world metres."""
     return np.floor(results.plan.scene.mesh.vertices.min(axis=0))
 
 
-def _reference_system(results: Published) -> tuple[str | None, list[str]]:
+def _reference_system(results: PublishedBlock) -> tuple[str | None, list[str]]:
     """Return the URL of the block's CRS; None and a note if it has no authority code."""
     from pyproj import CRS
 

@@ -14,7 +14,7 @@ from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city import TEXTURE_FOLDER, building_attributes, building_model, facade_layouts, model_origin
 from tasks.export.models import add_ground
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 
 
-def write_citygml(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.gml and its textures: LoD3 for buildings with openings, else LoD2.
 
     Parameters
@@ -68,7 +68,7 @@ def write_citygml(results: Published, buildings: IntArray, folder: Path) -> tupl
 
 
 def _building(
-    results: Published,
+    results: PublishedBlock,
     drawn: Any,
     triangles: IntArray,
     index: int,
@@ -130,7 +130,7 @@ def _building(
     return member
 
 
-def _terrain(results: Published, drawn: Any, triangles: IntArray, taken: set[str], images: list[str]) -> list[Element]:
+def _terrain(results: PublishedBlock, drawn: Any, triangles: IntArray, taken: set[str], images: list[str]) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.citygml import PolygonWriter, add_element

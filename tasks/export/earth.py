@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from facade_core.core.arrays import Float64Array
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.tiles.earth import EarthFrame
 
 
-def place_on_earth(results: Published, origin: Float64Array) -> tuple[EarthFrame, dict[str, Any], list[str]]:
+def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[EarthFrame, dict[str, Any], list[str]]:
     """Compute the earth frame of a block's tiles.
 
     Parameters

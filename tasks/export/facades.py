@@ -12,13 +12,13 @@ import numpy as np
 from catalogs.features import file_stem
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.pictures.annotations import AnnotatedFacade
 
 
-def write_coco(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_coco(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write annotations.json and images/ID.png: rectified facades without occluders, with their elements.
 
     Parameters
@@ -43,7 +43,7 @@ def write_coco(results: Published, buildings: IntArray, folder: Path) -> tuple[l
     return ["annotations.json"], _note_missing(results, buildings, len(facades))
 
 
-def write_labelme(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_labelme(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write ID.png and ID.json for every facade.
 
     Parameters
@@ -68,7 +68,7 @@ def write_labelme(results: Published, buildings: IntArray, folder: Path) -> tupl
     return names, _note_missing(results, buildings, len(facades))
 
 
-def _annotate_facades(results: Published, buildings: IntArray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
+def _annotate_facades(results: PublishedBlock, buildings: IntArray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
     """Write the picture of every finished facade and yield its annotations."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
@@ -76,7 +76,7 @@ def _annotate_facades(results: Published, buildings: IntArray, folder: Path, wit
     from facade_core.export.pictures.annotations import AnnotatedFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    facades = results.rectified(buildings)
+    facades = results.finished_facades(buildings)
     said = PngInfo()
     said.add_itxt("Copyright", results.attribution.line)
     begin_stage("export", len(facades))
@@ -91,7 +91,7 @@ def _annotate_facades(results: Published, buildings: IntArray, folder: Path, wit
         report_progress("export", 1)
 
 
-def _note_missing(results: Published, buildings: IntArray, written: int) -> list[str]:
+def _note_missing(results: PublishedBlock, buildings: IntArray, written: int) -> list[str]:
     missing = int(np.isin(results.plan.facades.building, buildings).sum()) - written
     if not missing:
         return []
@@ -102,7 +102,7 @@ def _note_missing(results: Published, buildings: IntArray, written: int) -> list
 APPEARANCE_COLUMNS = ("wall_material", "wall_colour", "roof_material", "roof_colour")
 
 
-def write_geopackage(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_geopackage(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets.
 
     Parameters
@@ -171,7 +171,7 @@ def write_geopackage(results: Published, buildings: IntArray, folder: Path) -> t
     return [name], []
 
 
-def _height_columns(results: Published, triangles: IntArray) -> dict[str, float]:
+def _height_columns(results: PublishedBlock, triangles: IntArray) -> dict[str, float]:
     """Compute the lowest and highest z of a building, with chimneys and parapets, in the block's heights."""
     from facade_core.export.bodies.map_surfaces import height_range
 
@@ -179,7 +179,7 @@ def _height_columns(results: Published, triangles: IntArray) -> dict[str, float]
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
-def _surfaces(results: Published, kind: int, buildings: IntArray) -> list[dict[str, Any]]:
+def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[dict[str, Any]]:
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
     from facade_core.export.bodies.map_surfaces import surface_polygons
 

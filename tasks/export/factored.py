@@ -14,7 +14,7 @@ from tasks.engine.progress import report_progress
 from tasks.export.earth import place_on_earth
 from tasks.export.factored_walls import build_factored_walls
 from tasks.export.features import build_feature_table
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.factored.texture_packing import PackedTextures
@@ -26,7 +26,7 @@ COARSE_TEXEL_SHARE = 0.5
 
 
 def write_factored(
-    results: Published, buildings: IntArray, shown: IntArray, folder: Path
+    results: PublishedBlock, buildings: IntArray, shown: IntArray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with factored facades and a node for each building, and figures.json.
 
@@ -90,7 +90,7 @@ def write_factored(
 
 
 def write_factored_tiles(
-    results: Published, buildings: IntArray, shown: IntArray, folder: Path
+    results: PublishedBlock, buildings: IntArray, shown: IntArray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and tiles with factored leaves, which share picture files.
 

@@ -14,7 +14,7 @@ from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class FactoredWalls:
 
 
 def build_factored_walls(
-    results: Published, buildings: IntArray, details: Sequence[WallDetail], other_units: int
+    results: PublishedBlock, buildings: IntArray, details: Sequence[WallDetail], other_units: int
 ) -> FactoredWalls:
     """Build the facades of some buildings from libraries, at each of some details.
 
@@ -85,7 +85,7 @@ def build_factored_walls(
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planar_walls(results: Published, buildings: IntArray) -> dict[int, list[Any]]:
+def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Any]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
@@ -94,7 +94,7 @@ def _planar_walls(results: Published, buildings: IntArray) -> dict[int, list[Any
     source = results.textured
     of_chart = group_rows(source.mesh.chart)
     planes = {}
-    for index in results.rectified(buildings):
+    for index in results.finished_facades(buildings):
         chart = int(results.plan.facades.chart[index])
         triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
         corners = source.mesh.vertices[triangles]
@@ -107,7 +107,7 @@ def _planar_walls(results: Published, buildings: IntArray) -> dict[int, list[Any
 
 
 def _build_libraries(
-    results: Published, facades: Sequence[int]
+    results: PublishedBlock, facades: Sequence[int]
 ) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
     """Build a library for each exemplar in use and for each photographed facade; map facades to them."""
     from facade_core.export.factored.library import build_library
@@ -153,13 +153,13 @@ def _build_libraries(
     return libraries, library_index, notes
 
 
-def _facade_source(results: Published, index: int) -> str:
+def _facade_source(results: PublishedBlock, index: int) -> str:
     record = results.records[index]
     assert record is not None  # it has a layout
     return str(record["source"])
 
 
-def _original_exemplars(results: Published) -> dict[str, Path]:
+def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     """Find the original exemplar files that still exist, by name."""
     path = read_source(results.snapshot.out)
     if path is None:
@@ -189,7 +189,7 @@ def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
     return fine if float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE else None
 
 
-def _read_facade(results: Published, index: int) -> FactoredFacade:
+def _read_facade(results: PublishedBlock, index: int) -> FactoredFacade:
     from facade_core.export.factored.wall_decomposition import FactoredFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 

@@ -12,7 +12,7 @@ from catalogs.published.items import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
 from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.geometry.charts import CHART_KINDS
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 # The model has the foot line already.
 OMITTED_COLUMNS = ("geometry",)
@@ -39,7 +39,7 @@ SUMMED_COLUMNS = (
 )
 
 
-def build_feature_table(results: Published) -> FeatureTable:
+def build_feature_table(results: PublishedBlock) -> FeatureTable:
     """Build a row for each facade, other building surface, ground tile and building."""
     charts, plan = results.plan.scene.charts, results.plan
     rows: list[dict[str, Any]] = []
@@ -85,7 +85,7 @@ def build_feature_table(results: Published) -> FeatureTable:
     )
 
 
-def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
     """Read the rows of facades by id; columns that an older version did not publish are None."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -103,7 +103,7 @@ def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows}
 
 
-def list_building_rows(results: Published) -> dict[int, dict[str, Any]]:
+def list_building_rows(results: PublishedBlock) -> dict[int, dict[str, Any]]:
     """Return the row of each building by index, with the catalogue's columns."""
     rows_by_building: dict[str, list[dict[str, Any]]] = {}
     for row in _read_facade_rows(results).values():
@@ -120,7 +120,7 @@ def _property(column: ItemColumn) -> MetadataProperty:
     return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)
 
 
-def _building_row(results: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
+def _building_row(results: PublishedBlock, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
     """Compose the row of a building from the plan and from sums over its facades."""
     table = {name: column[building] for name, column in results.buildings.items()}
     qualities = sorted({quality for row in facades for quality in str(row["quality"] or "").split(", ") if quality})

@@ -16,7 +16,7 @@ from catalogs.published.folders import Folder, join_path, local_folder, map_conc
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
-from tasks.publish.opened import Published, published
+from tasks.publish.published_run import PublishedBlock, open_published_run
 
 # Sources of an export and digests of its files: a new export may replace an unchanged one.
 MARKER = "export.json"
@@ -130,7 +130,7 @@ def export_run(
         if buildings:
             raise InputError(f"{place}: only a whole block is exported into its bucket; name a folder here with --to")
         return _export_in_bucket(place, format, options)
-    with published(place) as results:
+    with open_published_run(place) as results:
         return _export(results, format, None if to is None else Path(to), buildings, as_file, options)
 
 
@@ -140,14 +140,14 @@ def marker_name(format: str) -> str:
 
 
 def _export(
-    results: Published,
+    results: PublishedBlock,
     format: str,
     to: Path | None,
     buildings: Sequence[str],
     as_file: bool,
     options: Mapping[str, Any],
 ) -> ExportResult:
-    chosen = results.choose(buildings)
+    chosen = results.select_buildings(buildings)
     target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
@@ -179,7 +179,7 @@ def _export(
 def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> ExportResult:
     here = local_folder(place) / "exports" / format
     try:
-        with published(place) as results:
+        with open_published_run(place) as results:
             target = join_path(place, f"exports/{format}/{results.snapshot.id}")
             written = _export(results, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())

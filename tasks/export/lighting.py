@@ -10,11 +10,11 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, ChartTexels, RelightingInputs
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.materials import material_field, stored_material_field
 
 
-def relighting_inputs(results: Published) -> RelightingInputs:
+def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
     """Read the inputs of relighting.
 
     Stores from before the sun was recorded have none; the light of their colours stays.
@@ -48,7 +48,7 @@ def relighting_inputs(results: Published) -> RelightingInputs:
     )
 
 
-def is_mostly_photographed(results: Published) -> bool:
+def is_mostly_photographed(results: PublishedBlock) -> bool:
     """Report whether most texels of a block's buildings are textures of the source model."""
     plan = results.plan
     own = plan.in_core & (plan.scene.charts.building >= 0)

@@ -13,7 +13,7 @@ from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import place_on_earth
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import TimeOfDay
@@ -28,7 +28,7 @@ STATISTICS_FILE = "figures.json"
 
 
 def select_lighting(
-    results: Published, lit: bool | None, night: bool, *, lit_by_default: bool
+    results: PublishedBlock, lit: bool | None, night: bool, *, lit_by_default: bool
 ) -> tuple[TexturedMesh, list[str]]:
     """Return the mesh of a block, relit if requested, and notes.
 
@@ -57,13 +57,13 @@ def select_lighting(
     return relight(results.textured, relighting_inputs(results)), []
 
 
-def add_ground(results: Published, buildings: IntArray) -> IntArray:
+def add_ground(results: PublishedBlock, buildings: IntArray) -> IntArray:
     """Append the ground (-1) if the buildings are all of the block's."""
-    return np.append(buildings, -1) if len(buildings) == len(results.choose(())) else buildings
+    return np.append(buildings, -1) if len(buildings) == len(results.select_buildings(())) else buildings
 
 
 def write_models(
-    results: Published,
+    results: PublishedBlock,
     buildings: IntArray,
     folder: Path,
     *,
@@ -119,7 +119,7 @@ def write_models(
 
 
 def write_3dtiles(
-    results: Published,
+    results: PublishedBlock,
     buildings: IntArray,
     folder: Path,
     *,

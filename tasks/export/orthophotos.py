@@ -14,7 +14,7 @@ from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from pystac import Item
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TILE_TEXELS = 256
 
 
-def write_cogs(results: Published, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not.
 
     Parameters
@@ -62,7 +62,7 @@ def write_cogs(results: Published, buildings: IntArray, folder: Path) -> tuple[l
     return names, []
 
 
-def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
     """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
     import geopandas as gpd
 
@@ -73,7 +73,7 @@ def _read_facade_rows(results: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
 
 
-def _write_cog(results: Published, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str) -> None:
+def _write_cog(results: PublishedBlock, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str) -> None:
     import rasterio
     from rasterio.features import rasterize
     from rasterio.transform import Affine
@@ -115,7 +115,7 @@ def _write_cog(results: Published, path: Path, texels: UInt8Array, plane: WallPl
 
 
 def _item(
-    results: Published, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
+    results: PublishedBlock, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
     import pystac

@@ -12,7 +12,7 @@ from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import list_building_rows
 from tasks.export.models import add_ground, select_lighting
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 # Unix time of 1980-01-02 in any time zone, the first day that a package can store, seconds.
 PACKAGE_TIME_S = 315_619_200
@@ -21,7 +21,7 @@ TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emi
 
 
 def write_usd(
-    results: Published, buildings: IntArray, folder: Path, *, lit: bool | None = None, night: bool = False
+    results: PublishedBlock, buildings: IntArray, folder: Path, *, lit: bool | None = None, night: bool = False
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
 

@@ -14,13 +14,13 @@ from facade_core.core.errors import InputError
 from facade_core.export.attribution import Attribution, DataSource
 
 
-def attribution_of(
-    sources: Sequence[SourceFact], made: datetime | None = None, captured: Sequence[str] = ()
+def build_attribution(
+    sources: Sequence[SourceFact], created: datetime | None = None, captured: Sequence[str] = ()
 ) -> Attribution:
     """Of a block's sources; captured: the days of its facades' pictures, in any order."""
     return Attribution(
         tuple(DataSource(source.key, source.name, source.licence) for source in sources),
-        made.date().isoformat() if made else None,
+        created.date().isoformat() if created else None,
         (min(captured), max(captured)) if captured else None,
     )
 
@@ -36,10 +36,11 @@ def read_attribution(stac: Folder, items: Folder, block: str) -> Attribution:
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
     days = [day for day in table["capture_date"].to_pylist() if day]
-    made = max(table["updated"].to_pylist())
+    created = max(table["updated"].to_pylist())
     try:
         item = json.loads((stac / "blocks" / f"{item_stem(block)}.json").read_bytes())
     except (OSError, ValueError):
-        return attribution_of((), made, days)
-    said = item["properties"].get("streetloom:sources", ())
-    return attribution_of([SourceFact(one["key"], one["name"], one.get("licence")) for one in said], made, days)
+        return build_attribution((), created, days)
+    listed = item["properties"].get("streetloom:sources", ())
+    sources = [SourceFact(source["key"], source["name"], source.get("licence")) for source in listed]
+    return build_attribution(sources, created, days)

@@ -23,17 +23,17 @@ from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
-from tasks.publish.rows import Rows, made_at
-from tasks.publish.stored import StoredBlock
+from tasks.publish.item_rows import ItemRows, record_time
+from tasks.publish.stored_block import StoredBlock
 
 Records = Sequence[Mapping[str, Any] | None]
-# A footprint's outline in the catalogue may be off by this.
-OUTLINE_M = 0.1
+# Tolerance of footprint outlines in the catalogue, metres.
+OUTLINE_TOLERANCE_M = 0.1
 _ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 @dataclass(frozen=True, slots=True)
-class Shipped:
+class CataloguedModel:
     """A model, most often a shipped one, and what it learned from, as its card says: set -> licence."""
 
     path: Path
@@ -45,9 +45,9 @@ class Shipped:
         return self.path.with_suffix(".md")
 
 
-# Facades are parsed by the first and completed by the second; the last one translates panoramas where the block file says so.
-OF_FACADES = (
-    Shipped(
+# Parser and layout model of facades, in the order of `_custom_model` overrides.
+FACADE_MODELS = (
+    CataloguedModel(
         NETWORK,
         "facade parser",
         {
@@ -59,13 +59,13 @@ OF_FACADES = (
             "ImageNet": "Apache-2.0",
         },
     ),
-    Shipped(
+    CataloguedModel(
         LAYOUTS,
         "facade layout model",
         {"layouts/cmp.jsonl": "CC BY-SA", "layouts/ingolstadt_lod3_metres.jsonl": "CC BY-SA 4.0"},
     ),
 )
-OF_STREETS = Shipped(
+STREET_MODEL = CataloguedModel(
     TRANSLATOR,
     "street translator",
     {
@@ -78,7 +78,7 @@ OF_STREETS = Shipped(
 
 
 def block_facts(
-    run: Run, block: StoredBlock, snapshot: str, rows: Rows, updated: datetime, sources: Sequence[SourceFact]
+    run: Run, block: StoredBlock, snapshot: str, rows: ItemRows, updated: datetime, sources: Sequence[SourceFact]
 ) -> BlockFacts:
     """sources: what the block was read from; none where they are not known."""
     plan, group = block.plan, block.group
@@ -92,7 +92,7 @@ def block_facts(
         code_version=block.version,
         config_digest=run.key,
         updated=updated,
-        footprint=_outline(outlines) if outlines else None,
+        footprint=_block_outline(outlines) if outlines else None,
         counts={
             "buildings": len(outlines),
             "facades_done": rows.done,
@@ -123,9 +123,9 @@ def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[Stre
     writable = plan.street_texels()[:, 1].tolist()
     found = []
     for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
-        own = viewpoints_of.rows_with(index).tolist()
-        made = [seen for viewpoint in own if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
-        state = record["status"] if record else "waiting" if own else "unseen"
+        on_street = viewpoints_of.rows_with(index).tolist()
+        done = [seen for viewpoint in on_street if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
+        state = record["status"] if record else "waiting" if on_street else "unseen"
         texels = (record or {}).get("texels")
         found.append(
             StreetFacts(
@@ -134,14 +134,14 @@ def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[Stre
                 line=street.line,
                 state=state,
                 reason=(record or {}).get("reason") or ("no wall is seen from it" if state == "unseen" else None),
-                viewpoints=len(own),
-                viewpoints_done=len(made),
+                viewpoints=len(on_street),
+                viewpoints_done=len(done),
                 wave=int(plan.wave[index]),
                 texels=texels,
                 coverage=round(texels / writable[index], 4) if texels is not None and writable[index] else None,
                 key=(record or {}).get("key"),
-                seconds=round(sum(map(_seconds, [record, *made])), 2) if record else None,
-                updated=made_at(record),
+                seconds=round(sum(map(_work_seconds, [record, *done])), 2) if record else None,
+                updated=record_time(record),
             )
         )
     return found
@@ -152,28 +152,28 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
     records = [record for stage in journals.values() for record in stage if record]
     started = [datetime.fromtimestamp(record["started"], UTC) for record in records if "started" in record]
     units = {}
-    for stage, held in journals.items():
-        states = Counter(record["status"] if record else "waiting" for record in held)
-        if held:
+    for stage, journal in journals.items():
+        states = Counter(record["status"] if record else "waiting" for record in journal)
+        if journal:
             units[stage] = {state: states[state] for state in ("done", "failed", "stale", "waiting") if states[state]}
     return RunFacts(
         started=min([ingested, *started]),
-        ended=max([ingested, *(at for record in records if (at := made_at(record)))]),
+        ended=max([ingested, *(at for record in records if (at := record_time(record)))]),
         units=units,
-        seconds=sum(map(_seconds, records)),
+        seconds=sum(map(_work_seconds, records)),
     )
 
 
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
     """The models that a block's facades and streets were made with, its own in place of shipped ones; none of nothing."""
-    used: list[Shipped] = []
+    used: list[CataloguedModel] = []
     if any(record and "lattice" in record for record in facades):
-        own = (run.models.parser, run.models.layout)
+        custom = (run.models.parser, run.models.layout)
         used += [
-            shipped if path is None else _of_block(path, shipped) for path, shipped in zip(own, OF_FACADES, strict=True)
+            shipped if path is None else _custom_model(path, shipped) for path, shipped in zip(custom, FACADE_MODELS, strict=True)
         ]
     if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
-        used.append(OF_STREETS)
+        used.append(STREET_MODEL)
     found = []
     for model in used:
         data = model.path.read_bytes()
@@ -191,18 +191,18 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
     return found
 
 
-def _of_block(path: Path, shipped: Shipped) -> Shipped:
+def _custom_model(path: Path, shipped: CataloguedModel) -> CataloguedModel:
     """A block's own model in place of a shipped one; its .json may say what it learned from."""
     record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-    return Shipped(path, f"{shipped.title} of the block", record.get("trained_on", {}))
+    return CataloguedModel(path, f"{shipped.title} of the block", record.get("trained_on", {}))
 
 
-def _seconds(record: Mapping[str, Any] | None) -> float:
+def _work_seconds(record: Mapping[str, Any] | None) -> float:
     return sum((record or {}).get("seconds", {}).values())
 
 
-def _outline(footprints: Sequence[Any]) -> Any:
+def _block_outline(footprints: Sequence[Any]) -> Any:
     """What buildings cover together, without the cracks between neighbours; outer rings anticlockwise, as in GeoJSON."""
-    closed = shapely.union_all(footprints).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
-    parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(closed.simplify(OUTLINE_M))]
+    closed = shapely.union_all(footprints).buffer(OUTLINE_TOLERANCE_M, join_style="mitre").buffer(-OUTLINE_TOLERANCE_M, join_style="mitre")
+    parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(closed.simplify(OUTLINE_TOLERANCE_M))]
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)

@@ -18,96 +18,95 @@ from facade_core.export.pictures.occlusion_overlay import MAX_PREVIEW_PX
 from facade_core.export.pictures.rendering import encode_image
 from facade_core.export.pictures.views import sample_evenly, select_pictured_facades
 from tasks.engine.stage_code import stage_code
-from tasks.publish.aside import Aside
-from tasks.publish.stored import StoredBlock
+from tasks.publish.partial_failures import PartialFailures
+from tasks.publish.stored_block import StoredBlock
 from tasks.stages.pictures.record import PictureRecord
 
-# Panoramas that are shown.
 R = TypeVar("R", bound=Record)
 
+# Panoramas that the report shows.
+MAX_REPORT_PANORAMAS = 6
 
-PANORAMAS = 6
-
-# A file's name in report/images, and its title.
-Titled = tuple[str, str]
+# Name of a file in report/images, and its title.
+TitledFile = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Images:
+class ReportImages:
     """What is in report/images: views along streets by their names, panoramas, the sheets of facades by their ids, the
     facades of which only the texture is shown, the pictures of exemplars by their names, and how facades were before by
     their ids."""
 
     views: tuple[str, ...]
-    panoramas: tuple[Titled, ...]
-    sheets: Mapping[str, tuple[Titled, ...]]
+    panoramas: tuple[TitledFile, ...]
+    sheets: Mapping[str, tuple[TitledFile, ...]]
     textures_only: frozenset[str]
-    exemplars: Mapping[str, tuple[Titled, ...]]
+    exemplars: Mapping[str, tuple[TitledFile, ...]]
     before: Mapping[str, str]
 
 
-def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Images:
-    """Write the folder of images; what cannot be read is set aside."""
+def write_images(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> ReportImages:
+    """Write the folder of images; what cannot be read is set failures."""
     folder = (snapshot.report / "images").relative_to(snapshot.folder).as_posix()
     journal = block.journals["pictures"]
     first = len(journal) - len(select_pictured_facades(block.plan))  # views come before facades
-    # what a worker could not read of the store is there to be found
-    aside.suspect |= any(record is not None and record.get("unread", False) for record in journal)
+    # a worker that failed to read the store may have met a damaged chunk
+    failures.is_store_suspect |= any(record is not None and record.get("unread", False) for record in journal)
     views = []
-    for record in _done(journal[:first]):
-        with aside.trying(record["unit"]):
-            made.add_file(f"{folder}/{record['file']}.jpg", record["digest"], partial(_file, block, record))
+    for record in _done_records(journal[:first]):
+        with failures.attempt(record["unit"]):
+            files.add_file(f"{folder}/{record['file']}.jpg", record["digest"], partial(_read_picture_file, block, record))
             views.append(f"{record['file']}.jpg")
-    sheets: dict[str, tuple[Titled, ...]] = {}
-    for record in _done(journal[first:]):
-        with aside.trying(f"pictures of facade {record['unit']}"):
-            sheets[record["unit"]] = tuple(_sheets(folder, block, record, made))
-    return Images(
+    sheets: dict[str, tuple[TitledFile, ...]] = {}
+    for record in _done_records(journal[first:]):
+        with failures.attempt(f"pictures of facade {record['unit']}"):
+            sheets[record["unit"]] = tuple(_add_facade_pictures(folder, block, record, files))
+    return ReportImages(
         tuple(name for name in views if name != "above.jpg"),
-        tuple(_panoramas(folder, block, made, aside)),
+        tuple(_add_panoramas(folder, block, files, failures)),
         sheets,
-        frozenset(r["unit"] for r in _done(journal[first:]) if len(r["pictures"]) == 1),
-        _exemplars(folder, block, made, aside),
-        dict(_before(folder, block, made, aside)),
+        frozenset(r["unit"] for r in _done_records(journal[first:]) if len(r["pictures"]) == 1),
+        _add_exemplar_pictures(folder, block, files, failures),
+        dict(_add_earlier_pictures(folder, block, files, failures)),
     )
 
 
-def _done(records: Sequence[R | None]) -> list[R]:
+def _done_records(records: Sequence[R | None]) -> list[R]:
     """Of the others the journal says why."""
     return [record for record in records if record is not None and record["status"] == "done"]
 
 
-def _file(block: StoredBlock, record: PictureRecord) -> bytes:
+def _read_picture_file(block: StoredBlock, record: PictureRecord) -> bytes:
     return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
-def _sheets(folder: str, block: StoredBlock, record: PictureRecord, made: SnapshotFiles) -> Iterator[Titled]:
+def _add_facade_pictures(folder: str, block: StoredBlock, record: PictureRecord, files: SnapshotFiles) -> Iterator[TitledFile]:
     """One WebP for each picture of a facade, cut out of its file, which is read where one of them is not linked."""
-    whole = cache(partial(_file, block, record))
+    whole = cache(partial(_read_picture_file, block, record))
     for name, title, offset, length in record["pictures"]:
         file = f"{file_stem(record['unit'])}-{name}.webp"
-        of = unit_key(record["digest"], offset, length)
-        made.add_file(f"{folder}/{file}", of, partial(_cut, whole, offset, length))
+        source_key = unit_key(record["digest"], offset, length)
+        files.add_file(f"{folder}/{file}", source_key, partial(_slice_file, whole, offset, length))
         yield file, title
 
 
-def _before(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Iterator[Titled]:
+def _add_earlier_pictures(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> Iterator[TitledFile]:
     """One WebP for each facade that changed since an earlier capture, as that shows it: the facade's id, and the file."""
-    for record in _done(block.records):
+    for record in _done_records(block.records):
         if "before_file" in record:
             file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
-            with aside.trying(f"picture of facade {record['unit']} before"):
-                made.add_file(
+            with failures.attempt(f"picture of facade {record['unit']} before"):
+                files.add_file(
                     f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest)
                 )
                 yield record["unit"], file
 
 
-def _cut(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
+def _slice_file(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
     return whole()[offset : offset + length]
 
 
-def _exemplars(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> dict[str, tuple[Titled, ...]]:
+def _add_exemplar_pictures(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> dict[str, tuple[TitledFile, ...]]:
     """Two WebPs for each exemplar that is done: the picture as it was given, and what walls are made of."""
     found = {}
     for index, record in enumerate(block.journals["exemplars"]):
@@ -117,38 +116,38 @@ def _exemplars(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Asid
             ("preview", "As given: dark is cut off, red is made anew"),
             ("image", "What walls are made of"),
         ]
-        with aside.trying(f"pictures of exemplar {record['unit']}"):
+        with failures.attempt(f"pictures of exemplar {record['unit']}"):
             titled = []
             for array, title in pictures:
                 file = f"exemplar-{index}-{array}.webp"
-                of = unit_key(stage_code("publish"), record["key"], array)
-                made.add_file(f"{folder}/{file}", of, partial(_exemplar, block, f"exemplars/{index}/{array}"))
+                source_key = unit_key(stage_code("publish"), record["key"], array)
+                files.add_file(f"{folder}/{file}", source_key, partial(_encode_exemplar, block, f"exemplars/{index}/{array}"))
                 titled.append((file, title))
             found[record["unit"]] = tuple(titled)
     return found
 
 
-def _exemplar(block: StoredBlock, path: str) -> bytes:
+def _encode_exemplar(block: StoredBlock, path: str) -> bytes:
     image = block.group[path][:]
     scale = min(1.0, MAX_PREVIEW_PX / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
     return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)
 
 
-def _panoramas(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Iterator[Titled]:
+def _add_panoramas(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> Iterator[TitledFile]:
     """One JPEG for some of the viewpoints, titled by their streets and places on these."""
     streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
-    for number, record in sample_evenly(done, PANORAMAS):
-        own = [i for i, street in enumerate(streets) if street == streets[number]]
+    for number, record in sample_evenly(done, MAX_REPORT_PANORAMAS):
+        on_street = [i for i, street in enumerate(streets) if street == streets[number]]
         street = block.plan.streets[streets[number]]
-        title = f"{street.name or street.id}, viewpoint {own.index(number) + 1} of {len(own)}"
+        title = f"{street.name or street.id}, viewpoint {on_street.index(number) + 1} of {len(on_street)}"
         name = f"panorama-{number}.jpg"
-        with aside.trying(f"panorama {record['unit']}"):
-            of = unit_key(stage_code("publish"), record["panorama"])
-            made.add_file(f"{folder}/{name}", of, partial(_panorama, block, number))
+        with failures.attempt(f"panorama {record['unit']}"):
+            source_key = unit_key(stage_code("publish"), record["panorama"])
+            files.add_file(f"{folder}/{name}", source_key, partial(_encode_panorama, block, number))
             yield name, title
 
 
-def _panorama(block: StoredBlock, viewpoint: int) -> bytes:
+def _encode_panorama(block: StoredBlock, viewpoint: int) -> bytes:
     return encode_image(block.group["panoramas/rgb"][viewpoint], "JPEG", quality=88)

@@ -19,8 +19,8 @@ from facade_core.atlas.store import BRANCH, expire_snapshots, open_repository, o
 from facade_core.core.errors import FacadeError, InputError
 from tasks.stages.streets.tags import street_tags
 
-# What a process that was killed leaves in a run's folder; nothing but a run, which the caller holds off, makes any.
-LEFTOVERS = (
+# Files that a killed process leaves in the folder of a run. The lock of the run, which the caller holds, excludes live ones.
+LEFTOVER_PATTERNS = (
     "published/.*.tmp",
     ".current.tmp",
     "published/*/.files.json.*.tmp",
@@ -29,11 +29,11 @@ LEFTOVERS = (
     ".doctor-*.tmp",
     "store/refs/*/.ref.tmp",
 )
-# Who reads a bucket is not known there: what was superseded so short a time ago stays.
-READ_FOR = timedelta(hours=1)
+# A bucket does not record its readers: a snapshot superseded within this time stays.
+READER_GRACE = timedelta(hours=1)
 
 
-def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
+def prune(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[str]:
     """Keep the `keep` newest published snapshots of the run in folder `out`, and what `current` names or a reader holds; lines
     that say what was removed and what is held. The caller holds the run's lock.
 
@@ -46,9 +46,9 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     repository = open_repository(out / "store")
     if not has_all_files(repository, out / "store"):
         raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")
-    said = []
-    size = _size(out)
-    leftovers = _leftovers(out)
+    lines = []
+    size = _folder_bytes(out)
+    leftovers = _find_leftovers(out)
     for path in leftovers:
         remove_path(path)
     published = out / "published"
@@ -56,31 +56,31 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     order = _newest_first(published, current.id)
     for newer, name in list(zip(order, order[1:], strict=False))[keep - 1 :]:
         with Snapshot(published / name).lock_exclusively() as nobody:
-            if not nobody or _superseded_lately(published / newer, read_for):
+            if not nobody or _is_recently_superseded(published / newer, read_for):
                 readers.append(name)
                 continue
             _remove_snapshot(published, name)
             gone += 1
     for name, paths in remove_dead_links(published).items():
         update_file_list(published / name, paths)
-    kept = {tag for name in _newest_first(published, current.id) for tag in read_street_tags(published / name)}
-    kept |= street_tags(open_root(repository.readonly_session(BRANCH)))
-    tags = sorted(set(repository.list_tags()) - kept)
+    used = {tag for name in _newest_first(published, current.id) for tag in read_street_tags(published / name)}
+    used |= street_tags(open_root(repository.readonly_session(BRANCH)))
+    tags = sorted(set(repository.list_tags()) - used)
     for tag in tags:
         repository.delete_tag(tag)
     expire_snapshots(repository, read_for if isinstance(out, S3Folder) else timedelta())
-    freed = (size - _size(out)) / (1 << 20)
-    said.append(
+    freed = (size - _folder_bytes(out)) / (1 << 20)
+    lines.append(
         f"{out}: removed {gone} published snapshots, {len(tags)} tags and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB"
     )
     if readers:
-        said.append(
+        lines.append(
             f"{out}: kept {', '.join(readers)}, which somebody {'may read' if isinstance(out, S3Folder) else 'reads'}"
         )
-    return said
+    return lines
 
 
-def pruned(out: Folder, keep: int) -> list[str]:
+def prune_or_explain(out: Folder, keep: int) -> list[str]:
     """`prune` at the end of a run, which is none the worse where something could not be removed."""
     try:
         return prune(out, keep)
@@ -88,15 +88,15 @@ def pruned(out: Folder, keep: int) -> list[str]:
         return [f"nothing more is pruned: {' '.join(str(error).split())}"]
 
 
-def _leftovers(out: Folder) -> list[Folder]:
+def _find_leftovers(out: Folder) -> list[Folder]:
     if not isinstance(out, S3Folder):
-        return [path for pattern in LEFTOVERS for path in out.glob(pattern)]
-    # what was sent whole has a list of files
+        return [path for pattern in LEFTOVER_PATTERNS for path in out.glob(pattern)]
+    # only a complete upload has a list of files
     published = [path for path in (out / "published").iterdir() if not (path / FILE_LIST_NAME).is_file()]
     return [*published, *(path for path in out.iterdir() if path.name.startswith(".seen-"))]
 
 
-def _superseded_lately(newer: Folder, read_for: timedelta) -> bool:
+def _is_recently_superseded(newer: Folder, read_for: timedelta) -> bool:
     """Whether a snapshot in a bucket came to be what readers are told of so short a time ago."""
     if not isinstance(newer, S3Folder):
         return False
@@ -120,28 +120,28 @@ def _newest_first(published: Folder, current: str) -> list[str]:
     order = [current]
     while (before := read_predecessor(published / order[-1])) in folders and before not in order:
         order.append(str(before))
-    return order + sorted(folders.keys() - set(order), key=lambda name: -_written(folders[name]))
+    return order + sorted(folders.keys() - set(order), key=lambda name: -_written_time(folders[name]))
 
 
-def _written(folder: Folder) -> float:
+def _written_time(folder: Folder) -> float:
     """When a folder was written, seconds since 1970."""
     if isinstance(folder, S3Folder):
-        return max((one.written.timestamp() for one in object_store.list_objects(folder.path).values()), default=0.0)
+        return max((entry.written.timestamp() for entry in object_store.list_objects(folder.path).values()), default=0.0)
     return folder.stat().st_mtime
 
 
-def _size(out: Folder) -> int:
+def _folder_bytes(out: Folder) -> int:
     """What a run's folder takes; a file that several snapshots have is there once, but in a bucket."""
     if isinstance(out, S3Folder):
         return sum(sum((out / folder).sizes().values()) for folder in ("store", "published"))
-    found = (entry.stat() for folder in ("store", "published") for entry in _files(out / folder))
-    return sum({(one.st_dev, one.st_ino): one.st_size for one in found}.values())
+    found = (entry.stat() for folder in ("store", "published") for entry in _walk_files(out / folder))
+    return sum({(stat.st_dev, stat.st_ino): stat.st_size for stat in found}.values())
 
 
-def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
+def _walk_files(folder: Path) -> Iterator[os.DirEntry[str]]:
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                yield from _files(Path(entry.path))
+                yield from _walk_files(Path(entry.path))
             else:
                 yield entry

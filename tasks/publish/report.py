@@ -11,22 +11,22 @@ from catalogs.published.report import ReportContent, write_report
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
-from tasks.publish.images import Images
-from tasks.publish.review import CHANGED, look_first
-from tasks.publish.rows import Rows, raised
-from tasks.publish.stored import StoredBlock
+from tasks.publish.images import ReportImages
+from tasks.publish.item_rows import ItemRows, pose_height_change
+from tasks.publish.review import MIN_CHANGE, review_priority
+from tasks.publish.stored_block import StoredBlock
 
-# What a panorama has of others where it shares nothing with any.
-_ALONE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}
+# Pose columns of a panorama that shares no view with another.
+_UNSHARED_POSE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}
 
 
 def write_block_report(
     folder: Path,
     run: Run,
     block: StoredBlock,
-    rows: Rows,
+    rows: ItemRows,
     summary: Mapping[str, Any],
-    images: Images,
+    images: ReportImages,
     models: Sequence[str],
 ) -> None:
     """Write the report into its folder, in which its images are already. models: files of the snapshot, from its folder."""
@@ -34,8 +34,8 @@ def write_block_report(
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades
-    shown = [
-        {**row, "look_first": look_first(facades, index, record or {}, row["quality"])}
+    reviewed = [
+        {**row, "look_first": review_priority(facades, index, record or {}, row["quality"])}
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
         if row["role"] == WALL_ROLES[WallRole.STREET] or row["status"] == "failed"
     ]
@@ -43,17 +43,17 @@ def write_block_report(
         folder,
         ReportContent(
             summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
-            rows=shown,
+            rows=reviewed,
             set_aside=rows.set_aside,
             records={record["unit"]: record for record in journals["facades"]},
             streets=journals["streets"],
             viewpoints=journals["viewpoints"],
             poses=[
-                {**_ALONE, **record, "raised_m": raised(record, stated)}
-                for record, stated in zip(block.posed, block.plan.poses, strict=True)
+                {**_UNSHARED_POSE, **record, "raised_m": pose_height_change(record, stated)}
+                for record, stated in zip(block.refined_poses, block.plan.poses, strict=True)
                 if record and record["status"] == "done"
             ],
-            heights=_heights(block.buildings),
+            heights=_count_height_sources(block.buildings),
             views=images.views,
             panoramas=images.panoramas,
             sheets=images.sheets,
@@ -69,13 +69,13 @@ def write_block_report(
                 if record and record["status"] == "done"
             ],
             models=models,
-            min_change=CHANGED,
+            min_change=MIN_CHANGE,
             before=images.before,
         ),
     )
 
 
-def _heights(buildings: Mapping[str, Any]) -> Counter:
+def _count_height_sources(buildings: Mapping[str, Any]) -> Counter:
     """Where the heights of buildings are from; of one that has parts its own counts."""
-    told = zip(buildings["height_source"], buildings["part_of"], strict=True)
-    return Counter(source for source, whole in told if not whole)
+    sources = zip(buildings["height_source"], buildings["part_of"], strict=True)
+    return Counter(source for source, whole in sources if not whole)

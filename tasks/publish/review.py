@@ -9,12 +9,12 @@ import numpy as np
 
 from facade_core.plan.facades import Facades
 
-# A facade that told more than this of a change did change: of those that did not, .065 was told at most (`python -m
-# benchmarks.changes`).
-CHANGED = 0.07
+# Facades above this change score count as changed. The largest score of an unchanged facade is 0.065
+# (`python -m benchmarks.changes`).
+MIN_CHANGE = 0.07
 
 
-def look_first(facades: Facades, index: int, record: Mapping[str, Any], quality: str | None) -> float:
+def review_priority(facades: Facades, index: int, record: Mapping[str, Any], quality: str | None) -> float:
     """How much a facade is worth a look, square metres: what its street sees of it, times how doubtful it is.
 
     That is how many things `quality` names, the share that was hidden, and how unsure the parser was of its elements, 0 to 1 on

@@ -35,17 +35,17 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.integrity import mark_suspect
-from tasks.publish.aside import Aside
-from tasks.publish.attribution import attribution_of
+from tasks.publish.attribution import build_attribution
 from tasks.publish.catalogue_facts import block_facts, models_used, run_facts, street_facts
-from tasks.publish.images import Images, write_images
-from tasks.publish.limit import over_limit
+from tasks.publish.failure_limit import failure_limit_reason
+from tasks.publish.images import ReportImages, write_images
+from tasks.publish.item_rows import build_item_rows, write_masked_regions, write_summary
 from tasks.publish.pages import write_pages
-from tasks.publish.prune import READ_FOR
+from tasks.publish.partial_failures import PartialFailures
+from tasks.publish.prune import READER_GRACE
 from tasks.publish.report import write_block_report
-from tasks.publish.rows import rows_of, write_masked, write_summary
-from tasks.publish.stored import stored_block
-from tasks.publish.tiles import WrittenTile, write_model, write_overview, write_tiles
+from tasks.publish.stored_block import read_stored_block
+from tasks.publish.tiles import WrittenTile, write_block_model, write_overview, write_tiles
 from tasks.stages.streets.tags import street_tags
 
 log = logging.getLogger(__name__)
@@ -70,37 +70,37 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     _record_publishing_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     out = run.folder
-    final, over, last = snapshot_at(out, session.snapshot_id), current_pointer_tag(out), find_current_snapshot(out)
+    final, previous_tag, last = snapshot_at(out, session.snapshot_id), current_pointer_tag(out), find_current_snapshot(out)
     begin_stage("publish", STEP_COUNT)
-    aside = Aside()
+    failures = PartialFailures()
     if last != final or find_damage(final.folder):
         predecessor = read_predecessor(final.folder) if last == final else last.id if last else None
         temporary = _hidden_folder(snapshot_at(local_folder(out), final.id), "tmp")
         temporary.mkdir(parents=True)
-        # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
-        made = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
-        aside = _write_snapshot(run, session, made, block_file, predecessor, final.folder.parent)
-        if aside.suspect:
+        # a damaged snapshot is repaired: only files with the right digest are reused
+        files = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
+        failures = _write_snapshot(run, session, files, block_file, predecessor, final.folder.parent)
+        if failures.is_store_suspect:
             mark_suspect(out)
-        _install(temporary, final.folder, made)
-        if withheld := over_limit(run, open_root(session)):
+        _install(temporary, final.folder, files)
+        if withheld := failure_limit_reason(run, open_root(session)):
             report_progress("publish", 1)
             return final.read_outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
-        set_current_snapshot(final, over)
+        set_current_snapshot(final, previous_tag)
         _expire_history(run, last)
         report_progress("publish", 1)
     else:
         report_progress("publish", STEP_COUNT)
-    with aside.trying("catalog.json"):
-        write_catalog(out)  # also where a run ended between the two
-    told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
-    return final.read_outcome() | ({"unpublished": told} if told else {})
+    with failures.attempt("catalog.json"):
+        write_catalog(out)  # also after a run that ended between both steps
+    unpublished = [{"unit": what, "reason": why} for what, why in failures.reasons.items()]
+    return final.read_outcome() | ({"unpublished": unpublished} if unpublished else {})
 
 
-def _install(written: Path, final: Folder, made: SnapshotFiles) -> None:
+def _install(written: Path, final: Folder, files: SnapshotFiles) -> None:
     """Move the written folder to its final name, or upload it; a damaged one is replaced."""
     if isinstance(final, S3Folder):
-        upload_snapshot(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
+        upload_snapshot(written, final, files.earlier if isinstance(files.earlier, S3Folder) else None, files.linked)
         shutil.rmtree(written)
         return
     damaged = _hidden_folder(Snapshot(final), "damaged.tmp")
@@ -132,57 +132,57 @@ def _expire_history(run: Run, last: Snapshot | None) -> None:
         with last.lock_exclusively() if last else nullcontext(True) as nobody:
             if nobody:
                 expire_snapshots(
-                    open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta()
+                    open_repository(run.store), READER_GRACE if isinstance(run.folder, S3Folder) else timedelta()
                 )
-    except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
+    except icechunk.IcechunkError as error:  # the published snapshot does not depend on damaged earlier ones
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
 def _write_snapshot(
     run: Run,
     session: icechunk.Session,
-    made: SnapshotFiles,
+    files: SnapshotFiles,
     block_file: Path | None,
     predecessor: str | None,
     published: Folder,
-) -> Aside:
+) -> PartialFailures:
     """Write all parts of a snapshot; returns those that were left out.
 
     Tables come first and must succeed; any other part may fail alone. One file is held in memory at a time.
     """
-    snapshot, aside = Snapshot(made.folder), Aside()
-    block = stored_block(session)
-    rows = rows_of(run, block)
+    snapshot, failures = Snapshot(files.folder), PartialFailures()
+    block = read_stored_block(session)
+    rows = build_item_rows(run, block)
     write_items(snapshot.items, rows.every, run.crs)
-    write_masked(snapshot.masked_file, block.records)
+    write_masked_regions(snapshot.masked_file, block.records)
     summary = write_summary(snapshot.summary, block, rows)
     report_progress("publish", 1)
-    with aside.trying("pages"):
-        write_pages(snapshot, block, made, aside)
+    with failures.attempt("pages"):
+        write_pages(snapshot, block, files, failures)
     report_progress("publish", 1)
     sources = block_sources(block_file) if block_file else ()
-    attribution = attribution_of(sources)
+    attribution = build_attribution(sources)
     tiles: list[WrittenTile] = []
-    with aside.trying("tiles"):
-        tiles = write_tiles(snapshot, block, made, aside, attribution)
+    with failures.attempt("tiles"):
+        tiles = write_tiles(snapshot, block, files, failures, attribution)
     report_progress("publish", 1)
-    with aside.trying("block.glb"):
-        if not write_model(snapshot, block, tiles, made, attribution):
+    with failures.attempt("block.glb"):
+        if not write_block_model(snapshot, block, tiles, files, attribution):
             log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
-    with aside.trying("overview.glb"):
-        write_overview(snapshot, block, tiles, made, aside, attribution)
+    with failures.attempt("overview.glb"):
+        write_overview(snapshot, block, tiles, files, failures, attribution)
     report_progress("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
-    images = Images((), (), {}, frozenset(), {}, {})
-    with aside.trying("pictures"):
-        images = write_images(snapshot, block, made, aside)
+    images = ReportImages((), (), {}, frozenset(), {}, {})
+    with failures.attempt("pictures"):
+        images = write_images(snapshot, block, files, failures)
     report_progress("publish", 1)
-    with aside.trying("report"):
+    with failures.attempt("report"):
         models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
         names = [path.relative_to(snapshot.folder).as_posix() for path in models]
         write_block_report(snapshot.report, run, block, rows, summary, images, names)
     report_progress("publish", 1)
-    with aside.trying("stac"):
+    with failures.attempt("stac"):
         work = run_facts(block.records_by_stage, block.ingested)
         write_stac(
             snapshot.folder,
@@ -197,6 +197,6 @@ def _write_snapshot(
     report_progress("publish", 1)
     tags = street_tags(block.group)
     write_file_list(
-        snapshot.folder, predecessor, tags, source_digests=made.source_digests, known=made.linked, failures=aside.failed
+        snapshot.folder, predecessor, tags, source_digests=files.source_digests, known=files.linked, failures=failures.reasons
     )
-    return aside
+    return failures

@@ -27,12 +27,12 @@ from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
 from tasks.engine.stage_code import stage_code
-from tasks.publish.aside import Aside
-from tasks.publish.stored import StoredBlock
+from tasks.publish.partial_failures import PartialFailures
+from tasks.publish.stored_block import StoredBlock
 from tasks.stages.tiles.record import TileRecord
 
-# The model of the whole block is written where it has no more bytes than this: viewers and glTF's own counts end not far above.
-MODEL_BYTES = 512_000_000
+# Largest model of the whole block, bytes: viewers and the 32-bit counts of glTF fail not far above.
+MAX_MODEL_BYTES = 512_000_000
 
 
 @dataclass(frozen=True)
@@ -46,36 +46,36 @@ class WrittenTile:
 
 
 def write_tiles(
-    snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFiles, aside: Aside, attribution: Attribution
+    snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures, attribution: Attribution
 ) -> list[WrittenTile]:
     """Write the models of tiles, as the store has them but for whom they name, and tiles/index.json, which lists them; one that
-    cannot be read is set aside."""
+    cannot be read is set failures."""
     written = []
     for tile, record in zip(plan_block_tiles(block.plan), block.journals["tiles"], strict=True):
         if record is None or record["status"] != "done":  # the journal says why
             continue
         path, digest = tile_paths(tile.path)[0], record["digest"]
-        with aside.trying(f"tile {tile.path}"):
-            file = made.add_file(
+        with failures.attempt(f"tile {tile.path}"):
+            file = files.add_file(
                 snapshot.tile(tile.path).relative_to(snapshot.folder).as_posix(),
                 unit_key(attribution.line, digest),
-                partial(_named_glb, block, path, digest, attribution),
+                partial(_read_attributed_glb, block, path, digest, attribution),
             )
             with file.open("rb") as opened:
                 sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
             written.append(WrittenTile(tile, record, file, sha256))
     snapshot.tiles.parent.mkdir(exist_ok=True)
     snapshot.tiles.write_text(
-        json.dumps(_index(block, written, attribution), indent=1, ensure_ascii=False) + "\n", "utf-8"
+        json.dumps(_tile_index(block, written, attribution), indent=1, ensure_ascii=False) + "\n", "utf-8"
     )
     return written
 
 
-def _named_glb(block: StoredBlock, path: str, digest: str, attribution: Attribution) -> bytes:
+def _read_attributed_glb(block: StoredBlock, path: str, digest: str, attribution: Attribution) -> bytes:
     return replace_copyright(read_stored_file(block.group, path, digest), attribution.line)
 
 
-def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
+def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
     return {
         "crs": str(block.group.attrs["crs"]),
         "attribution": attribution.to_json(),
@@ -95,28 +95,28 @@ def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attr
     }
 
 
-def write_model(
+def write_block_model(
     snapshot: Snapshot[Path],
     block: StoredBlock,
     tiles: Sequence[WrittenTile],
-    made: SnapshotFiles,
+    files: SnapshotFiles,
     attribution: Attribution,
 ) -> bool:
     """Write block.glb, the tiles joined. Returns whether it fits MODEL_BYTES."""
-    if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:
+    if sum(one.record["bytes"] for one in tiles) > MAX_MODEL_BYTES:
         return False
-    extras = _extras(block)
-    of = unit_key(stage_code("publish"), extras, attribution.line, [one.record["digest"] for one in tiles])
+    extras = _model_extras(block)
+    source_key = unit_key(stage_code("publish"), extras, attribution.line, [one.record["digest"] for one in tiles])
 
     def write(file: Path) -> None:
         parts = [read_glb_file(one.file) for one in tiles]
         merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
-    made.add_written_file(snapshot.model.name, of, write)
+    files.add_written_file(snapshot.model.name, source_key, write)
     return True
 
 
-def _extras(block: StoredBlock) -> dict[str, Any]:
+def _model_extras(block: StoredBlock) -> dict[str, Any]:
     return {"origin": local_frame(block.plan.scene.mesh).origin.tolist(), "crs": str(block.group.attrs["crs"])}
 
 
@@ -124,16 +124,16 @@ def write_overview(
     snapshot: Snapshot[Path],
     block: StoredBlock,
     tiles: Sequence[WrittenTile],
-    made: SnapshotFiles,
-    aside: Aside,
+    files: SnapshotFiles,
+    failures: PartialFailures,
     attribution: Attribution,
 ) -> None:
     """Write overview.glb, of the coarse rasters of tiles; the charts of one that cannot be read are left out."""
-    extras = _extras(block)
+    extras = _model_extras(block)
 
     def make() -> bytes:
         scene = block.plan.scene
-        # what is shown of a chart may be coarser than what its tile has: it is made so as it is read
+        # the overview may be coarser than a tile: rasters are downscaled while they are read
         source = build_textured_mesh(scene, lambda page: np.empty((0, 0, 3), np.uint8))
         texels = coarse_size(source.texels)
         charts = select_overview_charts(source)
@@ -141,25 +141,25 @@ def write_overview(
         size = np.maximum(1, np.ceil(texels * scale)).astype(np.int64)
         held: dict[int, UInt8Array] = {}
         wanted = set(charts.tolist())
-        for rasters in coarse_of(block, tiles, aside):
+        for rasters in read_coarse_rasters(block, tiles, failures):
             held |= {c: downscale(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
         charts = np.array(sorted(held), np.int64)
         whole = replaced(source, texels=size, raster=held.__getitem__)
         return encode_overview(whole, charts, extras, copyright=attribution.line)
 
-    # what is drawn of a tile's geometry is told by its digest
-    of = [[one.record["digest"], one.record["coarse"]] for one in tiles]
-    made.add_file(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, of), make)
-    if any(tile_paths(one.tile.path)[1] in aside.failed for one in tiles):
-        del made.source_digests[snapshot.overview.name]  # it is not to be linked for a whole one
+    # the digest of a tile covers its geometry
+    digests = [[one.record["digest"], one.record["coarse"]] for one in tiles]
+    files.add_file(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, digests), make)
+    if any(tile_paths(one.tile.path)[1] in failures.reasons for one in tiles):
+        del files.source_digests[snapshot.overview.name]  # an incomplete overview must not be reused
 
 
-def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) -> Iterator[dict[int, UInt8Array]]:
+def read_coarse_rasters(block: StoredBlock, tiles: Sequence[WrittenTile], failures: PartialFailures) -> Iterator[dict[int, UInt8Array]]:
     """The coarse rasters of each tile, by chart."""
     texels = np.column_stack([block.plan.scene.placement.width, block.plan.scene.placement.height]).astype(np.int64)
     for one in tiles:
         path = tile_paths(one.tile.path)[1]
-        if path in aside.failed:
+        if path in failures.reasons:
             continue
-        with aside.trying(path):
+        with failures.attempt(path):
             yield coarse_rasters(texels, one.tile.charts, read_verified_array(block.group, path, one.record["coarse"]))

@@ -22,7 +22,7 @@ from facade_core.facade.correction import rasterise_boxes
 from facade_core.parsing.segmenter import outside_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.store.status import read_source
-from tasks.publish.opened import published
+from tasks.publish.published_run import open_published_run
 from tasks.stages.shared.facade_corrections import match_corrections
 
 # Fewer corrected facades do not improve the shipped models.
@@ -92,7 +92,7 @@ def _read_run(out: Folder) -> list[CorrectedFacade]:
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     found = []
-    with published(out) as run:
+    with open_published_run(out) as run:
         corrections, _ = match_corrections(run.plan, read_corrections(block), run.crs)
         for index, one in sorted(corrections.items()):
             record = run.records[index]

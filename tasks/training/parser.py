@@ -24,7 +24,7 @@ from facade_core.parsing.network_training import TrainingSchedule
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.publish.catalogue_facts import OF_FACADES
+from tasks.publish.catalogue_facts import FACADE_MODELS
 from tasks.training.corrected_facades import MIN_FACADES, CorrectedFacade, label_corrected_facade
 from tasks.training.parser_sets import paint_labelled_facades, relabel_occluders
 
@@ -165,7 +165,7 @@ def train_corrected(
     shipped = read_model_record(network.SHIPPED_NETWORK)
     path = out / "network.onnx"
     network_export.save_network(weights, path, training_set=[*shipped["training_set"], *_photo_names(sets)], seed=seed)
-    trained_on = {**OF_FACADES[0].trained_on, "facades that people corrected": "that of their pictures"}
+    trained_on = {**FACADE_MODELS[0].trained_on, "facades that people corrected": "that of their pictures"}
     extend_model_record(path, certainty=shipped["certainty"], trained_on=trained_on)
     before, after = (correct_pixel_share(held_out, model) for model in (network.SHIPPED_NETWORK, path))
     figures = (

@@ -26,8 +26,8 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import rejected_pictures
-from tasks.publish.review import CHANGED, look_first
-from tasks.publish.rows import facts
+from tasks.publish.item_rows import facade_facts
+from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 
@@ -148,7 +148,7 @@ class RunView:
             "notes": self.group.attrs.get("notes", []),
             "snapshot": self.snapshot,
             "published": self.newest_publication,
-            "changed_from": CHANGED,
+            "changed_from": MIN_CHANGE,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
             "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN_COLUMNS],
@@ -177,12 +177,12 @@ class RunView:
             "street": street["name"] or street["id"],
             "azimuth_deg": round(float(tables.azimuth[index]), 1),
             "status": "waiting",
-            **facts(facades, index, record or {}, tables.height_source[int(facades.building[index])]),
+            **facade_facts(facades, index, record or {}, tables.height_source[int(facades.building[index])]),
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
             row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.buildings_with_corrections)
-            row["look_first"] = look_first(facades, index, record, row["quality"])
+            row["look_first"] = review_priority(facades, index, record, row["quality"])
         return {name: _to_python(value) for name, value in row.items() if value is not None}
 
     def _visible_facades(self) -> list[list[int]]:

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from benchmarks.stage_pictures import GAP, OF_NOTHING, PAPER, beside, of_run, rectified
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 STAGES = Path(__file__).parents[2] / "docs" / "stages"
 
 
 def test_each_picture_is_there_and_its_page_names_the_command() -> None:
-    drawn = {**of_run(cast(Published, None), "", ""), **OF_NOTHING}
+    drawn = {**of_run(cast(PublishedBlock, None), "", ""), **OF_NOTHING}
     assert {path.stem for path in STAGES.glob("*.jpg")} == set(drawn)
     for name in drawn:
         page = (STAGES / f"{name}.md").read_text("utf-8")

@@ -21,14 +21,14 @@ from benchmarks.clients.blender import (
     shot,
 )
 from facade_core.export.models.glb import extract_images
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 from tests.clients.conftest import Exported, first, present
 
 Seen = Mapping[str, SimpleNamespace]
 
 
 @pytest.fixture(scope="module")
-def seen(exported: Exported, found: Published, tmp_path_factory: pytest.TempPathFactory) -> Seen:
+def seen(exported: Exported, found: PublishedBlock, tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """What Blender made of a model, and of CityJSON without and with openings as cjio writes it: `told` by Blender, `compared`
     with Streetloom's own picture, the pictures of the `given` export and of the GLB that Blender wrote of it `again`."""
     folder = tmp_path_factory.mktemp("blender")

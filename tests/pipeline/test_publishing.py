@@ -36,7 +36,7 @@ from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_suspect, repair_store
 from tasks.engine.store.status import finished_summary, unpublished_reason
-from tasks.publish.stored import stored_block
+from tasks.publish.stored_block import read_stored_block
 from tasks.publish.task import publish_block
 from tasks.stages.pictures import stage as pictures
 from tasks.stages.pictures.stage import PICTURES
@@ -106,7 +106,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     made, _, second = again(folder)
     finished = ("pages", "tiles", "pictures")
     done = {(stage, unit) for stage, unit in redone(before, folder / "out") if stage in finished}
-    group = stored_block(open_repository(made.run.store).readonly_session(BRANCH))
+    group = read_stored_block(open_repository(made.run.store).readonly_session(BRANCH))
     chart = group.plan.facades.chart[group.plan.facades.id.index("c-0")]
     [tile] = [path for path, one in listed(second).items() if "c" in one["buildings"]]
     # the views along other streets do not look that way
@@ -295,7 +295,7 @@ def test_a_step_that_fails_leaves_the_others(
         raise ValueError("nothing is as large")
 
     with monkeypatch.context() as patch:
-        patch.setattr("tasks.publish.task.write_model", no_model)
+        patch.setattr("tasks.publish.task.write_block_model", no_model)
         _, summary, snapshot = again(folder)
     assert {one["unit"] for one in summary["unpublished"]} == {"block.glb"}
     assert "block.glb is not published: ValueError: nothing is as large" in caplog.messages

@@ -138,10 +138,11 @@ def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float
     return detect(image[first:last], (middle - first) / (last - first)).translate(0, first)
 
 
-def _wrap_boxes(boxes: Float64Array, width: int) -> Float64Array:
+def _wrap_boxes(boxes: FloatArray, width: int) -> Float64Array:
     """Boxes (n, 4) of a continued strip as boxes of the strip; a box across the border is returned twice."""
     wrapped = boxes[boxes[:, 0] < width]
-    return np.concatenate([wrapped, wrapped[wrapped[:, 2] > width] - np.array([width, 0, width, 0])])
+    rest = wrapped[wrapped[:, 2] > width] - np.array([width, 0, width, 0])
+    return np.asarray(np.concatenate([wrapped, rest]), np.float64)
 
 
 def find_plates(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> tuple[Float64Array, list[TextLine]]:

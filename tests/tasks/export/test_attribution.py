@@ -16,7 +16,7 @@ from PIL import Image
 
 from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import FORMATS, export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 from tests.exports import EACH
 
 Run = tuple[Path, dict[str, Any]]
@@ -127,8 +127,8 @@ def test_each_format_is_asked() -> None:
 
 
 @pytest.mark.parametrize("style", EACH)
-def test_a_format_names_the_licence_of_the_map(found: Published, undisturbed: Run, tmp_path: Path, style: str) -> None:
-    name = found.names[int(found.plan.facades.building[found.rectified(found.choose(()))[0]])]
+def test_a_format_names_the_licence_of_the_map(found: PublishedBlock, undisturbed: Run, tmp_path: Path, style: str) -> None:
+    name = found.names[int(found.plan.facades.building[found.finished_facades(found.select_buildings(()))[0]])]
     line = found.attribution.line
     folder = export_run(undisturbed[0], style, tmp_path / style, [name]).path
     said = list(NAMED[style](Path(str(folder))))
@@ -137,7 +137,7 @@ def test_a_format_names_the_licence_of_the_map(found: Published, undisturbed: Ru
     assert set(said) == {line}
 
 
-def test_what_is_published_names_it_without_a_day(found: Published) -> None:
+def test_what_is_published_names_it_without_a_day(found: PublishedBlock) -> None:
     line = replace(found.attribution, made=None).line
     folder = Path(str(found.snapshot.folder))
     assert line.startswith(MAP)

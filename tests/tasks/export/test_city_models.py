@@ -16,7 +16,7 @@ import pytest
 from benchmarks.solid import validated
 from catalogs.readers.cityjson.buildings import read_cityjson
 from tasks.export.formats import export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 Run = tuple[Path, dict[str, Any]]
 # val3dity, where it lies beside the checkout.
@@ -60,7 +60,7 @@ def watertight(shell: list[list[list[int]]]) -> None:
     assert all((b, a) in edges for a, b in edges)
 
 
-def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_cityjson_is_read_again_where_it_was(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     city = json.loads(path.read_text())
     cityjson_is_sound(city)
@@ -73,7 +73,7 @@ def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run,
             assert thing["attributes"]["measuredHeight"] >= thing["attributes"].get("eavesHeight", 0) - 0.002
     assert city["metadata"]["referenceSystem"].endswith("/EPSG/0/32635")
     again = read_cityjson(path)
-    assert {model.id for model in again.items} == {found.names[b] for b in found.choose(()).tolist()}
+    assert {model.id for model in again.items} == {found.names[b] for b in found.select_buildings(()).tolist()}
     assert not again.faults
     assert all(texture.is_file() for texture in again.textures)
     mesh = found.plan.scene.mesh
@@ -83,7 +83,7 @@ def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run,
     np.testing.assert_allclose(points.max(axis=0), mine.max(axis=0), atol=0.002)
 
 
-def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_lod3_has_the_openings_of_the_catalogue(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "lod3", tmp_path / "lod3").files[0]
     city = json.loads(path.read_text())
     cityjson_is_sound(city)
@@ -119,20 +119,20 @@ def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> No
     assert one == other
 
 
-def test_a_stream_is_a_header_and_features_that_stand_alone(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_a_stream_is_a_header_and_features_that_stand_alone(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
     header, *features = map(json.loads, path.read_text().splitlines())
     assert header["CityObjects"] == {}
     assert header["vertices"] == []
     kinds = Counter(feature["CityObjects"][feature["id"]]["type"] for feature in features)
-    assert kinds["Building"] == len(found.choose(()))
+    assert kinds["Building"] == len(found.select_buildings(()))
     assert kinds["TINRelief"] >= 1
     for feature in features:
         assert feature["type"] == "CityJSONFeature"
         assert feature["id"] in feature["CityObjects"]
         cityjson_is_sound(feature)
         assert all((path.parent / texture["image"]).is_file() for texture in feature["appearance"]["textures"])
-    assert {m.id for m in read_cityjson(path).items} == {found.names[b] for b in found.choose(()).tolist()}
+    assert {m.id for m in read_cityjson(path).items} == {found.names[b] for b in found.select_buildings(()).tolist()}
 
 
 # cjio rounds what every json in its process writes, so it has one of its own
@@ -152,9 +152,9 @@ print(json.dumps({"textures": textures, "merged": parts[0].j}))
 """
 
 
-def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "cityjson", tmp_path / "city").files[0]
-    first, second = (found.names[b] for b in found.choose(())[:2].tolist())
+    first, second = (found.names[b] for b in found.select_buildings(())[:2].tolist())
     command = [sys.executable, "-c", CJIO, str(path), first, second]
     done = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout)
     for textures in done["textures"]:

@@ -13,7 +13,7 @@ from lxml import etree
 
 from catalogs.readers.citygml.buildings import read_citygml
 from tasks.export.formats import export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 Run = tuple[Path, dict[str, Any]]
 
@@ -44,12 +44,12 @@ def test_every_reference_leads_to_one_id(path: Path) -> None:
         assert (path.parent / image).is_file()
 
 
-def test_it_is_read_back_where_it_was(found: Published, path: Path) -> None:
+def test_it_is_read_back_where_it_was(found: PublishedBlock, path: Path) -> None:
     again = read_citygml(path)
     assert not again.faults
     assert not again.remarks
     assert again.crs == found.crs
-    assert {model.id for model in again.items} == {found.names[b] for b in found.choose(()).tolist()}
+    assert {model.id for model in again.items} == {found.names[b] for b in found.select_buildings(()).tolist()}
     assert again.textures
     mesh, charts = found.plan.scene.mesh, found.plan.scene.charts
     number = {name: index for index, name in found.names.items()}
@@ -62,7 +62,7 @@ def test_it_is_read_back_where_it_was(found: Published, path: Path) -> None:
 
 
 def test_it_says_what_the_city_json_of_lod3_says(
-    found: Published, undisturbed: Run, path: Path, tmp_path: Path
+    found: PublishedBlock, undisturbed: Run, path: Path, tmp_path: Path
 ) -> None:
     city = json.loads(export_run(undisturbed[0], "lod3", tmp_path / "lod3").files[0].read_text())
     buildings = {one.get("{http://www.opengis.net/gml}id"): one for one in etree.parse(path).iterfind(".//{*}Building")}

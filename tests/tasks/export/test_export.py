@@ -25,7 +25,7 @@ from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line
 from tasks.export.formats import FORMATS, _writers, export_run, marker_name
 from tasks.export.models import write_3dtiles
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 from tests.exports import HERE
 
 Run = tuple[Path, dict[str, Any]]
@@ -58,12 +58,12 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
 
 
 def test_models_stand_where_the_block_does_and_look_like_its_atlas(
-    found: Published, undisturbed: Run, tmp_path: Path
+    found: PublishedBlock, undisturbed: Run, tmp_path: Path
 ) -> None:
     one = export_run(undisturbed[0], "glb", tmp_path / "all", lit=False).path
     model = trimesh.load(one / "block.glb")
-    assert set(model.graph.nodes_geometry) == {*(found.names[b] for b in found.choose(()).tolist()), "ground"}
-    assert len(list((one / "buildings").glob("*.glb"))) == len(found.choose(()))
+    assert set(model.graph.nodes_geometry) == {*(found.names[b] for b in found.select_buildings(()).tolist()), "ground"}
+    assert len(list((one / "buildings").glob("*.glb"))) == len(found.select_buildings(()))
     origin = np.array(model.metadata["origin"])
     scene, errors = found.plan.scene, []
     for part in model.geometry.values():
@@ -85,9 +85,9 @@ def test_models_stand_where_the_block_does_and_look_like_its_atlas(
 
 
 def test_models_take_light_where_they_are_not_told_otherwise(
-    undisturbed: Run, found: Published, tmp_path: Path
+    undisturbed: Run, found: PublishedBlock, tmp_path: Path
 ) -> None:
-    building = [found.names[int(found.choose(())[0])]]
+    building = [found.names[int(found.select_buildings(())[0])]]
     made = {}
     for name, options in {"lit": {}, "again": {}, "night": {"night": True}, "unlit": {"lit": False}}.items():
         folder = export_run(undisturbed[0], "glb", tmp_path / name, building, **options).path  # type: ignore[arg-type]
@@ -110,7 +110,7 @@ def test_models_take_light_where_they_are_not_told_otherwise(
         export_run(undisturbed[0], "lod3", tmp_path / "none", lit=True)
 
 
-def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_models_name_whom_they_are_from(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     attribution = found.attribution
     assert {source.key for source in attribution.sources} >= {"buildings.path", "streets.path"}
     assert attribution.line.endswith(attribution.production_date or "?")
@@ -125,7 +125,7 @@ def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_
     assert json.loads(found.snapshot.tiles.read_text())["attribution"]["sources"] == attribution.to_json()["sources"]
 
 
-def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_tiles_stand_on_the_block(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "3dtiles", tmp_path / "tiles").files[0]
     tileset = json.loads(path.read_text())
     matrix = np.array(tileset["root"]["transform"]).reshape(4, 4).T
@@ -137,13 +137,13 @@ def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: 
     assert tileset["root"]["children"]
 
 
-def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(found: Published, tmp_path: Path) -> None:
+def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(found: PublishedBlock, tmp_path: Path) -> None:
     heights = []
     for separation in (None, 17.5):
         folder = tmp_path / str(separation)
         folder.mkdir()
         stated = SimpleNamespace(attrs=dict(found.group.attrs) | {"geoid_separation": separation})
-        _, notes = write_3dtiles(replace(found, group=stated), found.choose(())[:1], folder)
+        _, notes = write_3dtiles(replace(found, group=stated), found.select_buildings(())[:1], folder)
         assert len(notes) == (separation is None)
         tileset = json.loads((folder / "tileset.json").read_text())
         centre = np.array(tileset["root"]["transform"])[12:15]
@@ -153,8 +153,8 @@ def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(foun
 
 
 @pytest.mark.parametrize("style", ["3dtiles", "cityjsonseq", "gpkg"])
-def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Published, tmp_path: Path, style: str) -> None:
-    name = found.names[int(found.choose(())[-1])]
+def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: PublishedBlock, tmp_path: Path, style: str) -> None:
+    name = found.names[int(found.select_buildings(())[-1])]
     one, two = (export_run(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
     files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
     assert len(files) > 1
@@ -162,12 +162,12 @@ def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Publish
         assert (one / file).read_bytes() == (two / file).read_bytes(), file
 
 
-def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_annotations_lie_in_their_pictures(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     path = export_run(undisturbed[0], "coco", tmp_path / "coco").files[0]
     coco = json.loads(path.read_text())
     images = {image["id"]: image for image in coco["images"]}
     assert {image["facade"] for image in images.values()} == {
-        found.plan.facades.id[i] for i in found.rectified(found.choose(()))
+        found.plan.facades.id[i] for i in found.finished_facades(found.select_buildings(()))
     }
     assert [a["id"] for a in coco["annotations"]] == list(range(1, len(coco["annotations"]) + 1))
     assert {c["name"] for c in coco["categories"]} == {"window", "balcony", "door", "shop"}
@@ -194,7 +194,7 @@ def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, t
 
 
 def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
-    found: Published, undisturbed: Run, tmp_path: Path
+    found: PublishedBlock, undisturbed: Run, tmp_path: Path
 ) -> None:
     building = found.names[int(found.plan.facades.building[0])]
     path = export_run(undisturbed[0], "gpkg", tmp_path / "one.gpkg", [building]).path
@@ -228,8 +228,8 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
         assert high[0] == pytest.approx(row.geometry.bounds[0], abs=0.01)
 
 
-def test_one_building_alone_has_no_ground(found: Published, undisturbed: Run, tmp_path: Path) -> None:
-    name = found.names[int(found.choose(())[0])]
+def test_one_building_alone_has_no_ground(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
+    name = found.names[int(found.select_buildings(())[0])]
     one = export_run(undisturbed[0], "glb", tmp_path / "one", [name])
     assert list(trimesh.load(one.files[0]).graph.nodes_geometry) == [name]
     with pytest.raises(InputError, match=f"--building {name}x: .* did you mean {name}"):

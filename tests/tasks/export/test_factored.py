@@ -13,19 +13,19 @@ import trimesh
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 Run = tuple[Path, dict[str, Any]]
 
 
-def test_a_factored_model_has_few_pictures_and_answers(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+def test_a_factored_model_has_few_pictures_and_answers(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
     whole = export_run(undisturbed[0], "glb", tmp_path / "whole").path
     made = export_run(undisturbed[0], "glb", tmp_path / "factored", textures="factored").path
     assert [path.name for path in sorted(Path(str(made)).iterdir())] == ["block.glb", "export.json", "figures.json"]
     with (made / "block.glb").open("rb") as file:
         document, _ = read_glb_header(file)
     assert {node["name"] for node in document["nodes"]} == {
-        *(found.names[b] for b in found.choose(()).tolist()),
+        *(found.names[b] for b in found.select_buildings(()).tolist()),
         "ground",
     }
     primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]

@@ -14,7 +14,7 @@ import rasterio
 from catalogs.features import file_stem
 from facade_core.export.pictures.stage_pictures import read_chart_raster
 from tasks.export.formats import export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 Run = tuple[Path, dict[str, Any]]
 
@@ -24,7 +24,7 @@ def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(str(export_run(undisturbed[0], "cog", tmp_path_factory.mktemp("export") / "cog").path))
 
 
-def test_every_facade_is_a_picture_of_its_texels_without_loss(found: Published, folder: Path) -> None:
+def test_every_facade_is_a_picture_of_its_texels_without_loss(found: PublishedBlock, folder: Path) -> None:
     facades, placement = found.plan.facades, found.plan.scene.placement
     assert {file.stem for file in folder.glob("*.tif")} == {file_stem(name) for name in facades.id}
     for name, chart in zip(facades.id, facades.chart.tolist(), strict=True):
@@ -34,7 +34,7 @@ def test_every_facade_is_a_picture_of_its_texels_without_loss(found: Published, 
             assert (image.dataset_mask() > 0).mean() > 0.4
 
 
-def test_a_texel_is_where_its_tags_say(found: Published, folder: Path) -> None:
+def test_a_texel_is_where_its_tags_say(found: PublishedBlock, folder: Path) -> None:
     """From column and row by GDAL's transform and the pose to the world, and from there by the atlas to the texel again."""
     scene = found.plan.scene
     for name, chart in zip(found.plan.facades.id, found.plan.facades.chart.tolist(), strict=True):

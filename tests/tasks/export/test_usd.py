@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tasks.export.formats import export_run
-from tasks.publish.opened import Published
+from tasks.publish.published_run import PublishedBlock
 
 pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
 Run = tuple[Path, dict[str, Any]]
@@ -39,7 +39,7 @@ def test_the_validators_find_nothing_and_would(folder: Path) -> None:
     assert errors_of(stage)
 
 
-def test_buildings_stand_where_they_do_and_say_what_they_are(found: Published, folder: Path) -> None:
+def test_buildings_stand_where_they_do_and_say_what_they_are(found: PublishedBlock, folder: Path) -> None:
     from pxr import Usd, UsdGeom
 
     (file,) = folder.glob("*.usda")
@@ -47,7 +47,7 @@ def test_buildings_stand_where_they_do_and_say_what_they_are(found: Published, f
     assert (UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)) == ("Z", 1.0)
     origin = np.array(json.loads(stage.GetRootLayer().customLayerData["streetloom"]["origin"]))
     prims = {prim.GetDisplayName(): prim for prim in stage.GetDefaultPrim().GetChildren()}
-    names = {found.names[b]: b for b in found.choose(()).tolist()}
+    names = {found.names[b]: b for b in found.select_buildings(()).tolist()}
     assert prims.keys() == names.keys() | {"ground"}
     source = found.textured
     for name, building in names.items():
@@ -113,8 +113,8 @@ def test_windows_shine_by_night_alone_and_one_choice_says_so_for_all(
     assert errors_of(Usd.Stage.Open(str(unlit.files[0]))) == []
 
 
-def test_the_same_snapshot_gives_the_same_stages(undisturbed: Run, found: Published, tmp_path: Path) -> None:
-    name = found.names[int(found.choose(())[-1])]
+def test_the_same_snapshot_gives_the_same_stages(undisturbed: Run, found: PublishedBlock, tmp_path: Path) -> None:
+    name = found.names[int(found.select_buildings(())[-1])]
     one, two = (export_run(undisturbed[0], "usd", tmp_path / side, [name]).path for side in "ab")
     for file in sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file()):
         assert (one / file).read_bytes() == (two / file).read_bytes(), file

@@ -18,21 +18,21 @@ from catalogs.block.sources import OPENSTREETMAP, block_sources
 from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
 from facade_core.geometry.walls import WallRole
 from tasks.publish.catalogue_facts import (
-    OF_FACADES,
-    OF_STREETS,
-    Shipped,
-    _outline,
+    FACADE_MODELS,
+    STREET_MODEL,
+    CataloguedModel,
+    _block_outline,
     models_used,
     run_facts,
     street_facts,
 )
-from tasks.publish.rows import facts
+from tasks.publish.item_rows import facade_facts
 
 START = 1_800_000_000.0
 
 
-@pytest.mark.parametrize("model", [*OF_FACADES, OF_STREETS], ids=lambda model: model.path.stem)
-def test_what_models_learned_from_is_what_their_cards_say(model: Shipped) -> None:
+@pytest.mark.parametrize("model", [*FACADE_MODELS, STREET_MODEL], ids=lambda model: model.path.stem)
+def test_what_models_learned_from_is_what_their_cards_say(model: CataloguedModel) -> None:
     if not model.card.is_file():
         assert model.trained_on == {}, "nothing is stated that no card says"
         return
@@ -46,12 +46,12 @@ def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
     run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=SHIPPED_MODELS))
     assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
     network, layouts = models_used(run, [{"lattice": {}}], [])
-    assert network.sha256 == hashlib.sha256(OF_FACADES[0].path.read_bytes()).hexdigest()
+    assert network.sha256 == hashlib.sha256(FACADE_MODELS[0].path.read_bytes()).hexdigest()
     assert (network.file, layouts.id) == ("facade_core/parsing/models/network.onnx", "layouts")
     assert layouts.card is not None
     neural = cast(Any, SimpleNamespace(texture=TextureSettings(translator="neural"), models=SHIPPED_MODELS))
     assert models_used(neural, [], [{"status": "failed"}, None]) == []
-    if OF_STREETS.path.is_file():
+    if STREET_MODEL.path.is_file():
         assert [model.id for model in models_used(neural, [], [{"status": "done"}])] == ["translator"]
 
 
@@ -111,13 +111,13 @@ def test_a_run_is_the_work_in_its_journals() -> None:
 
 def test_neighbours_cover_one_outline_and_courtyards_stay() -> None:
     court = shapely.box(0, 0, 30, 30).difference(shapely.box(10, 10, 20, 20))
-    outline = _outline([court, shapely.box(30.05, 0, 40, 30), shapely.box(50, 0, 60, 30)])
+    outline = _block_outline([court, shapely.box(30.05, 0, 40, 30), shapely.box(50, 0, 60, 30)])
     other, terrace = sorted(outline.geoms, key=lambda part: part.area)
     assert terrace.area == pytest.approx(40 * 30 - 100, abs=0.1)
     assert len(terrace.interiors) == 1, "the crack of 5 cm is closed, the courtyard is not"
     assert terrace.exterior.is_ccw
     assert other.symmetric_difference(shapely.box(50, 0, 60, 30)).area < 1e-6
-    assert _outline([court]).geom_type == "Polygon"
+    assert _block_outline([court]).geom_type == "Polygon"
 
 
 def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
@@ -148,10 +148,10 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
 def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
     sizes = {"height": np.array([12.0]), "width": np.array([9.0]), "floors": np.array([4])}
     facades = cast(Any, SimpleNamespace(**sizes, role=np.array([WallRole.STREET])))
-    made = facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
+    made = facade_facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)
-    assert facts(facades, 0, record("a", "failed"), source)["quality"] is None
+    assert facade_facts(facades, 0, record("a", "failed"), source)["quality"] is None
 
 
 def test_sources_of_a_block_file(tmp_path: Path) -> None:

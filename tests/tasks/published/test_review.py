@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from facade_core.plan.facades import Facades
-from tasks.publish.review import look_first
+from tasks.publish.review import review_priority
 
 FACADES = cast(
     Facades,
@@ -33,4 +33,4 @@ FACADES = cast(
 def test_doubt_counts_by_what_the_street_sees(
     index: int, record: dict[str, Any], quality: str | None, metres: float
 ) -> None:
-    assert look_first(FACADES, index, record, quality) == metres
+    assert review_priority(FACADES, index, record, quality) == metres

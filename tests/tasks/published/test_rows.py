@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.publish.rows import _pose_facts
+from tasks.publish.item_rows import _facade_pose_columns
 
 POSED = {
     name: dict(zip(("pose_residual_deg", "pose_apart_m", "pose_raised_m"), values, strict=True))
@@ -28,4 +28,4 @@ POSED = {
     ],
 )
 def test_the_largest_counts_whatever_commas_names_have(source: str | None, told: tuple[float | None, ...]) -> None:
-    assert tuple(_pose_facts({"source": source}, POSED).values()) == told
+    assert tuple(_facade_pose_columns({"source": source}, POSED).values()) == told

@@ -11,7 +11,7 @@ from tasks.stages.pictures.stage import PICTURES
 from tasks.stages.streets.stage import STREETS
 
 
-def over_limit(run: Run, group: StoreGroup) -> str | None:
+def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
     """Why what a store holds is not to become current; None where so few units failed that it is.
 
     A street counts once, not by its viewpoints: one that fails leaves most of these undone, not failed. Stages that finish
@@ -19,9 +19,9 @@ def over_limit(run: Run, group: StoreGroup) -> str | None:
     Pictures do not count: without some of them the report lacks an illustration, and nothing else is the worse.
     """
     last = STAGES_IN_ORDER.index(STREETS) + 1
-    made = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None)
-    for kinds in (made, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
-        failed, total = _failed(group, kinds)
+    texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None)
+    for kinds in (texturing, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
+        failed, total = _count_failed(group, kinds)
         if failed > run.failed_limit * total:
             units = "units" if len(kinds) > 1 else kinds[0].stage
             return (
@@ -31,7 +31,7 @@ def over_limit(run: Run, group: StoreGroup) -> str | None:
     return None
 
 
-def _failed(group: StoreGroup, kinds: tuple[Stage, ...]) -> tuple[int, int]:
+def _count_failed(group: StoreGroup, kinds: tuple[Stage, ...]) -> tuple[int, int]:
     """How many units of some kinds failed, and how many there are."""
     records = [record for kind in kinds for record in read_journal(group, kind.stage)]
     return sum(record is not None and record["status"] == "failed" for record in records), len(records)

@@ -42,7 +42,7 @@ class StoredBlock:
         return cast(Mapping[str, Sequence[Record | None]], self.journals)
 
     @cached_property
-    def posed(self) -> list[RefinedPoseRecord | None]:
+    def refined_poses(self) -> list[RefinedPoseRecord | None]:
         """Those of panoramas, with what was made of them together."""
         return read_refined_poses(self.group)
 
@@ -71,6 +71,6 @@ class StoredBlock:
         return datetime.fromtimestamp(float(cast(float, self.group.attrs["ingested"])), UTC)
 
 
-def stored_block(session: icechunk.Session) -> StoredBlock:
+def read_stored_block(session: icechunk.Session) -> StoredBlock:
     """The block in a session's snapshot. Raises as Icechunk, zarr and the tables do where that is none of this version."""
     return StoredBlock(open_root(session), read_plan(session), read_table(session, "buildings"))

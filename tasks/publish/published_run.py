@@ -19,7 +19,7 @@ from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import FormatError, InputError
 from facade_core.core.types import Element
 from tasks.publish.attribution import read_attribution
-from tasks.publish.stored import StoredBlock, stored_block
+from tasks.publish.stored_block import StoredBlock, read_stored_block
 
 if TYPE_CHECKING:
     from facade_core.export.attribution import Attribution
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Published(StoredBlock):
+class PublishedBlock(StoredBlock):
     """A block as a published snapshot holds it, and that snapshot's files."""
 
     snapshot: Snapshot
@@ -64,7 +64,7 @@ class Published(StoredBlock):
         except OSError as error:
             raise InputError(f"{path} cannot be read as a picture; {self.snapshot.remedy}") from error
 
-    def choose(self, ids: Sequence[str]) -> IntArray:
+    def select_buildings(self, ids: Sequence[str]) -> IntArray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
         built = np.unique(self.plan.scene.charts.building[self.plan.in_core])
         built = built[built >= 0]
@@ -74,8 +74,8 @@ class Published(StoredBlock):
         for name in ids:
             if name not in known:
                 near = get_close_matches(name, known, n=1, cutoff=0.5)
-                if (of := name.rpartition("-")[0]) in known:
-                    raise InputError(f"--building {name}: that is a facade; --building {of} is its building")
+                if (building := name.rpartition("-")[0]) in known:
+                    raise InputError(f"--building {name}: that is a facade; --building {building} is its building")
                 hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
                 raise InputError(f"--building {name}: the block {self.block} has no such building; {hint}")
         return np.unique([known[name] for name in ids])
@@ -86,14 +86,14 @@ class Published(StoredBlock):
         rows = record.get("elements", []) if record else []
         return [Element(row[0], *map(float, row[1:6])) for row in rows]
 
-    def rectified(self, buildings: IntArray) -> list[int]:
+    def finished_facades(self, buildings: IntArray) -> list[int]:
         """The facades of some buildings that have a finished layout and texture."""
-        own = np.isin(self.plan.facades.building, buildings).tolist()
-        return [i for i, record in enumerate(self.records) if own[i] and record and "lattice" in record]
+        is_chosen = np.isin(self.plan.facades.building, buildings).tolist()
+        return [i for i, record in enumerate(self.records) if is_chosen[i] and record and "lattice" in record]
 
 
 @contextmanager
-def published(out: Folder) -> Iterator[Published]:
+def open_published_run(out: Folder) -> Iterator[PublishedBlock]:
     """What the run in folder `out`, or the one run in the folder of runs `out`, has published; it stays until the block ends.
 
     Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
@@ -102,19 +102,19 @@ def published(out: Folder) -> Iterator[Published]:
     if len(runs) > 1:
         raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
     with current_snapshot(runs[0].folder).hold_for_reading() as snapshot:
-        yield opened(snapshot)
+        yield open_published_snapshot(snapshot)
 
 
-def opened(snapshot: Snapshot) -> Published:
+def open_published_snapshot(snapshot: Snapshot) -> PublishedBlock:
     """What a snapshot that is kept from being pruned holds. Raises as `published`."""
     import icechunk
 
     session = snapshot.open_session()
     try:
-        stored = stored_block(session)
+        stored = read_stored_block(session)
     except (FormatError, icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
         raise snapshot.store_error(error) from error
     missing = [page for page in range(stored.plan.scene.spec.pages) if not snapshot.page(page).is_file()]
     if missing:
         raise InputError(f"{snapshot.page(missing[0])} is missing; {snapshot.remedy}")
-    return Published(stored.group, stored.plan, stored.buildings, snapshot)
+    return PublishedBlock(stored.group, stored.plan, stored.buildings, snapshot)

@@ -13,14 +13,14 @@ log = logging.getLogger(__name__)
 
 
 @dataclass
-class Aside:
+class PartialFailures:
     """What was tried and could not be published, with the reason; suspect: whether the store was at fault."""
 
-    failed: dict[str, str] = field(default_factory=dict)
-    suspect: bool = False
+    reasons: dict[str, str] = field(default_factory=dict)
+    is_store_suspect: bool = False
 
     @contextmanager
-    def trying(self, what: str) -> Iterator[None]:
+    def attempt(self, what: str) -> Iterator[None]:
         """Set aside what fails within. Raises MachineError where neither the block nor its store is at fault: a full disk fails
         whatever is tried next."""
         try:
@@ -28,6 +28,6 @@ class Aside:
         except Exception as error:
             if is_machine_fault(error) and not is_store_fault(error):
                 raise machine_error(f"publish {what}", error) from error
-            self.suspect = self.suspect or is_store_fault(error)
-            self.failed[what] = error_reason(error)
-            log.warning("%s is not published: %s", what, self.failed[what], exc_info=error)
+            self.is_store_suspect = self.is_store_suspect or is_store_fault(error)
+            self.reasons[what] = error_reason(error)
+            log.warning("%s is not published: %s", what, self.reasons[what], exc_info=error)

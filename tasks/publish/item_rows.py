@@ -19,19 +19,21 @@ from facade_core.core.types import Pose
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
-from tasks.publish.stored import StoredBlock
+from tasks.publish.stored_block import StoredBlock
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.facades.stage import FACADES
 from tasks.stages.order import STAGES_IN_ORDER
 
-# A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
-HIDDEN, SURE = 0.5, 0.5
-# So has one whose photo is so many times wider or higher than its wall once it is laid on it: windows are seen to be squeezed.
-STRETCHED = 1.5
+# A facade with a larger hidden share needs review.
+MAX_HIDDEN_SHARE = 0.5
+# A facade whose elements have a lower mean confidence needs review.
+MIN_PARSE_CONFIDENCE = 0.5
+# Ratio of the proportions of a photo and its wall beyond which the facade needs review: windows look squeezed.
+MAX_STRETCH = 1.5
 
 
 @dataclass(frozen=True)
-class Rows:
+class ItemRows:
     """The rows of items.parquet: of the facades in their order, and of what is no facade and could not be used."""
 
     facades: list[dict[str, Any]]
@@ -52,12 +54,12 @@ class Rows:
         return len(self.facades) - self.done
 
 
-def rows_of(run: Run, block: StoredBlock) -> Rows:
+def build_item_rows(run: Run, block: StoredBlock) -> ItemRows:
     """What the catalogue says of a block's units."""
-    return Rows(_facade_rows(run, block), _set_aside_rows(run, block))
+    return ItemRows(_facade_rows(run, block), _unusable_rows(run, block))
 
 
-def write_masked(path: Path, records: Sequence[FacadeRecord | None]) -> None:
+def write_masked_regions(path: Path, records: Sequence[FacadeRecord | None]) -> None:
     """Write the facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
     regions = [
         {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
@@ -67,7 +69,7 @@ def write_masked(path: Path, records: Sequence[FacadeRecord | None]) -> None:
     path.write_text(json.dumps(regions, indent=1))
 
 
-def write_summary(path: Path, block: StoredBlock, rows: Rows) -> dict[str, Any]:
+def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> dict[str, Any]:
     """Write what a block comes to, and return it."""
     summary = {
         "block": block.group.attrs["block"],
@@ -75,13 +77,13 @@ def write_summary(path: Path, block: StoredBlock, rows: Rows) -> dict[str, Any]:
         "facades_failed": rows.failed,
         "viewpoints": len(block.journals["viewpoints"]),
         "atlas_digest": atlas_digest(block.group),
-        "not_looked_at": _not_looked_at(block),
+        "not_looked_at": _count_unchecked(block),
     }
     path.write_text(json.dumps(summary, indent=1))
     return summary
 
 
-def _not_looked_at(block: StoredBlock) -> int:
+def _count_unchecked(block: StoredBlock) -> int:
     """Facades from pictures, and exemplars, that were made where no models look for faces and plates."""
     records = [*block.records, *block.journals["exemplars"]]
     return sum(record.get("looked") is False for record in records if record)
@@ -93,7 +95,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
     plan, buildings = block.plan, block.buildings
     facades, charts = plan.facades, plan.scene.charts
-    posed = _posed(block)
+    posed = _panorama_pose_columns(block)
     rows = []
     for index, name in enumerate(facades.id):
         chart = int(facades.chart[index])
@@ -112,13 +114,13 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 "part_of": (buildings["part_of"][building] or None) if "part_of" in buildings else None,
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
-                **_roof(buildings, building),
+                **_roof_columns(buildings, building),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-                **facts(facades, index, record, buildings["height_source"][building]),
-                **_pose_facts(record, posed),
+                **facade_facts(facades, index, record, buildings["height_source"][building]),
+                **_facade_pose_columns(record, posed),
                 "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.corrected),
-                "parents": _parents(run.block, buildings["id"][building], street.id, record),
-                "updated": made_at(record) or block.ingested,
+                "parents": _parent_ids(run.block, buildings["id"][building], street.id, record),
+                "updated": record_time(record) or block.ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),
                 "code_version": block.version,
@@ -128,37 +130,37 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
     return rows
 
 
-def raised(record: Mapping[str, Any], stated: Pose) -> float:
+def pose_height_change(record: Mapping[str, Any], stated: Pose) -> float:
     """By how much the height of a panorama was moved from the stated one, metres, upwards."""
     return round(record["pose"][2] - cast(float, stated.z), 3)
 
 
-def _posed(block: StoredBlock) -> dict[str, dict[str, Any]]:
+def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, Any]]:
     """The columns that tell of panoramas' poses, by their names."""
     return {
         record["unit"]: {
             "pose_residual_deg": record.get("residual_deg"),
             "pose_apart_m": record.get("apart_m"),
-            "pose_raised_m": raised(record, stated),
+            "pose_raised_m": pose_height_change(record, stated),
         }
-        for record, stated in zip(block.posed, block.plan.poses, strict=True)
+        for record, stated in zip(block.refined_poses, block.plan.poses, strict=True)
         if record and record["status"] == "done"
     }
 
 
-def _pose_facts(record: Mapping[str, Any], posed: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
+def _facade_pose_columns(record: Mapping[str, Any], posed: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
     """Of each column the largest, of either sign, of the panoramas that a facade is from; None where none of them has it."""
     parts = (record.get("source") or "").split(", ")
-    # a name may have a comma of its own
+    # the name of a panorama may contain a comma
     runs = (", ".join(parts[i:j]) for i, j in combinations(range(len(parts) + 1), 2))
-    own = [posed[name] for name in runs if name in posed]
+    sources = [posed[name] for name in runs if name in posed]
     found = {}
     for column in ("pose_residual_deg", "pose_apart_m", "pose_raised_m"):
-        found[column] = max((one[column] for one in own if one[column] is not None), key=abs, default=None)
+        found[column] = max((source[column] for source in sources if source[column] is not None), key=abs, default=None)
     return found
 
 
-def _roof(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
+def _roof_columns(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
     """What there is to say of a building's roof: of a model nothing."""
     shape = buildings["roof_shape"][building]
     if not shape:
@@ -167,7 +169,7 @@ def _roof(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
     return {"roof_shape": shape, "roof_height_m": height, "roof_confidence": confidence}
 
 
-def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
+def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
     """The columns of a facade that come from its place in the plan, its journal record and where its building's height is from;
     None where the record has none."""
     lattice, levels = record.get("lattice", {}), int(facades.floors[index])
@@ -175,50 +177,50 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source
         "role": WALL_ROLES[int(facades.role[index])],
         "height_m": round(float(facades.height[index]), 3),
         "width_m": round(float(facades.width[index]), 3),
-        # of a wall without windows nothing tells but the map
+        # only the map gives the floors of a wall without windows
         "floors": record.get("floors") or levels,
         "levels": levels,
-        **{key: record.get(key) for key in _FROM_RECORD},
+        **{key: record.get(key) for key in _RECORD_COLUMNS},
         "masked": record.get("masked_share"),
-        **dict(zip(_SHARES, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARES) :], strict=True)),
+        **dict(zip(_SHARE_COLUMNS, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARE_COLUMNS) :], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
-        "quality": _quality(record, levels, height_source, int(facades.role[index])) if "elements" in record else None,
+        "quality": _quality_flags(record, levels, height_source, int(facades.role[index])) if "elements" in record else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
 
 
-def _quality(record: Mapping[str, Any], levels: int, height_source: str, role: int) -> str:
+def _quality_flags(record: Mapping[str, Any], levels: int, height_source: str, role: int) -> str:
     """What somebody should look at before using a facade, comma-separated; good where there is nothing."""
     elements, floors = record["elements"], record.get("floors", 0)
-    # where pictures tell, within what they may tell
+    # bounds of the estimate from pictures
     least, most = record.get("floors_low", floors), record.get("floors_high", floors)
     # height_source is "default" where the height was assumed
     flags = {
-        "mostly-hidden": (record.get("occluded") or 0) > HIDDEN,
+        "mostly-hidden": (record.get("occluded") or 0) > MAX_HIDDEN_SHARE,
         "no-windows": role == WallRole.STREET and not any(element[0] == "window" for element in elements),
-        "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
+        "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < MIN_PARSE_CONFIDENCE,
         "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,
         "doubtful-cut": not record.get("cut_found", True)
-        or not 1 / STRETCHED <= record.get("stretched", 1.0) <= STRETCHED,
+        or not 1 / MAX_STRETCH <= record.get("stretched", 1.0) <= MAX_STRETCH,
         ASSUMED_HEIGHT: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"
 
 
-def _parents(block: str, building: str, street: str, record: Mapping[str, Any]) -> str:
+def _parent_ids(block: str, building: str, street: str, record: Mapping[str, Any]) -> str:
     images = [f"image/{name}" for name in (record.get("source") or "").split(", ") if name]
     return ", ".join([f"block/{block}", f"building/{building}", f"street/{street}", *images])
 
 
-def made_at(record: Mapping[str, Any] | None) -> datetime | None:
+def record_time(record: Mapping[str, Any] | None) -> datetime | None:
     """When the unit of a journal record was finished."""
     if record is None or "started" not in record:
         return None
     return datetime.fromtimestamp(record["started"] + sum(record.get("seconds", {}).values()), UTC)
 
 
-def _set_aside_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
+def _unusable_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
     known = {
         "block": run.block,
         "status": "failed",
@@ -228,11 +230,11 @@ def _set_aside_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
     }
     return [
         dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason}
-        for kind, unit, reason in _set_aside(block)
+        for kind, unit, reason in _unusable_units(block)
     ]
 
 
-def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
+def _unusable_units(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
     """Kind, id and reason of what is no facade and could not be used, or is out of date."""
     yield from block.group.attrs["set_aside"]
     for kind in STAGES_IN_ORDER:
@@ -247,9 +249,9 @@ def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
             yield "street", record["unit"], f"{stale}{record['reason']}"
 
 
-# Of a facade no texel is left to its material but where it failed.
-_SHARES = PROVENANCE[Provenance.TRANSLATED :]
-_FROM_RECORD = (
+# Only a failed facade has texels of plain material.
+_SHARE_COLUMNS = PROVENANCE[Provenance.TRANSLATED :]
+_RECORD_COLUMNS = (
     "columns",
     "windows",
     "doors",
