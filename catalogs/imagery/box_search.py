@@ -26,7 +26,7 @@ def search_quarters(
     Parameters
     ----------
     boxes : (west, south, east, north) in degrees.
-    search : yields records, and faults for those that cannot be used.
+    search : yields records, and faults in place of unusable records.
     """
     known: set[str] = set()
     for one in chain.from_iterable(_search_box(box, search, 0) for box in boxes):

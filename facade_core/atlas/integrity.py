@@ -133,7 +133,7 @@ def find_broken_tags(repository: Repository, path: StoreLocation) -> list[str]:
 
 
 def find_unreadable_chunks(session: icechunk.Session) -> dict[str, list[ChunkCoordinates] | None]:
-    """Read every chunk of a snapshot and list those that cannot be read.
+    """Read every chunk of a snapshot and list unreadable ones.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Selection of the walls of a block that are facades: those that a street sees, and others with a free part."""
+"""Selection of the walls of a block that are facades: walls that a street sees, and others with a free part."""
 
 from __future__ import annotations
 

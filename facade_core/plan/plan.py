@@ -238,7 +238,7 @@ class Plan:
         return pictures
 
     def street_texels(self) -> Int64Array:
-        """Return per street the texels that its viewpoints see, and those that it writes, (streets, 2)."""
+        """Return per street the numbers of texels that it sees and writes, (streets, 2)."""
         seen = self.street_charts
         texels = self.texel_counts()
         total = np.zeros((len(self.wave), 2), np.int64)

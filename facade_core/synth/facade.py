@@ -84,8 +84,8 @@ def paint_facade(
     style : name of the style.
     metres_per_pixel : resolution.
     seed : seed of the facade.
-    occluders : number of trees, cars and lamp posts in front; those that would raise the hidden share above 40 % are
-        left out.
+    occluders : number of trees, cars and lamp posts in front; objects that would raise the hidden share above 40 %
+        are left out.
 
     Raises
     ------

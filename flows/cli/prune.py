@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def prune(out: Folder, keep: int) -> None:
     """Remove all but the N newest published snapshots of the run in OUT, or of each run below it.
 
-    Also removes files of killed runs. Keeps the `current` snapshot, snapshots in use, and in a bucket those that were
+    Also removes files of killed runs. Keeps the `current` snapshot, snapshots in use, and in a bucket snapshots
     superseded within the last hour. `streetloom run --keep N` does the same after each run.
 
     \b

@@ -1,4 +1,4 @@
-"""Prefect server of a run: the user's own where configured, else one that this run starts and stops."""
+"""Prefect server of a run: the user's own if configured, else a temporary server of this run."""
 
 from __future__ import annotations
 

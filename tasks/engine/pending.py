@@ -1,4 +1,4 @@
-"""Pending units of a stage: those that the journal does not hold as done for their present inputs."""
+"""Pending units of a stage: not done, or done for other inputs, by the journal."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def create_run(block: Block, out: Folder) -> Run:
 
 
 def _check_models(models: ModelFiles) -> ModelFiles:
-    """Load a block's own models. Raises InputError, with the block's key, for one that cannot be used."""
+    """Load a block's own models. Raises InputError, with the block's key, for an unusable model."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing.confidence import load_calibration
     from facade_core.parsing.segmenter import load_segmenter

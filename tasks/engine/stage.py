@@ -55,7 +55,7 @@ class StageForecast:
     Attributes
     ----------
     pending : reason by unit index.
-    total : number of units; None for those that the stage lists.
+    total : number of units; None if it is the number that the stage lists.
     note : a further remark for the line that announces the work.
     """
 
@@ -127,9 +127,9 @@ class Stage:
     unit_charts : charts that each unit writes.
     unit_names : names of all units, for messages.
     find_lost : units that are done by their record and whose data are missing. No raster is read.
-    confirm_lost : those of lost units that are not pending anyway.
+    confirm_lost : lost units, without those pending anyway.
     find_differing : units, by stage, whose arrays differ from the digests of their records; of a sample of this size.
-    forecast : pending units after those of earlier stages, given those that are pending by key; None where unknown.
+    forecast : pending units after those of earlier stages, given the units pending by key; None where unknown.
     """
 
     stage: str

@@ -171,7 +171,7 @@ def collect_modules(
 
 
 def _resolve_import(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
-    """Return the modules that an import reaches: those that define the name."""
+    """Return the modules that define an imported name."""
     if name.partition(".")[0] not in house:
         return []
     below = f"{name}.{member}" if member else name

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.block.reader import read_block
-from facade_core.core.arrays import IntArray, UInt8Array
+from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
@@ -38,7 +38,7 @@ class FactoredWalls:
     notes : remarks for the user.
     """
 
-    charts: IntArray
+    charts: Int64Array
     libraries: list[FacadeLibrary]
     details: list[dict[int, WallPieces]]
     notes: list[str]

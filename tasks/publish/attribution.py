@@ -1,4 +1,4 @@
-"""The attribution of a published snapshot, out of its own catalogue."""
+"""Attribution of a published snapshot, read from its own catalogue."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from facade_core.export.attribution import Attribution, DataSource
 def build_attribution(
     sources: Sequence[SourceFact], created: datetime | None = None, captured: Sequence[str] = ()
 ) -> Attribution:
-    """Of a block's sources; captured: the days of its facades' pictures, in any order."""
+    """Build the attribution of a block from its data sources.
+
+    Parameters
+    ----------
+    sources : data sources of the block.
+    created : time of publication; None if unknown.
+    captured : capture dates of the pictures of its facades, in any order.
+    """
     return Attribution(
         tuple(DataSource(source.key, source.name, source.licence) for source in sources),
         created.date().isoformat() if created else None,
@@ -26,8 +33,20 @@ def build_attribution(
 
 
 def read_attribution(stac: Folder, items: Folder, block: str) -> Attribution:
-    """What the STAC Item of a published block says of its sources, and its table of the days of pictures. Without the Item,
-    which is set aside where it could not be written, no source is known."""
+    """Read the attribution of a published block from its STAC Item and item table.
+
+    No source is known where the Item is missing: writing it may have failed alone.
+
+    Parameters
+    ----------
+    stac : folder of the STAC catalogue.
+    items : GeoParquet file with the rows of the block.
+    block : name of the block.
+
+    Raises
+    ------
+    InputError : the item table cannot be read.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

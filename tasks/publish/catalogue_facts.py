@@ -1,4 +1,4 @@
-"""What the catalogue says of a snapshot's block, streets, run and models."""
+"""Facts of the STAC catalogue about the block, streets, run and models of a snapshot."""
 
 from __future__ import annotations
 
@@ -34,7 +34,14 @@ _ROOT = Path(__file__).resolve().parent.parent.parent
 
 @dataclass(frozen=True, slots=True)
 class CataloguedModel:
-    """A model, most often a shipped one, and what it learned from, as its card says: set -> licence."""
+    """Learned model with the training data that its card lists.
+
+    Attributes
+    ----------
+    path : file of the model.
+    title : title in the catalogue.
+    trained_on : licence by data set.
+    """
 
     path: Path
     title: str
@@ -42,10 +49,11 @@ class CataloguedModel:
 
     @property
     def card(self) -> Path:
+        """Return the path of the model card."""
         return self.path.with_suffix(".md")
 
 
-# Parser and layout model of facades, in the order of `_custom_model` overrides.
+# Parser and layout model of facades. A block may replace either (`run.models`).
 FACADE_MODELS = (
     CataloguedModel(
         NETWORK,
@@ -80,7 +88,17 @@ STREET_MODEL = CataloguedModel(
 def block_facts(
     run: Run, block: StoredBlock, snapshot: str, rows: ItemRows, updated: datetime, sources: Sequence[SourceFact]
 ) -> BlockFacts:
-    """sources: what the block was read from; none where they are not known."""
+    """Collect the catalogue facts of a block.
+
+    Parameters
+    ----------
+    run : run of the block.
+    block : block as its store holds it.
+    snapshot : id of the snapshot.
+    rows : rows of the item table.
+    updated : end of the work on the block.
+    sources : data sources of the block; empty if unknown.
+    """
     plan, group = block.plan, block.group
     outlines = list(
         building_footprints(build_textured_mesh(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values()
@@ -118,7 +136,14 @@ def block_facts(
 
 
 def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[StreetFacts]:
-    """All streets of a block, by their journal records and those of their viewpoints."""
+    """Collect the catalogue facts of all streets of a block.
+
+    Parameters
+    ----------
+    plan : plan of the block.
+    streets : journal records by street.
+    viewpoints : journal records by viewpoint.
+    """
     viewpoints_of = RowIndex(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
     writable = plan.street_texels()[:, 1].tolist()
     found = []
@@ -148,7 +173,13 @@ def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[Stre
 
 
 def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
-    """The work in the journals, stage -> records."""
+    """Summarise the work in the journals of a run.
+
+    Parameters
+    ----------
+    journals : journal records by stage.
+    ingested : time of ingestion.
+    """
     records = [record for stage in journals.values() for record in stage if record]
     started = [datetime.fromtimestamp(record["started"], UTC) for record in records if "started" in record]
     units = {}
@@ -165,12 +196,16 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
 
 
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """The models that a block's facades and streets were made with, its own in place of shipped ones; none of nothing."""
+    """Return the models that the facades and streets of a block were made with.
+
+    A model of the block replaces the shipped one. Empty where no unit used a model.
+    """
     used: list[CataloguedModel] = []
     if any(record and "lattice" in record for record in facades):
         custom = (run.models.parser, run.models.layout)
         used += [
-            shipped if path is None else _custom_model(path, shipped) for path, shipped in zip(custom, FACADE_MODELS, strict=True)
+            shipped if path is None else _custom_model(path, shipped)
+            for path, shipped in zip(custom, FACADE_MODELS, strict=True)
         ]
     if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
         used.append(STREET_MODEL)
@@ -192,7 +227,7 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
 
 
 def _custom_model(path: Path, shipped: CataloguedModel) -> CataloguedModel:
-    """A block's own model in place of a shipped one; its .json may say what it learned from."""
+    """Return the model of a block that replaces a shipped one; its .json may list training data."""
     record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     return CataloguedModel(path, f"{shipped.title} of the block", record.get("trained_on", {}))
 
@@ -202,7 +237,11 @@ def _work_seconds(record: Mapping[str, Any] | None) -> float:
 
 
 def _block_outline(footprints: Sequence[Any]) -> Any:
-    """What buildings cover together, without the cracks between neighbours; outer rings anticlockwise, as in GeoJSON."""
-    closed = shapely.union_all(footprints).buffer(OUTLINE_TOLERANCE_M, join_style="mitre").buffer(-OUTLINE_TOLERANCE_M, join_style="mitre")
+    """Merge footprints without the cracks between neighbours; exterior rings are anticlockwise, as in GeoJSON."""
+    closed = (
+        shapely.union_all(footprints)
+        .buffer(OUTLINE_TOLERANCE_M, join_style="mitre")
+        .buffer(-OUTLINE_TOLERANCE_M, join_style="mitre")
+    )
     parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(closed.simplify(OUTLINE_TOLERANCE_M))]
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)

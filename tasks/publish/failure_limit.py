@@ -1,4 +1,4 @@
-"""How many failed units a block may have for what it publishes to become current."""
+"""Limit on failed units above which a snapshot does not become current."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tasks.stages.streets.stage import STREETS
 
 
 def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
-    """Why what a store holds is not to become current; None where so few units failed that it is.
+    """Return why a store has too many failed units to become current; None if it has not.
 
-    A street counts once, not by its viewpoints: one that fails leaves most of these undone, not failed. Stages that finish
-    what others made count each by itself: there are so many surfaces that failed facades would not be seen among them.
-    Pictures do not count: without some of them the report lacks an illustration, and nothing else is the worse.
+    A street counts once, without its viewpoints: if one fails, most of these are undone, not failed. Stages that finish
+    the output of others count separately: failed facades would not show among their many surfaces. Pictures do not
+    count: a failed one only removes an illustration from the report.
     """
     last = STAGES_IN_ORDER.index(STREETS) + 1
     texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None)
@@ -32,6 +32,6 @@ def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
 
 
 def _count_failed(group: StoreGroup, kinds: tuple[Stage, ...]) -> tuple[int, int]:
-    """How many units of some kinds failed, and how many there are."""
+    """Return the numbers of failed units and of all units of some stages."""
     records = [record for kind in kinds for record in read_journal(group, kind.stage)]
     return sum(record is not None and record["status"] == "failed" for record in records), len(records)

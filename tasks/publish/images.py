@@ -1,4 +1,4 @@
-"""The report's images: views of the block and pictures of facades as their units drew them, and panoramas."""
+"""Images of the report: views of the block, pictures of facades and exemplars, and panoramas."""
 
 from __future__ import annotations
 
@@ -33,9 +33,17 @@ TitledFile = tuple[str, str]
 
 @dataclass(frozen=True)
 class ReportImages:
-    """What is in report/images: views along streets by their names, panoramas, the sheets of facades by their ids, the
-    facades of which only the texture is shown, the pictures of exemplars by their names, and how facades were before by
-    their ids."""
+    """Files in report/images, by subject.
+
+    Attributes
+    ----------
+    views : names of views along streets.
+    panoramas : titled files of panoramas.
+    sheets : titled files by facade id.
+    textures_only : ids of facades with a picture of their texture only.
+    exemplars : titled files by exemplar name.
+    before : file with the earlier state by facade id.
+    """
 
     views: tuple[str, ...]
     panoramas: tuple[TitledFile, ...]
@@ -45,8 +53,18 @@ class ReportImages:
     before: Mapping[str, str]
 
 
-def write_images(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> ReportImages:
-    """Write the folder of images; what cannot be read is set failures."""
+def write_images(
+    snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+) -> ReportImages:
+    """Write the folder of report images, and record unreadable ones as failures.
+
+    Parameters
+    ----------
+    snapshot : snapshot that is written.
+    block : block as its store holds it.
+    files : files of the snapshot; added to.
+    failures : failures so far; added to.
+    """
     folder = (snapshot.report / "images").relative_to(snapshot.folder).as_posix()
     journal = block.journals["pictures"]
     first = len(journal) - len(select_pictured_facades(block.plan))  # views come before facades
@@ -55,7 +73,9 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFi
     views = []
     for record in _done_records(journal[:first]):
         with failures.attempt(record["unit"]):
-            files.add_file(f"{folder}/{record['file']}.jpg", record["digest"], partial(_read_picture_file, block, record))
+            files.add_file(
+                f"{folder}/{record['file']}.jpg", record["digest"], partial(_read_picture_file, block, record)
+            )
             views.append(f"{record['file']}.jpg")
     sheets: dict[str, tuple[TitledFile, ...]] = {}
     for record in _done_records(journal[first:]):
@@ -72,7 +92,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFi
 
 
 def _done_records(records: Sequence[R | None]) -> list[R]:
-    """Of the others the journal says why."""
+    """Return the records of finished units."""
     return [record for record in records if record is not None and record["status"] == "done"]
 
 
@@ -80,8 +100,10 @@ def _read_picture_file(block: StoredBlock, record: PictureRecord) -> bytes:
     return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
-def _add_facade_pictures(folder: str, block: StoredBlock, record: PictureRecord, files: SnapshotFiles) -> Iterator[TitledFile]:
-    """One WebP for each picture of a facade, cut out of its file, which is read where one of them is not linked."""
+def _add_facade_pictures(
+    folder: str, block: StoredBlock, record: PictureRecord, files: SnapshotFiles
+) -> Iterator[TitledFile]:
+    """Add a WebP per picture of a facade, cut out of its stored file, which is read only if one cannot be linked."""
     whole = cache(partial(_read_picture_file, block, record))
     for name, title, offset, length in record["pictures"]:
         file = f"{file_stem(record['unit'])}-{name}.webp"
@@ -90,8 +112,10 @@ def _add_facade_pictures(folder: str, block: StoredBlock, record: PictureRecord,
         yield file, title
 
 
-def _add_earlier_pictures(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> Iterator[TitledFile]:
-    """One WebP for each facade that changed since an earlier capture, as that shows it: the facade's id, and the file."""
+def _add_earlier_pictures(
+    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+) -> Iterator[TitledFile]:
+    """Add a WebP per facade that changed since an earlier capture; yields facade ids and file names."""
     for record in _done_records(block.records):
         if "before_file" in record:
             file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
@@ -106,8 +130,10 @@ def _slice_file(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
     return whole()[offset : offset + length]
 
 
-def _add_exemplar_pictures(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> dict[str, tuple[TitledFile, ...]]:
-    """Two WebPs for each exemplar that is done: the picture as it was given, and what walls are made of."""
+def _add_exemplar_pictures(
+    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+) -> dict[str, tuple[TitledFile, ...]]:
+    """Add two WebPs per finished exemplar: the prepared input and the extracted wall material."""
     found = {}
     for index, record in enumerate(block.journals["exemplars"]):
         if record is None or record["status"] != "done":
@@ -121,7 +147,9 @@ def _add_exemplar_pictures(folder: str, block: StoredBlock, files: SnapshotFiles
             for array, title in pictures:
                 file = f"exemplar-{index}-{array}.webp"
                 source_key = unit_key(stage_code("publish"), record["key"], array)
-                files.add_file(f"{folder}/{file}", source_key, partial(_encode_exemplar, block, f"exemplars/{index}/{array}"))
+                files.add_file(
+                    f"{folder}/{file}", source_key, partial(_encode_exemplar, block, f"exemplars/{index}/{array}")
+                )
                 titled.append((file, title))
             found[record["unit"]] = tuple(titled)
     return found
@@ -134,8 +162,10 @@ def _encode_exemplar(block: StoredBlock, path: str) -> bytes:
     return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)
 
 
-def _add_panoramas(folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> Iterator[TitledFile]:
-    """One JPEG for some of the viewpoints, titled by their streets and places on these."""
+def _add_panoramas(
+    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+) -> Iterator[TitledFile]:
+    """Add JPEGs of evenly sampled viewpoints, titled by street and position along it."""
     streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
     for number, record in sample_evenly(done, MAX_REPORT_PANORAMAS):

@@ -1,4 +1,4 @@
-"""What the catalogue and the report say of each facade, and of what was set aside."""
+"""Rows of the item table and report: facades, and units that could not be used."""
 
 from __future__ import annotations
 
@@ -25,42 +25,49 @@ from tasks.stages.facades.stage import FACADES
 from tasks.stages.order import STAGES_IN_ORDER
 
 # A facade with a larger hidden share needs review.
-MAX_HIDDEN_SHARE = 0.5
+MAX_GOOD_HIDDEN_SHARE = 0.5
 # A facade whose elements have a lower mean confidence needs review.
-MIN_PARSE_CONFIDENCE = 0.5
+MIN_GOOD_CONFIDENCE = 0.5
 # Ratio of the proportions of a photo and its wall beyond which the facade needs review: windows look squeezed.
 MAX_STRETCH = 1.5
 
 
 @dataclass(frozen=True)
 class ItemRows:
-    """The rows of items.parquet: of the facades in their order, and of what is no facade and could not be used."""
+    """Rows of items.parquet.
+
+    Attributes
+    ----------
+    facades : rows of facades, in their order in the plan.
+    set_aside : rows of other units that could not be used.
+    """
 
     facades: list[dict[str, Any]]
     set_aside: list[dict[str, Any]]
 
     @property
     def every(self) -> list[dict[str, Any]]:
+        """Return all rows."""
         return self.facades + self.set_aside
 
     @property
     def done(self) -> int:
-        """How many facades are done."""
+        """Count the finished facades."""
         return sum(row["status"] == "done" for row in self.facades)
 
     @property
     def failed(self) -> int:
-        """How many facades are not."""
+        """Count the unfinished facades."""
         return len(self.facades) - self.done
 
 
 def build_item_rows(run: Run, block: StoredBlock) -> ItemRows:
-    """What the catalogue says of a block's units."""
+    """Build the rows of the item table from the units of a block."""
     return ItemRows(_facade_rows(run, block), _unusable_rows(run, block))
 
 
 def write_masked_regions(path: Path, records: Sequence[FacadeRecord | None]) -> None:
-    """Write the facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
+    """Write the occluded regions of facades as JSON: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
     regions = [
         {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
         for record in records
@@ -70,7 +77,7 @@ def write_masked_regions(path: Path, records: Sequence[FacadeRecord | None]) -> 
 
 
 def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> dict[str, Any]:
-    """Write what a block comes to, and return it."""
+    """Write the summary of a block as JSON, and return it."""
     summary = {
         "block": block.group.attrs["block"],
         "facades_done": rows.done,
@@ -84,13 +91,13 @@ def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> dict[str, A
 
 
 def _count_unchecked(block: StoredBlock) -> int:
-    """Facades from pictures, and exemplars, that were made where no models look for faces and plates."""
+    """Count facades from pictures, and exemplars, made without a detector for faces and number plates."""
     records = [*block.records, *block.journals["exemplars"]]
     return sum(record.get("looked") is False for record in records if record)
 
 
 def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
-    """One row per facade; one without a record counts as failed when it was ingested."""
+    """Build a row per facade; a facade without a record counts as failed at ingestion."""
     from shapely import LineString
 
     plan, buildings = block.plan, block.buildings
@@ -131,12 +138,12 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
 
 def pose_height_change(record: Mapping[str, Any], stated: Pose) -> float:
-    """By how much the height of a panorama was moved from the stated one, metres, upwards."""
+    """Return the refined minus the stated height of a panorama, metres."""
     return round(record["pose"][2] - cast(float, stated.z), 3)
 
 
 def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, Any]]:
-    """The columns that tell of panoramas' poses, by their names."""
+    """Return the pose columns of refined panoramas by name."""
     return {
         record["unit"]: {
             "pose_residual_deg": record.get("residual_deg"),
@@ -149,7 +156,7 @@ def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, Any]]:
 
 
 def _facade_pose_columns(record: Mapping[str, Any], posed: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
-    """Of each column the largest, of either sign, of the panoramas that a facade is from; None where none of them has it."""
+    """Return per pose column the value of largest magnitude among the panoramas of a facade; None if none has it."""
     parts = (record.get("source") or "").split(", ")
     # the name of a panorama may contain a comma
     runs = (", ".join(parts[i:j]) for i, j in combinations(range(len(parts) + 1), 2))
@@ -161,7 +168,7 @@ def _facade_pose_columns(record: Mapping[str, Any], posed: Mapping[str, Mapping[
 
 
 def _roof_columns(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
-    """What there is to say of a building's roof: of a model nothing."""
+    """Return the roof columns of a building; None for one with a roof from a model."""
     shape = buildings["roof_shape"][building]
     if not shape:
         return {"roof_shape": None, "roof_height_m": None, "roof_confidence": None}
@@ -170,8 +177,15 @@ def _roof_columns(buildings: Mapping[str, Any], building: int) -> dict[str, Any]
 
 
 def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
-    """The columns of a facade that come from its place in the plan, its journal record and where its building's height is from;
-    None where the record has none."""
+    """Return the columns of a facade that come from its plan and journal record.
+
+    Parameters
+    ----------
+    facades : facades of the plan.
+    index : index of the facade.
+    record : journal record of the facade; its missing values become None.
+    height_source : source of the height of its building.
+    """
     lattice, levels = record.get("lattice", {}), int(facades.floors[index])
     return {
         "role": WALL_ROLES[int(facades.role[index])],
@@ -182,24 +196,32 @@ def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height
         "levels": levels,
         **{key: record.get(key) for key in _RECORD_COLUMNS},
         "masked": record.get("masked_share"),
-        **dict(zip(_SHARE_COLUMNS, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARE_COLUMNS) :], strict=True)),
+        **dict(
+            zip(
+                _SHARE_COLUMNS,
+                (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARE_COLUMNS) :],
+                strict=True,
+            )
+        ),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
-        "quality": _quality_flags(record, levels, height_source, int(facades.role[index])) if "elements" in record else None,
+        "quality": _quality_flags(record, levels, height_source, int(facades.role[index]))
+        if "elements" in record
+        else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
 
 
 def _quality_flags(record: Mapping[str, Any], levels: int, height_source: str, role: int) -> str:
-    """What somebody should look at before using a facade, comma-separated; good where there is nothing."""
+    """Return comma-separated reasons to review a facade; "good" if there are none."""
     elements, floors = record["elements"], record.get("floors", 0)
     # bounds of the estimate from pictures
     least, most = record.get("floors_low", floors), record.get("floors_high", floors)
     # height_source is "default" where the height was assumed
     flags = {
-        "mostly-hidden": (record.get("occluded") or 0) > MAX_HIDDEN_SHARE,
+        "mostly-hidden": (record.get("occluded") or 0) > MAX_GOOD_HIDDEN_SHARE,
         "no-windows": role == WallRole.STREET and not any(element[0] == "window" for element in elements),
-        "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < MIN_PARSE_CONFIDENCE,
+        "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < MIN_GOOD_CONFIDENCE,
         "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,
         "doubtful-cut": not record.get("cut_found", True)
         or not 1 / MAX_STRETCH <= record.get("stretched", 1.0) <= MAX_STRETCH,
@@ -214,7 +236,7 @@ def _parent_ids(block: str, building: str, street: str, record: Mapping[str, Any
 
 
 def record_time(record: Mapping[str, Any] | None) -> datetime | None:
-    """When the unit of a journal record was finished."""
+    """Return when the unit of a journal record was finished; None if unknown."""
     if record is None or "started" not in record:
         return None
     return datetime.fromtimestamp(record["started"] + sum(record.get("seconds", {}).values()), UTC)
@@ -235,7 +257,7 @@ def _unusable_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
 
 def _unusable_units(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
-    """Kind, id and reason of what is no facade and could not be used, or is out of date."""
+    """Yield kind, id and reason of units other than facades that failed or are stale."""
     yield from block.group.attrs["set_aside"]
     for kind in STAGES_IN_ORDER:
         if kind.units is None or kind is FACADES:  # facades have rows of their own

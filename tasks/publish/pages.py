@@ -1,4 +1,4 @@
-"""The pages of the atlas as their units encoded them."""
+"""Atlas pages of a snapshot, copied from the store in their encoded form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from tasks.publish.stored_block import StoredBlock
 
 
 def write_pages(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> None:
-    """Write pages/; one that cannot be read is set failures."""
+    """Write pages/, and record unreadable pages as failures.
+
+    Parameters
+    ----------
+    snapshot : snapshot that is written.
+    block : block as its store holds it.
+    files : files of the snapshot; added to.
+    failures : failures so far; added to.
+    """
     for number, record in enumerate(block.journals["pages"]):
         if record is None or record["status"] != "done":  # the journal says why
             continue

@@ -1,4 +1,4 @@
-"""What could not be published, while the rest is."""
+"""Parts of a snapshot that could not be published while the others were."""
 
 from __future__ import annotations
 
@@ -14,15 +14,25 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class PartialFailures:
-    """What was tried and could not be published, with the reason; suspect: whether the store was at fault."""
+    """Collection of the parts that could not be published.
+
+    Attributes
+    ----------
+    reasons : reason of the failure by part.
+    is_store_suspect : whether a read of the store failed.
+    """
 
     reasons: dict[str, str] = field(default_factory=dict)
     is_store_suspect: bool = False
 
     @contextmanager
     def attempt(self, what: str) -> Iterator[None]:
-        """Set aside what fails within. Raises MachineError where neither the block nor its store is at fault: a full disk fails
-        whatever is tried next."""
+        """Record an exception of the body as the failure of a part, and go on.
+
+        Raises
+        ------
+        MachineError : neither the block nor its store is at fault. A full disk, for example, fails every later part too.
+        """
         try:
             yield
         except Exception as error:

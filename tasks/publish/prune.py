@@ -1,4 +1,4 @@
-"""Removes what older snapshots of a run left: published folders, tags, chunks that only they hold, and leftovers of kills."""
+"""Removal of old snapshots: their published folders, tags and unshared chunks, and files of killed processes."""
 
 from __future__ import annotations
 
@@ -34,11 +34,19 @@ READER_GRACE = timedelta(hours=1)
 
 
 def prune(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[str]:
-    """Keep the `keep` newest published snapshots of the run in folder `out`, and what `current` names or a reader holds; lines
-    that say what was removed and what is held. The caller holds the run's lock.
+    """Remove all but the newest published snapshots of a run; returns lines that list removed and kept ones.
 
-    read_for: how long somebody may read what another snapshot superseded in a bucket.
-    Raises InputError where nothing is published, or the store is damaged: what it holds is not known then.
+    The current snapshot and snapshots with readers stay. The caller holds the lock of the run.
+
+    Parameters
+    ----------
+    out : folder of the run.
+    keep : number of snapshots to keep.
+    read_for : how long a superseded snapshot in a bucket may still have readers.
+
+    Raises
+    ------
+    InputError : nothing is published, or a damaged store hides which chunks are in use.
     """
     current = find_current_snapshot(out)
     if current is None:
@@ -81,7 +89,7 @@ def prune(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[st
 
 
 def prune_or_explain(out: Folder, keep: int) -> list[str]:
-    """`prune` at the end of a run, which is none the worse where something could not be removed."""
+    """Prune at the end of a run; on failure return a line with the reason, so that the run succeeds."""
     try:
         return prune(out, keep)
     except (FacadeError, OSError) as error:
@@ -97,7 +105,7 @@ def _find_leftovers(out: Folder) -> list[Folder]:
 
 
 def _is_recently_superseded(newer: Folder, read_for: timedelta) -> bool:
-    """Whether a snapshot in a bucket came to be what readers are told of so short a time ago."""
+    """Return whether a snapshot in a bucket became current less than `read_for` ago."""
     if not isinstance(newer, S3Folder):
         return False
     listed = object_store.list_objects(newer.path).get(FILE_LIST_NAME)
@@ -105,7 +113,7 @@ def _is_recently_superseded(newer: Folder, read_for: timedelta) -> bool:
 
 
 def _remove_snapshot(published: Folder, name: str) -> None:
-    """In one step out of sight, then file by file."""
+    """Hide a snapshot from readers in one step, then remove its files."""
     if isinstance(published, S3Folder):
         (published / name / FILE_LIST_NAME).unlink()
         remove_path(published / name)
@@ -115,7 +123,7 @@ def _remove_snapshot(published: Folder, name: str) -> None:
 
 
 def _newest_first(published: Folder, current: str) -> list[str]:
-    """The published snapshots, each before its predecessor, those that no other leads to last."""
+    """Return the published snapshots, each before its predecessor; unlinked ones come last, by time."""
     folders = {path.name: path for path in published.iterdir() if path.is_dir() and not path.name.startswith(".")}
     order = [current]
     while (before := read_predecessor(published / order[-1])) in folders and before not in order:
@@ -124,14 +132,16 @@ def _newest_first(published: Folder, current: str) -> list[str]:
 
 
 def _written_time(folder: Folder) -> float:
-    """When a folder was written, seconds since 1970."""
+    """Return when a folder was written, seconds since 1970."""
     if isinstance(folder, S3Folder):
-        return max((entry.written.timestamp() for entry in object_store.list_objects(folder.path).values()), default=0.0)
+        return max(
+            (entry.written.timestamp() for entry in object_store.list_objects(folder.path).values()), default=0.0
+        )
     return folder.stat().st_mtime
 
 
 def _folder_bytes(out: Folder) -> int:
-    """What a run's folder takes; a file that several snapshots have is there once, but in a bucket."""
+    """Return the size of a run, with files that snapshots share counted once, except in a bucket."""
     if isinstance(out, S3Folder):
         return sum(sum((out / folder).sizes().values()) for folder in ("store", "published"))
     found = (entry.stat() for folder in ("store", "published") for entry in _walk_files(out / folder))

@@ -1,4 +1,4 @@
-"""What a run has published: the snapshot that `current` points at, opened, and nothing newer."""
+"""Read access to the current published snapshot of a run."""
 
 from __future__ import annotations
 
@@ -28,21 +28,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PublishedBlock(StoredBlock):
-    """A block as a published snapshot holds it, and that snapshot's files."""
+    """Block as a published snapshot holds it, with the files of that snapshot."""
 
     snapshot: Snapshot
 
     @property
     def block(self) -> str:
+        """Return the name of the block."""
         return str(self.group.attrs["block"])
 
     @property
     def crs(self) -> str:
+        """Return the coordinate reference system of the block."""
         return str(self.group.attrs["crs"])
 
     @cached_property
     def textured(self) -> TexturedMesh:
-        """The block with the pages that were published; of a part of a city what is its own."""
+        """Build the mesh of the block with its published pages; in a part of a city, of its core only."""
         from facade_core.export.models.textured_mesh import build_textured_mesh, filter_triangles
 
         found = build_textured_mesh(self.plan.scene, self.page)
@@ -50,11 +52,16 @@ class PublishedBlock(StoredBlock):
 
     @cached_property
     def attribution(self) -> Attribution:
-        """Whom to name for what is shown, and when it was made."""
+        """Read data sources, publication date and capture dates of the snapshot."""
         return read_attribution(self.snapshot.stac, self.snapshot.items, self.block)
 
     def page(self, page: int) -> UInt8Array:
-        """A filled page of the atlas, (h, w, 3) uint8."""
+        """Read a filled page of the atlas, (h, w, 3) uint8.
+
+        Raises
+        ------
+        InputError : the file cannot be decoded.
+        """
         from PIL import Image
 
         path = self.snapshot.page(page)
@@ -65,7 +72,12 @@ class PublishedBlock(StoredBlock):
             raise InputError(f"{path} cannot be read as a picture; {self.snapshot.remedy}") from error
 
     def select_buildings(self, ids: Sequence[str]) -> IntArray:
-        """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
+        """Return the indices of the named buildings, or of all with surfaces if `ids` is empty.
+
+        Raises
+        ------
+        InputError : an id is unknown.
+        """
         built = np.unique(self.plan.scene.charts.building[self.plan.in_core])
         built = built[built >= 0]
         if not ids:
@@ -81,22 +93,34 @@ class PublishedBlock(StoredBlock):
         return np.unique([known[name] for name in ids])
 
     def elements(self, facade: int) -> list[Element]:
-        """The elements of a completed facade, in texels, y down."""
+        """Return the elements of a completed facade, in texels, y down."""
         record = self.records[facade]
         rows = record.get("elements", []) if record else []
         return [Element(row[0], *map(float, row[1:6])) for row in rows]
 
     def finished_facades(self, buildings: IntArray) -> list[int]:
-        """The facades of some buildings that have a finished layout and texture."""
+        """Return the facades of some buildings that have a completed layout and texture.
+
+        Parameters
+        ----------
+        buildings : (n,) building indices.
+        """
         is_chosen = np.isin(self.plan.facades.building, buildings).tolist()
         return [i for i, record in enumerate(self.records) if is_chosen[i] and record and "lattice" in record]
 
 
 @contextmanager
 def open_published_run(out: Folder) -> Iterator[PublishedBlock]:
-    """What the run in folder `out`, or the one run in the folder of runs `out`, has published; it stays until the block ends.
+    """Open the current snapshot of a run, and keep it from being pruned until the context ends.
 
-    Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
+    Parameters
+    ----------
+    out : folder of a run, or of runs with one run in it.
+
+    Raises
+    ------
+    InputError : nothing is published, or the folder holds several runs.
+    StoreError : the store does not hold the snapshot.
     """
     runs, _ = find_runs(out)
     if len(runs) > 1:
@@ -106,7 +130,13 @@ def open_published_run(out: Folder) -> Iterator[PublishedBlock]:
 
 
 def open_published_snapshot(snapshot: Snapshot) -> PublishedBlock:
-    """What a snapshot that is kept from being pruned holds. Raises as `published`."""
+    """Open a snapshot that the caller keeps from being pruned.
+
+    Raises
+    ------
+    InputError : a page of the atlas is missing.
+    StoreError : the store does not hold the snapshot.
+    """
     import icechunk
 
     session = snapshot.open_session()

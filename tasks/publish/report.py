@@ -1,4 +1,4 @@
-"""What the report is made of."""
+"""Content of the report of a block."""
 
 from __future__ import annotations
 
@@ -29,7 +29,18 @@ def write_block_report(
     images: ReportImages,
     models: Sequence[str],
 ) -> None:
-    """Write the report into its folder, in which its images are already. models: files of the snapshot, from its folder."""
+    """Write the report of a block into the folder that already holds its images.
+
+    Parameters
+    ----------
+    folder : folder of the report.
+    run : run of the block.
+    block : block as its store holds it.
+    rows : rows of the item table.
+    summary : summary of the block.
+    images : images in the folder.
+    models : paths of 3D models, relative to the folder of the snapshot.
+    """
     journals = {stage: [record for record in journal if record] for stage, journal in block.records_by_stage.items()}
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
@@ -76,6 +87,6 @@ def write_block_report(
 
 
 def _count_height_sources(buildings: Mapping[str, Any]) -> Counter:
-    """Where the heights of buildings are from; of one that has parts its own counts."""
+    """Count buildings by the source of their height; parts count in place of their whole."""
     sources = zip(buildings["height_source"], buildings["part_of"], strict=True)
     return Counter(source for source, whole in sources if not whole)

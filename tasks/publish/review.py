@@ -1,4 +1,4 @@
-"""Which facades somebody should look at first: those that are doubtful where streets see most of them."""
+"""Review order of facades: doubtful ones that streets see most of come first."""
 
 from __future__ import annotations
 
@@ -15,10 +15,17 @@ MIN_CHANGE = 0.07
 
 
 def review_priority(facades: Facades, index: int, record: Mapping[str, Any], quality: str | None) -> float:
-    """How much a facade is worth a look, square metres: what its street sees of it, times how doubtful it is.
+    """Compute the review priority of a facade, square metres: visible area times doubt.
 
-    That is how many things `quality` names, the share that was hidden, and how unsure the parser was of its elements, 0 to 1 on
-    average. What somebody corrected is in no doubt.
+    Doubt adds the number of flags in `quality`, the hidden share, and the mean uncertainty of elements, 0 to 1. A
+    corrected facade has none.
+
+    Parameters
+    ----------
+    facades : facades of the plan.
+    index : index of the facade.
+    record : journal record of the facade.
+    quality : comma-separated quality flags, or "good"; None for a facade without a layout.
     """
     if quality is None or record.get("corrected"):
         return 0.0

@@ -1,4 +1,4 @@
-"""A block as one snapshot of its store holds it."""
+"""Block as a snapshot of its store holds it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StoredBlock:
-    """A block as a snapshot of its store holds it: root group, plan, and the table of its buildings (id, height ...)."""
+    """Block as a snapshot of its store holds it.
+
+    Attributes
+    ----------
+    group : root group of the store.
+    plan : plan of the block.
+    buildings : table of the buildings: id, height and further columns.
+    """
 
     group: StoreGroup
     plan: Plan
@@ -33,7 +40,7 @@ class StoredBlock:
 
     @cached_property
     def journals(self) -> Journals:
-        """Stage -> the record of every unit, None where there is none."""
+        """Read the records of all units by stage; None for a unit without a record."""
         return read_typed_journals(self.group)
 
     @property
@@ -43,34 +50,38 @@ class StoredBlock:
 
     @cached_property
     def refined_poses(self) -> list[RefinedPoseRecord | None]:
-        """Those of panoramas, with what was made of them together."""
+        """Read the pose records of panoramas, with the results of their joint adjustment."""
         return read_refined_poses(self.group)
 
     @cached_property
     def corrected(self) -> frozenset[str]:
-        """The buildings that somebody corrected."""
+        """Return the ids of manually corrected buildings."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
     def records(self) -> list[FacadeRecord | None]:
-        """Those of the facades."""
+        """Read the records of the facades."""
         return read_journal(self.group, "facades", FacadeRecord)
 
     @cached_property
     def names(self) -> dict[int, str]:
-        """Building -> its id."""
+        """Return the id of each building by index."""
         return dict(enumerate(self.buildings["id"]))
 
     @cached_property
     def version(self) -> str:
-        """That of the code that made it."""
+        """Return the version of the code that wrote the store."""
         return store_code_version(self.group)
 
     @property
     def ingested(self) -> datetime:
+        """Return the time of ingestion."""
         return datetime.fromtimestamp(float(cast(float, self.group.attrs["ingested"])), UTC)
 
 
 def read_stored_block(session: icechunk.Session) -> StoredBlock:
-    """The block in a session's snapshot. Raises as Icechunk, zarr and the tables do where that is none of this version."""
+    """Read the block in the snapshot of a session.
+
+    Errors of Icechunk, zarr and the tables propagate if the store has another version.
+    """
     return StoredBlock(open_root(session), read_plan(session), read_table(session, "buildings"))

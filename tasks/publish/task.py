@@ -56,21 +56,25 @@ STEP_COUNT = 8
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
 def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
-    """Write published/<snapshot>/ from the newest snapshot, unless `current` names it and it is complete.
+    """Write published/<snapshot>/ from the newest snapshot, unless it is current and complete.
 
-    If too many units failed, `current` stays; the summary says so as `withheld`. Parts that could not be
-    published are listed in
-    the summary as `unpublished`, each with its reason; the next run tries again. Equal files of the previous
-    snapshot are linked.
+    If too many units failed, `current` stays, and the summary contains `withheld`. The summary lists unpublished parts
+    with their reasons as `unpublished`; the next run tries them again. Files equal to those of the previous snapshot
+    are linked.
 
     Parameters
     ----------
+    run : run of the block.
     block_file : file of the block; the catalogue names its sources.
     """
     _record_publishing_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     out = run.folder
-    final, previous_tag, last = snapshot_at(out, session.snapshot_id), current_pointer_tag(out), find_current_snapshot(out)
+    final, previous_tag, last = (
+        snapshot_at(out, session.snapshot_id),
+        current_pointer_tag(out),
+        find_current_snapshot(out),
+    )
     begin_stage("publish", STEP_COUNT)
     failures = PartialFailures()
     if last != final or find_damage(final.folder):
@@ -111,7 +115,7 @@ def _install(written: Path, final: Folder, files: SnapshotFiles) -> None:
 
 
 def _hidden_folder(snapshot: Snapshot[Path], suffix: str) -> Path:
-    """Return a free folder beside a snapshot's that readers ignore."""
+    """Return a free sibling folder of a snapshot that readers ignore."""
     folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
     shutil.rmtree(folder, ignore_errors=True)
     return folder
@@ -146,7 +150,7 @@ def _write_snapshot(
     predecessor: str | None,
     published: Folder,
 ) -> PartialFailures:
-    """Write all parts of a snapshot; returns those that were left out.
+    """Write all parts of a snapshot; returns the parts that failed.
 
     Tables come first and must succeed; any other part may fail alone. One file is held in memory at a time.
     """
@@ -197,6 +201,11 @@ def _write_snapshot(
     report_progress("publish", 1)
     tags = street_tags(block.group)
     write_file_list(
-        snapshot.folder, predecessor, tags, source_digests=files.source_digests, known=files.linked, failures=failures.reasons
+        snapshot.folder,
+        predecessor,
+        tags,
+        source_digests=files.source_digests,
+        known=files.linked,
+        failures=failures.reasons,
     )
     return failures

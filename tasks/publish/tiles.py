@@ -1,4 +1,4 @@
-"""Tiles as their units made them, and the models of the whole block that are put together of them."""
+"""Published tiles, copied from the store, and models of the whole block merged from them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,15 @@ MAX_MODEL_BYTES = 512_000_000
 
 @dataclass(frozen=True)
 class WrittenTile:
-    """A tile that is published: what it is of, its record, its file and that one's sha256."""
+    """Tile that is published.
+
+    Attributes
+    ----------
+    tile : plan of the tile.
+    record : journal record of the tile.
+    file : published file.
+    sha256 : digest of the file.
+    """
 
     tile: BlockTile
     record: TileRecord
@@ -46,10 +54,28 @@ class WrittenTile:
 
 
 def write_tiles(
-    snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures, attribution: Attribution
+    snapshot: Snapshot[Path],
+    block: StoredBlock,
+    files: SnapshotFiles,
+    failures: PartialFailures,
+    attribution: Attribution,
 ) -> list[WrittenTile]:
-    """Write the models of tiles, as the store has them but for whom they name, and tiles/index.json, which lists them; one that
-    cannot be read is set failures."""
+    """Write the models of tiles and their list tiles/index.json; unreadable tiles become failures.
+
+    Stored models are copied with the attribution replaced.
+
+    Parameters
+    ----------
+    snapshot : snapshot that is written.
+    block : block as its store holds it.
+    files : files of the snapshot; added to.
+    failures : failures so far; added to.
+    attribution : attribution that models name.
+
+    Returns
+    -------
+    Tiles that were written.
+    """
     written = []
     for tile, record in zip(plan_block_tiles(block.plan), block.journals["tiles"], strict=True):
         if record is None or record["status"] != "done":  # the journal says why
@@ -82,15 +108,15 @@ def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution:
         "axes": "box: east, north, up in metres of crs; models: x east, y up, z south, around origin",
         "tiles": [
             {
-                "path": one.tile.path,
-                "file": one.file.name,
-                "box": one.record["box"],
-                "origin": list(one.tile.origin),
-                "bytes": one.file.stat().st_size,
-                "sha256": one.sha256,
-                "buildings": [block.names[building] for building in one.tile.buildings.tolist()],
+                "path": entry.tile.path,
+                "file": entry.file.name,
+                "box": entry.record["box"],
+                "origin": list(entry.tile.origin),
+                "bytes": entry.file.stat().st_size,
+                "sha256": entry.sha256,
+                "buildings": [block.names[building] for building in entry.tile.buildings.tolist()],
             }
-            for one in written
+            for entry in written
         ],
     }
 
@@ -102,14 +128,23 @@ def write_block_model(
     files: SnapshotFiles,
     attribution: Attribution,
 ) -> bool:
-    """Write block.glb, the tiles joined. Returns whether it fits MODEL_BYTES."""
-    if sum(one.record["bytes"] for one in tiles) > MAX_MODEL_BYTES:
+    """Write block.glb, the merged tiles; returns whether it fits MAX_MODEL_BYTES.
+
+    Parameters
+    ----------
+    snapshot : snapshot that is written.
+    block : block as its store holds it.
+    tiles : published tiles.
+    files : files of the snapshot; added to.
+    attribution : attribution that the model names.
+    """
+    if sum(entry.record["bytes"] for entry in tiles) > MAX_MODEL_BYTES:
         return False
     extras = _model_extras(block)
-    source_key = unit_key(stage_code("publish"), extras, attribution.line, [one.record["digest"] for one in tiles])
+    source_key = unit_key(stage_code("publish"), extras, attribution.line, [entry.record["digest"] for entry in tiles])
 
     def write(file: Path) -> None:
-        parts = [read_glb_file(one.file) for one in tiles]
+        parts = [read_glb_file(entry.file) for entry in tiles]
         merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
     files.add_written_file(snapshot.model.name, source_key, write)
@@ -128,7 +163,17 @@ def write_overview(
     failures: PartialFailures,
     attribution: Attribution,
 ) -> None:
-    """Write overview.glb, of the coarse rasters of tiles; the charts of one that cannot be read are left out."""
+    """Write overview.glb from the coarse rasters of tiles, without charts of unreadable tiles.
+
+    Parameters
+    ----------
+    snapshot : snapshot that is written.
+    block : block as its store holds it.
+    tiles : published tiles.
+    files : files of the snapshot; added to.
+    failures : failures so far; added to.
+    attribution : attribution that the model names.
+    """
     extras = _model_extras(block)
 
     def make() -> bytes:
@@ -148,18 +193,22 @@ def write_overview(
         return encode_overview(whole, charts, extras, copyright=attribution.line)
 
     # the digest of a tile covers its geometry
-    digests = [[one.record["digest"], one.record["coarse"]] for one in tiles]
+    digests = [[entry.record["digest"], entry.record["coarse"]] for entry in tiles]
     files.add_file(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, digests), make)
-    if any(tile_paths(one.tile.path)[1] in failures.reasons for one in tiles):
+    if any(tile_paths(entry.tile.path)[1] in failures.reasons for entry in tiles):
         del files.source_digests[snapshot.overview.name]  # an incomplete overview must not be reused
 
 
-def read_coarse_rasters(block: StoredBlock, tiles: Sequence[WrittenTile], failures: PartialFailures) -> Iterator[dict[int, UInt8Array]]:
-    """The coarse rasters of each tile, by chart."""
+def read_coarse_rasters(
+    block: StoredBlock, tiles: Sequence[WrittenTile], failures: PartialFailures
+) -> Iterator[dict[int, UInt8Array]]:
+    """Yield the coarse rasters of each readable tile by chart; unreadable tiles become failures."""
     texels = np.column_stack([block.plan.scene.placement.width, block.plan.scene.placement.height]).astype(np.int64)
-    for one in tiles:
-        path = tile_paths(one.tile.path)[1]
+    for entry in tiles:
+        path = tile_paths(entry.tile.path)[1]
         if path in failures.reasons:
             continue
         with failures.attempt(path):
-            yield coarse_rasters(texels, one.tile.charts, read_verified_array(block.group, path, one.record["coarse"]))
+            yield coarse_rasters(
+                texels, entry.tile.charts, read_verified_array(block.group, path, entry.record["coarse"])
+            )

@@ -229,7 +229,7 @@ def _connected_components(corners: Float64Array) -> Int64Array:
 
 
 def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
-    """Return component numbers (t,) with each component merged into the one that it overlaps most in plan."""
+    """Return component numbers (t,) with each component merged into the component that it overlaps most."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

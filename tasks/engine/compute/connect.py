@@ -131,7 +131,7 @@ def connect(
 
     Raises
     ------
-    InputError : the scheduler does not answer, no worker has this version, or one that has it does not see the folder.
+    InputError : the scheduler does not answer, no worker has this version, or a worker of this version does not see the folder.
     """
     if dask is None and workers <= 1:
         limit_threads()

@@ -33,8 +33,8 @@ class Leases:
     def take(self, name: str, lease: Lease, workers: Mapping[str, Worker]) -> bool:
         """Place a lease on the least loaded of the workers that have room for it; False where none has.
 
-        A worker has room that has a thread without a lease, and memory for it beside the states it keeps; one that keeps none
-        takes a state of any size.
+        A worker has room if it has a thread without a lease, and memory for the lease next to the states that it keeps. A
+        worker without states takes a state of any size.
         """
         free = [address for address, worker in workers.items() if self._fits(lease.memory, address, worker)]
         if free:

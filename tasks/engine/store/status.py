@@ -31,7 +31,7 @@ SOURCE = "source"
 
 
 def unpublished_reason(out: Folder, snapshot: str) -> str | None:
-    """Return why a snapshot is not the complete one that `current` names; None if it is."""
+    """Return why a snapshot is not complete and current; None if it is."""
     found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
         return "it is not published yet"

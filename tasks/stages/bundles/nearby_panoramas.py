@@ -22,8 +22,8 @@ from tasks.stages.shared.surface_panorama import SurfacePanorama
 # Panoramas at most that a surface is taken from, the nearest to its middle: with pieces of ground of 32 m and a panorama each
 # five metres all that see it from a street.
 MAX_PANORAMAS_PER_SURFACE = 8
-# Each wall and roof of a building that is longer, seen from above, metres, is taken from panoramas of its own; and one that is
-# itself from those near each of its pieces: who stands before an end may be far from the middle.
+# Length in plan, metres, above which a wall or roof gets its own panoramas instead of those of its building. A surface longer
+# than this itself uses the panoramas near each of its pieces: a panorama in front of an end may be far from the middle.
 MAX_PIECE_M = 32.0
 
 

@@ -227,7 +227,7 @@ def choose_facade_exemplars(
     -------
     chosen : (index, name) by facade; empty if no exemplar could be prepared.
     """
-    # one that an older version prepared lacks its look and shops, and is due
+    # exemplars of an older version lack the style descriptor and shops, and are pending
     usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]
     facades = plan.facades
     if not usable or not len(facades):
@@ -276,7 +276,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
     for index, name in enumerate(names):
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
-    # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
+    # delete files without a record: of removed facades, or of facades without variations now
     told = {path for index, record in enumerate(records) for path in FACADES.unit_files(index, record)}
     for folder in (HIERARCHIES, EARLIER):
         delete_stored_files(

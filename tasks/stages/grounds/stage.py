@@ -68,7 +68,7 @@ def _is_over_ground(record: PoseRecord | None) -> bool:
 
 
 def _match_previous(change: Change) -> dict[int, int]:
-    """Match pieces that stay in place; those that no panorama shows any more, or that moved, stay no longer."""
+    """Match pieces that stay in place, without pieces that moved or that no panorama shows any more."""
     names, charts = ground_names(change.after), change.after.ground_near_cameras().tolist()
     same = match_by_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}

@@ -42,7 +42,7 @@ from tasks.stages.tiles.record import TileRecord
 
 R = TypeVar("R", bound=Record)
 
-# Pages that are decoded for a view at most: one that shows more is so far away that coarse rasters do.
+# Largest number of pages decoded for a view. A view of more pages is so distant that coarse rasters suffice.
 MAX_DECODED_PAGES = 32
 # What a view shows of the context of a part of a city.
 CONTEXT_GREY = np.full((1, 1, 3), 176, np.uint8)

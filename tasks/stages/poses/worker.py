@@ -19,7 +19,7 @@ from tasks.engine.unit import UnitGroup
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.images import read_panorama
 
-# Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .57 on.
+# Fit of building outlines, 0 to 1, above which a pose is trusted. Correct poses on painted streets fit from 0.57 on.
 MIN_TRUSTED_FIT = 0.5
 
 

@@ -34,7 +34,7 @@ Hides = Callable[[UInt8Array, Pose], BoolArray]
 def open_cameras(
     taken: Sequence[SurfacePanorama], hides: Hides, refused: list[Exception]
 ) -> tuple[list[PanoramaCamera], list[SurfacePanorama]]:
-    """Open panoramas as cameras; returns those that opened, and their panoramas. Errors are appended to `refused`."""
+    """Open panoramas as cameras; returns the cameras that opened, and their panoramas. Errors are appended to `refused`."""
     opened = [(camera, one) for one in taken if (camera := open_camera(one, hides, refused)) is not None]
     return [camera for camera, _ in opened], [one for _, one in opened]
 
@@ -61,7 +61,7 @@ def collect_views(
     held: dict[SurfacePanorama, PanoramaCamera | None] = {}
     found, used = {}, {}
     for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
-        # one that could not be opened is told once
+        # failed panoramas stay cached: each is reported once
         held = {one: camera for one, camera in held.items() if camera is None or one in taken[chart]}
         for one in taken[chart]:
             if one not in held:

@@ -23,7 +23,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
     journals = {stage: read_journal(group, stage) for stage in (*BASE_LAYER_STAGES, "viewpoints")}
     pending: dict[int, str] = {}
     following: set[int] = set()
-    # charts in sight of streets of earlier waves that are pending or follow one that is
+    # charts in sight of earlier streets that are pending or follow a pending street
     earlier, wave = np.zeros(len(plan.ids), bool), -1
     of_wave: list[IntArray] = []
     for street in sorted(np.unique(plan.street_charts[:, 0]).tolist(), key=lambda s: (int(plan.wave[s]), s)):

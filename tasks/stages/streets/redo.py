@@ -78,7 +78,7 @@ def select_streets(run: Run, only: str | None) -> frozenset[int] | None:
 
 
 def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the chunks that a street reads, and those that it writes, as "page/row/column"."""
+    """Return the chunks that a street reads, and the chunks that it writes, as "page/row/column"."""
     charts = plan.charts_of_street(street)
     spec, placement = plan.scene.spec, plan.scene.placement
     reads, writes = set(), set()

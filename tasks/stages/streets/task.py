@@ -51,7 +51,7 @@ def find_finished_streets(run: Run, streets: Sequence[int], after: Sequence[Sequ
     Parameters
     ----------
     streets : in the order of their waves.
-    after : for each street of the block those that it waits for.
+    after : for each street of the block, the streets that it waits for.
     """
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     records = read_journal(group, "streets")
@@ -190,7 +190,7 @@ def _tag_snapshot(run: Run, tag: str, snapshot: str) -> None:
 
 
 def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
-    """Clear the texels that a failed street left: those that match no other street's digests.
+    """Clear the texels of a failed street that match no digest of another street.
 
     Streets that wrote there earlier are pending again, as their texels were overwritten.
     """

@@ -41,7 +41,7 @@ class StreetContext:
     ----------
     plan : plan of the run.
     translator : translator of panoramas.
-    field : material field of the translator; None for one that returns pictures.
+    field : material field of the translator; None if the translator returns pictures.
     """
 
     plan: Plan
@@ -87,8 +87,8 @@ def process_viewpoints(
 ) -> tuple[Any, list[dict[str, Any]]]:
     """Texture viewpoints of a street: the first of `steps`, and those after it that begin within COMMIT_INTERVAL_S.
 
-    Returns the fork with their panoramas and a record of each. One that fails after others is left to the next unit, so that
-    the results before it are kept.
+    Returns the fork with their panoramas and a record of each. A viewpoint that fails after others is left to the next unit, so
+    that earlier results are kept.
     """
     begun = time.time()
     records: list[dict[str, Any]] = []
