@@ -156,7 +156,9 @@ def _correction_author(who: str, why: str, when: datetime | None = None) -> Corr
     return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
-def _diff_block(out: Folder, results: PublishedBlock, said: Sequence[Annotation], named: str, by: Correction) -> _BlockDiff:
+def _diff_block(
+    out: Folder, results: PublishedBlock, said: Sequence[Annotation], named: str, by: Correction
+) -> _BlockDiff:
     block = find_block_file(out)
     diff = CorrectionDiff(results, read_corrections(block))
     new = diff.compute(named, said, by)

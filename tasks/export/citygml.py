@@ -130,7 +130,9 @@ def _building(
     return member
 
 
-def _terrain(results: PublishedBlock, drawn: Any, triangles: IntArray, taken: set[str], images: list[str]) -> list[Element]:
+def _terrain(
+    results: PublishedBlock, drawn: Any, triangles: IntArray, taken: set[str], images: list[str]
+) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.citygml import PolygonWriter, add_element

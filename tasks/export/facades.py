@@ -68,7 +68,9 @@ def write_labelme(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     return names, _note_missing(results, buildings, len(facades))
 
 
-def _annotate_facades(results: PublishedBlock, buildings: IntArray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
+def _annotate_facades(
+    results: PublishedBlock, buildings: IntArray, folder: Path, within: str
+) -> Iterator[AnnotatedFacade]:
     """Write the picture of every finished facade and yield its annotations."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo

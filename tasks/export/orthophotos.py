@@ -73,7 +73,9 @@ def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
 
 
-def _write_cog(results: PublishedBlock, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str) -> None:
+def _write_cog(
+    results: PublishedBlock, path: Path, texels: UInt8Array, plane: WallPlane, chart: int, name: str
+) -> None:
     import rasterio
     from rasterio.features import rasterize
     from rasterio.transform import Affine

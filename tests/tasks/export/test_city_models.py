@@ -119,7 +119,9 @@ def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> No
     assert one == other
 
 
-def test_a_stream_is_a_header_and_features_that_stand_alone(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
+def test_a_stream_is_a_header_and_features_that_stand_alone(
+    found: PublishedBlock, undisturbed: Run, tmp_path: Path
+) -> None:
     path = export_run(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
     header, *features = map(json.loads, path.read_text().splitlines())
     assert header["CityObjects"] == {}
@@ -152,7 +154,9 @@ print(json.dumps({"textures": textures, "merged": parts[0].j}))
 """
 
 
-def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: PublishedBlock, undisturbed: Run, tmp_path: Path) -> None:
+def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(
+    found: PublishedBlock, undisturbed: Run, tmp_path: Path
+) -> None:
     path = export_run(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     first, second = (found.names[b] for b in found.select_buildings(())[:2].tolist())
     command = [sys.executable, "-c", CJIO, str(path), first, second]

@@ -137,7 +137,9 @@ def test_tiles_stand_on_the_block(found: PublishedBlock, undisturbed: Run, tmp_p
     assert tileset["root"]["children"]
 
 
-def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(found: PublishedBlock, tmp_path: Path) -> None:
+def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(
+    found: PublishedBlock, tmp_path: Path
+) -> None:
     heights = []
     for separation in (None, 17.5):
         folder = tmp_path / str(separation)
@@ -153,7 +155,9 @@ def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(foun
 
 
 @pytest.mark.parametrize("style", ["3dtiles", "cityjsonseq", "gpkg"])
-def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: PublishedBlock, tmp_path: Path, style: str) -> None:
+def test_the_same_snapshot_gives_the_same_bytes(
+    undisturbed: Run, found: PublishedBlock, tmp_path: Path, style: str
+) -> None:
     name = found.names[int(found.select_buildings(())[-1])]
     one, two = (export_run(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
     files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
