@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.arrays import Int64Array, IntArray
+from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
@@ -34,7 +34,7 @@ def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygo
     return standing or _polygon_parts(covered)
 
 
-def _covered_area(source: TexturedMesh, triangles: Int64Array) -> shapely.Geometry:
+def _covered_area(source: TexturedMesh, triangles: IntArray) -> shapely.Geometry:
     flat = shapely.polygons(source.mesh.vertices[source.mesh.triangles[triangles]][..., :2])
     return shapely.union_all(flat[shapely.area(flat) > SNAP_GRID_M**2], grid_size=SNAP_GRID_M)
 
