@@ -83,14 +83,14 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     values, city_keys = _read_city_keys(path)
     if isinstance(city_keys, str):
         return _city_from_files(path, values, city_keys, before or {})
-    keys = city_keys.keys
+    keys = city_keys.block_keys
     file = BlockFile(path)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
     adopt_corrections(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
-    cuts = partition_index(whole, city_keys.metres)
+    cuts = partition_index(whole, city_keys.block_size)
     rest, city = _rebase_paths(city_keys.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(select_parts(whole, cuts), cuts, strict=True):

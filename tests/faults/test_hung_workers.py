@@ -28,7 +28,7 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two local workers, of which some seconds' silence is noticed; a unit may take as long as it likes."""
     patience = Timeouts(poll_interval=0.2, worker_silence=8.0)
-    with connect(2, None, str(tmp_path_factory.mktemp("two")), patience=patience) as made:
+    with connect(2, None, str(tmp_path_factory.mktemp("two")), timeouts=patience) as made:
         yield made
 
 
@@ -36,7 +36,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two others, for whose units four seconds are too long."""
     patience = Timeouts(poll_interval=0.2, unit_least=4.0, unit_first=4.0)
-    with connect(2, None, str(tmp_path_factory.mktemp("hasty")), patience=patience) as made:
+    with connect(2, None, str(tmp_path_factory.mktemp("hasty")), timeouts=patience) as made:
         yield made
 
 

@@ -325,7 +325,7 @@ def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest
         asked.append(where)
         raise InputError("asked")
 
-    monkeypatch.setattr("catalogs.query.query", find)
+    monkeypatch.setattr("catalogs.query.execution.query", find)
     for more in ([], ["--where", "a or b"], ["--where", "a or b", "--where", "c"]):
         CliRunner().invoke(command_line, ["query", str(tmp_path), *more])
     assert asked == [None, "a or b", "(a or b\n) AND (c\n)"]

@@ -22,9 +22,9 @@ from tasks.city.city_log import (
     is_up_to_date,
     prepare_city,
     read_city_log,
-    version,
     write_block_result,
 )
+from tasks.city.source_digests import block_code_version
 from tasks.stages.ingest.planning import make_plan
 from tests.pipeline.stages import write_block
 
@@ -113,7 +113,7 @@ def test_a_block_stands_where_it_was_done_by_this_code_of_what_it_reads(tmp_path
     for name in ("items.parquet", "summary.json"):
         (folder / name).touch()
     (tmp_path / "blocks" / "a" / "current").write_text("S1\n")
-    done = BlockResult(code=0, digest="d", version=version(), snapshot="S1")
+    done = BlockResult(code=0, digest="d", version=block_code_version(), snapshot="S1")
     assert is_up_to_date(tmp_path, "a", done, "d")
     assert is_up_to_date(tmp_path, "a", replace(done, code=1), "d"), "what its input spoils fails again"
     assert not is_up_to_date(tmp_path, "a", done, "d", tiles=True)

@@ -162,7 +162,7 @@ def test_in_this_process_a_unit_is_committed_before_the_next_starts(
 
 
 class Gone(SerialCompute):
-    def completed(self, started: Any) -> Any:
+    def iterate_completed(self, started: Any) -> Any:
         yield from list(started)[:2]
         raise ClusterGone("away")
 

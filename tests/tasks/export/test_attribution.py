@@ -140,7 +140,7 @@ def test_a_format_names_the_licence_of_the_map(
 
 
 def test_what_is_published_names_it_without_a_day(found: PublishedBlock) -> None:
-    line = replace(found.attribution, made=None).line
+    line = replace(found.attribution, production_date=None).line
     folder = Path(str(found.snapshot.folder))
     assert line.startswith(MAP)
     models = [folder / "block.glb", folder / "overview.glb", *(folder / "tiles").glob("*.glb")]

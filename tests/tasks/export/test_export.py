@@ -121,7 +121,7 @@ def test_models_name_whom_they_are_from(found: PublishedBlock, undisturbed: Run,
     for model in (found.snapshot.model, found.snapshot.overview):
         with model.open("rb") as opened:  # type: ignore[union-attr]
             said = read_glb_header(opened)[0]["asset"]["copyright"]
-        assert said == replace(attribution, made=None).line
+        assert said == replace(attribution, production_date=None).line
     assert json.loads(found.snapshot.tiles.read_text())["attribution"]["sources"] == attribution.to_json()["sources"]
 
 

@@ -244,7 +244,7 @@ MALFORMED = (
 def test_an_address_without_a_scheduler_is_refused_at_once(address: str, tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="no scheduler answers there; start one with") as raised,
-        connect(1, address, str(tmp_path), patience=Timeouts(connect=10_000)),  # or the test takes too long
+        connect(1, address, str(tmp_path), timeouts=Timeouts(connect=10_000)),  # or the test takes too long
     ):
         pass
     assert address in str(raised.value)
@@ -269,7 +269,7 @@ def test_what_is_no_scheduler_is_refused(what: str, request: pytest.FixtureReque
     address = request.getfixturevalue(what)
     with (
         pytest.raises(InputError, match="no scheduler answers there"),
-        connect(1, address, str(tmp_path), patience=Timeouts(connect=1, first_worker=10_000)),
+        connect(1, address, str(tmp_path), timeouts=Timeouts(connect=1, first_worker=10_000)),
     ):
         pass
 
@@ -280,7 +280,7 @@ def test_a_scheduler_without_workers_is_refused(tmp_path: Path) -> None:
             n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", processes=False, protocol="tcp"
         ) as empty,
         pytest.raises(InputError, match="the scheduler has no worker"),
-        connect(1, empty.scheduler_address, str(tmp_path), patience=Timeouts(first_worker=1)),
+        connect(1, empty.scheduler_address, str(tmp_path), timeouts=Timeouts(first_worker=1)),
     ):
         pass
 
@@ -288,7 +288,7 @@ def test_a_scheduler_without_workers_is_refused(tmp_path: Path) -> None:
 def test_workers_with_other_code_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="and this run other; start them in the same environment"),
-        connect(1, workers.scheduler_address, str(tmp_path), make=lambda: {"Streetloom": "other"}),
+        connect(1, workers.scheduler_address, str(tmp_path), versions=lambda: {"Streetloom": "other"}),
     ):
         pass
 

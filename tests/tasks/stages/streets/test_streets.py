@@ -72,7 +72,9 @@ def fail(*arguments: Any) -> None:
     raise ValueError("it does not work")
 
 
-@pytest.mark.parametrize(("what", "where"), [("viewpoints_unit", "viewpoint 0"), ("street_unit", "end of the street")])
+@pytest.mark.parametrize(
+    ("what", "where"), [("process_viewpoints", "viewpoint 0"), ("process_street", "end of the street")]
+)
 def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
 ) -> None:
