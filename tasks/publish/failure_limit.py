@@ -6,9 +6,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
-from tasks.stages.order import STAGES_IN_ORDER
-from tasks.stages.pictures.stage import PICTURES
-from tasks.stages.streets.stage import STREETS
+from tasks.stages.order import PICTURES, STAGES_IN_ORDER, STREETS
 
 
 def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:

@@ -21,8 +21,7 @@ from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
 from tasks.publish.stored_block import StoredBlock
 from tasks.stages.facades.record import FacadeRecord
-from tasks.stages.facades.stage import FACADES
-from tasks.stages.order import STAGES_IN_ORDER
+from tasks.stages.order import FACADES, STAGES_IN_ORDER
 
 # A facade with a larger hidden share needs review.
 MAX_GOOD_HIDDEN_SHARE = 0.5

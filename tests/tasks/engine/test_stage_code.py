@@ -41,7 +41,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/export/tiles/tile_model.py": {"tiles", "pictures", "publish"},
         "facade_core/export/tiles/block_tiles.py": {"pictures", "publish"},
         "facade_core/export/models/pages.py": {"pages", "tiles", "pictures", "publish"},
-        "facade_core/export/pictures/stage_pictures.py": {"pictures", "publish"},
+        "facade_core/export/pictures/stage_pictures.py": {"pictures"},
         "facade_core/street/surfaces.py": {"surfaces"} | streets,
         "facade_core/export/models/glb_merge.py": {"publish"},
         "facade_core/export/tiles/tileset.py": set(),  # only `streetloom export` takes it

@@ -214,7 +214,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "privacy": (of_run(privacy="keep"), {"privacy"}),
             "panorama": (of_file("panorama.jpg"), {"panoramas"}),
             "pose": (of_inputs(pose=replace(POSE, roll=3.0)), {"panoramas"}),
-            "what is between": (of_kinds("near"), {"between"}),
+            "what is between": (of_kinds("near"), {"between", "beside"}),
             "what is behind": (of_kinds("far"), set()),
             "the house": (of_kinds("higher"), {"geometry", "between", "beside"}),
             "which exemplar": (of_inputs(exemplar=(1, "plaster")), {"exemplar"}),
