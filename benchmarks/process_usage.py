@@ -19,13 +19,13 @@ def add_used(root: psutil.Process, used: dict[int, tuple[str, float]]) -> None:
     for process in family:
         try:
             times = process.cpu_times()
-            role = used[process.pid][0] if process.pid in used else role_of(process, root)
+            role = used[process.pid][0] if process.pid in used else process_role(process, root)
         except psutil.Error:
             continue
         used[process.pid] = (role, times.user + times.system)
 
 
-def role_of(process: psutil.Process, root: psutil.Process) -> str:
+def process_role(process: psutil.Process, root: psutil.Process) -> str:
     """Return the role of a process below the command's root process."""
     if process.pid == root.pid:
         return "coordinator"

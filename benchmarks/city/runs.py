@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.process_usage import role_of
+from benchmarks.process_usage import process_role
 
 # Seconds between two looks.
 LOOK_S = 1.0
@@ -81,7 +81,7 @@ def look_at(pid: int) -> Look:
         for one in (root, *root.children(recursive=True)):
             try:
                 memory = one.memory_full_info()
-                megabytes[role_of(one, root)].append(getattr(memory, "pss", memory.rss) / 1e6)
+                megabytes[process_role(one, root)].append(getattr(memory, "pss", memory.rss) / 1e6)
             except psutil.Error:
                 continue
     except psutil.NoSuchProcess:
