@@ -66,7 +66,7 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     """Choose among panoramas every `spacing` metres on the streets of a block."""
     from catalogs.block.reader import read_block
     from facade_core.core.types import Pose
-    from facade_core.plan.panorama_choice import choose_panoramas, covered_area
+    from facade_core.plan.panorama_choice import choose_panoramas, coverage_area
     from tasks.stages.ingest.planning import make_plan
 
     block = read_block(block_file)
@@ -80,7 +80,7 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     count, rng = len(found.chosen), np.random.default_rng(0)
     even = np.unique(np.linspace(0, len(poses) - 1, count).round().astype(int)).tolist()
     drawn = [rng.choice(len(poses), count, replace=False).tolist() for _ in range(5)]
-    shares = [covered_area(plan.scene, plan.facades, poses, sizes, some) / found.shown for some in (even, *drawn)]
+    shares = [coverage_area(plan.scene, plan.facades, poses, sizes, some) / found.shown for some in (even, *drawn)]
     return {
         "offered": len(poses),
         "chosen": count,

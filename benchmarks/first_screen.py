@@ -74,7 +74,7 @@ def main() -> None:
         if asked.view not in views:
             parser.error(f"--view {asked.view}: there are {', '.join(views)}")
         scene, camera = found.plan.scene, views[asked.view]
-        for name, raster in (("street", found.textured.raster), ("street-bare", lambda chart: bare(scene, chart))):
+        for name, raster in (("street", found.textured_mesh.raster), ("street-bare", lambda chart: bare(scene, chart))):
             rgb = render_perspective(scene, camera, raster)
             (asked.to / f"{name}.jpg").write_bytes(encode_image(rgb, "JPEG", quality=84))
     (asked.to / "street.html").write_text(PAGE, "utf-8")

@@ -222,7 +222,7 @@ def _seen(found: PublishedBlock, camera: PerspectiveCamera) -> Seen:
     for chart in picture.visible_charts[
         np.argsort(scene.placement.page[picture.visible_charts], kind="stable")
     ].tolist():
-        picture.paint({chart: found.textured.raster(chart)})
+        picture.paint({chart: found.textured_mesh.raster(chart)})
     chart = np.full(picture.rgb.shape[:2], MISS, np.int32)
     depth = np.full(chart.shape, np.inf)
     chart.reshape(-1)[picture.pixel], depth.reshape(-1)[picture.pixel] = picture.chart, picture.depth

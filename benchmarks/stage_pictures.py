@@ -136,14 +136,14 @@ def surfaces(found: PublishedBlock) -> np.ndarray:
     def source(chart: int) -> np.ndarray:
         return SOURCES[read_chart_raster(found.group, scene.placement, chart, "atlas/provenance")]
 
-    drawn = [render_perspective(scene, camera, raster) for raster in (found.textured.raster, source)]
+    drawn = [render_perspective(scene, camera, raster) for raster in (found.textured_mesh.raster, source)]
     return beside(drawn, 380)
 
 
 def publish(found: PublishedBlock) -> np.ndarray:
     """A page of the atlas, and the block from afar."""
     above = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))["above"]
-    return beside([found.page(0), render_perspective(found.plan.scene, above, found.textured.raster)], 520)
+    return beside([found.page(0), render_perspective(found.plan.scene, above, found.textured_mesh.raster)], 520)
 
 
 def rectified() -> np.ndarray:

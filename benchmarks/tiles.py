@@ -100,7 +100,7 @@ def detail(out: Path) -> dict[str, Any]:
 
     told = {}
     with open_published_run(out) as found:
-        source = found.textured
+        source = found.textured_mesh
         kinds = source.charts.kind
         for name, kind in (("walls", ChartKind.WALL), ("roofs", ChartKind.ROOF), ("ground", ChartKind.GROUND)):
             lost, texels = [], []

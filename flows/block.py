@@ -33,7 +33,7 @@ from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
 from tasks.engine.forecast import describe_set_aside, forecast_work
-from tasks.engine.outcome import Outcome, rejected_pictures
+from tasks.engine.outcome import Outcome, list_rejected_pictures
 from tasks.engine.outline import Outline
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
@@ -226,7 +226,7 @@ def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit
     require_disk_space(run.local)
     stage, function = pending.stage.stage, pending.stage.function
     begin_stage(stage, pending.total, len(pending.done))
-    outcome = Outcome(skipped=len(pending.done), refused=rejected_pictures(pending.done))
+    outcome = Outcome(skipped=len(pending.done), refused=list_rejected_pictures(pending.done))
     waiting = list(make_batches(pending.pieces, compute))
     outcomes: dict[int, Outcome] = {}
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()

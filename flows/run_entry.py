@@ -21,7 +21,7 @@ from tasks.engine.outcome import is_store_fault, raise_machine_errors
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import mark_suspect, repair_store
-from tasks.engine.store.status import finished_summary, record_source
+from tasks.engine.store.status import completion_summary, record_source
 
 
 @dataclass
@@ -92,7 +92,7 @@ def open_run(
             notify(line)
         if prepare is not None:
             prepare(run)
-        _open_runs[out] = entry = OpenRun(source, block, run, finished_summary(run))
+        _open_runs[out] = entry = OpenRun(source, block, run, completion_summary(run))
         try:
             yield entry
         finally:

@@ -14,7 +14,7 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
-from tasks.stages.shared.materials import stored_material_field
+from tasks.stages.shared.materials import read_material_field
 from tasks.stages.streets.worker import replay_street
 
 
@@ -38,7 +38,7 @@ class StreetState:
         """
         placement = self.plan.scene.placement
         if chart not in self.buffer.layout.charts:
-            raise InputError(f"the street does not see chart {chart}; charts() tells which it sees")
+            raise InputError(f"the street does not see chart {chart}; visible_charts() lists those that it sees")
         texels = self.buffer.layout.texel_slice(placement, chart)
         shape = (int(placement.height[chart]), int(placement.width[chart]))
         return self.buffer.colour[texels].reshape(*shape, 3), self.buffer.provenance[texels].reshape(shape)
@@ -77,7 +77,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
         )
     if not group[journal_path("viewpoints")][viewpoints[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    field = stored_material_field(group, plan)
+    field = read_material_field(group, plan)
     window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
     if field is not None:
         paint_visible_texels(window, plan.scene.placement, field)

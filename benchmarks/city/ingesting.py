@@ -18,7 +18,7 @@ from benchmarks.city.blocks import write_block
 from catalogs.block.reader import read_block
 from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.party_walls import enclosed_texels
+from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.stages.ingest.planning import make_plan, update_plan
 
@@ -48,7 +48,7 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
         beside = time.process_time() - start
         walls = np.flatnonzero(charts.kind == ChartKind.WALL).tolist()
         start = time.process_time()
-        shut = sum(int(enclosed_texels(plan.scene, chart).sum()) for chart in walls)
+        shut = sum(int(find_enclosed_texels(plan.scene, chart).sum()) for chart in walls)
         party = time.process_time() - start
         found[f"{size}x"] = {
             "facades": len(plan.facades),

@@ -83,7 +83,7 @@ def own_picture(found: PublishedBlock, camera: PerspectiveCamera) -> tuple[np.nd
     samples = 2
     picture = cast_view(found.plan.scene, camera, samples=samples)
     for chart in picture.visible_charts.tolist():
-        picture.paint({chart: found.textured.raster(chart)})
+        picture.paint({chart: found.textured_mesh.raster(chart)})
     built = np.zeros(picture.rgb.shape[:2], np.uint8).reshape(-1)
     built[picture.pixel[found.plan.scene.charts.building[picture.chart] >= 0]] = 255
     whole = average_samples(np.repeat(built.reshape(*picture.rgb.shape[:2], 1), 3, axis=2), samples)[..., 0] == 255

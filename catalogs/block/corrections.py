@@ -90,7 +90,7 @@ class Corrections:
     def __bool__(self) -> bool:
         return bool(self.by_target)
 
-    def corrected_value(self, id: str, kind: str) -> Any:
+    def value_correction(self, id: str, kind: str) -> Any:
         """Return the corrected value, or None if there is none."""
         found = self.by_target.get(id, {}).get(kind)
         return None if found is None else found.value

@@ -160,7 +160,7 @@ class BlockKeys(_Keys):
     seed: Annotated[int, _int_range(0, 2**32 - 1)] = 0
 
 
-def allowed_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
+def value_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
     """Return every dotted key with its range ("1 to 100"), or "" if it has none."""
     found: dict[str, str] = {}
     for name, hint in get_type_hints(model, include_extras=True).items():
@@ -169,7 +169,7 @@ def allowed_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
         found[prefix + name] = _bounds_text(hint)
         for nested in _alternatives(hint):
             if isinstance(nested, type) and (issubclass(nested, _Keys) or is_dataclass(nested)):
-                found |= allowed_ranges(nested, f"{prefix}{name}.")
+                found |= value_ranges(nested, f"{prefix}{name}.")
     return found
 
 
@@ -218,7 +218,7 @@ def _format_fault(fault: Mapping[str, Any]) -> str:
         )
         return f"{key}: missing; write {example}"
     if kind in ("model_type", "dataclass_type"):
-        inner = [k.removeprefix(key + ".") for k in allowed_ranges() if k.startswith(key + ".")]
+        inner = [k.removeprefix(key + ".") for k in value_ranges() if k.startswith(key + ".")]
         example = (
             f"path: {' '.join(value.split())[:60]}"
             if "path" in inner and isinstance(value, str)
@@ -246,7 +246,7 @@ def _format_fault(fault: Mapping[str, Any]) -> str:
 
 def _range_text(key: str) -> str:
     """Return the range of a key, or of the entries of a list."""
-    return allowed_ranges().get(key) or "up to 100 000 km either way"
+    return value_ranges().get(key) or "up to 100 000 km either way"
 
 
 def key_path(loc: Sequence[str | int]) -> str:
@@ -258,7 +258,7 @@ def key_path(loc: Sequence[str | int]) -> str:
 
 
 def _suggest_key(key: str) -> str:
-    known = allowed_ranges()
+    known = value_ranges()
     parent, _, leaf = key.rpartition(".")
     siblings = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == parent}
     leaves = {k.rpartition(".")[2]: k for k in known}

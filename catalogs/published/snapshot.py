@@ -69,7 +69,7 @@ class Snapshot(Generic[F]):
         return self._file("summary.json")
 
     @property
-    def masked_file(self) -> F:
+    def mask_file(self) -> F:
         return self._file("masked.json")
 
     @property

@@ -88,12 +88,12 @@ def read_verified_array(group: StoreGroup, path: str, digest: str) -> UInt8Array
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
     data = np.asarray(group[path][:])
-    if stored_file_digest(np.ascontiguousarray(data).data) != digest:
+    if digest_stored_file(np.ascontiguousarray(data).data) != digest:
         raise StoreError(f"{path} is not as it was written; the next run makes it again")
     return data
 
 
-def stored_file_digest(data: bytes | memoryview) -> str:
+def digest_stored_file(data: bytes | memoryview) -> str:
     """Compute the SHA-256 of a file's bytes, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 

@@ -59,7 +59,7 @@ def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, f
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
     synthetic = facade.provenance != Provenance.PHOTO
-    removed, added = unmatched_elements(facade.elements, layout), unmatched_elements(layout, facade.elements)
+    removed, added = find_unmatched_elements(facade.elements, layout), find_unmatched_elements(layout, facade.elements)
     image = facade.image.copy()
     unchanged = np.zeros((height, width), bool)  # a railing stays in front of a removed window
     for e in facade.elements:
@@ -141,7 +141,7 @@ def _element_slices(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice,
     return slice(y0, y1), slice(x0, x1)
 
 
-def unmatched_elements(
+def find_unmatched_elements(
     elements: Sequence[Element], others: Sequence[Element], *, max_shift: float = MAX_SHIFT_TEXELS
 ) -> list[Element]:
     """Return the elements without a counterpart of the same class within `max_shift` of every side."""

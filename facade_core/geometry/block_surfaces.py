@@ -16,7 +16,7 @@ from facade_core.geometry.buildings.chimneys import build_chimneys
 from facade_core.geometry.buildings.dormers import build_dormers
 from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
 from facade_core.geometry.buildings.extrusion import add_extrusion, facets_above
-from facade_core.geometry.buildings.facets import Facets, group_facets, walled_share
+from facade_core.geometry.buildings.facets import Facets, group_facets, wall_share
 from facade_core.geometry.buildings.gutters import build_gutters
 from facade_core.geometry.buildings.neighbours import (
     eaves_obstacles,
@@ -91,7 +91,7 @@ def build_block_surfaces(
             refused.append((building.id, str(error)))
             continue
         if building.raised == 0 and (
-            found is None or walled_share(found, free_outline(index, buildings, tree)) >= MIN_WALLED_SHARE
+            found is None or wall_share(found, free_outline(index, buildings, tree)) >= MIN_WALLED_SHARE
         ):
             outlines.append(outline)
     if streets:

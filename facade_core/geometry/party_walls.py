@@ -16,7 +16,7 @@ PROBE_DISTANCE_M = 0.3
 EDGE_INSET_M = 0.02
 
 
-def enclosed_texels(scene: Scene, chart: int) -> BoolArray:
+def find_enclosed_texels(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) of a wall that are inside a building; none for charts of other kinds.
 
     A probe is inside where a ray outwards and a ray upwards both hit a back face first.

@@ -172,7 +172,7 @@ def box_coverage(mask: BoolArray, element: Element) -> float:
     return float(part.mean()) if part.size else 0.0
 
 
-def expected_window_error(chance: Float32Array, share: float, hidden: BoolArray) -> float:
+def estimate_window_error(chance: Float32Array, share: float, hidden: BoolArray) -> float:
     """Compute the expected share of a facade with a wrong decision between window and other.
 
     Parameters
@@ -199,7 +199,7 @@ def figure_uncertainty(chance: Float32Array, value: FacadeFigures, hidden: BoolA
     hidden : (...) bool.
     """
     visible_error = _MIN_UNCERTAINTY + float(np.where(hidden, 0, np.minimum(chance, 1 - chance)).mean())
-    share = expected_window_error(chance, value.window_share, hidden)
+    share = estimate_window_error(chance, value.window_share, hidden)
     return FacadeFigures(share, visible_error * math.sqrt(1 + value.windows), math.sqrt(visible_error * value.floors))
 
 

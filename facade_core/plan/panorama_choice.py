@@ -80,7 +80,7 @@ def choose_panoramas(
     return PanoramaChoice(tuple(kept), covering, len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
 
 
-def covered_area(
+def coverage_area(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], panoramas: Sequence[int]
 ) -> float:
     """Return the square metres of street facades that some panoramas cover.

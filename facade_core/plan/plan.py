@@ -122,7 +122,7 @@ class Plan:
     def _facade_of_chart(self) -> RowIndex:
         return RowIndex(self.facades.chart)
 
-    def textured_charts(self, building: int) -> list[int]:
+    def list_textured_charts(self, building: int) -> list[int]:
         """Return the charts of a building, without facades, that have source textures."""
         return self._own_charts[self._own_by_building.rows_with(building)].tolist()
 

@@ -15,7 +15,7 @@ from facade_core.core.types import Sun
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import AerialSampler, render_from_above
-from facade_core.geometry.party_walls import enclosed_texels
+from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.facade_light import relight_facade
@@ -148,7 +148,7 @@ def _finish_unlit(
     untextured = provenance == Provenance.UNSEEN
     hidden = np.zeros_like(untextured)
     if untextured.any():
-        hidden = untextured & enclosed_texels(scene, chart)
+        hidden = untextured & find_enclosed_texels(scene, chart)
         exposed = untextured & ~hidden
         painted = (
             materials.chart_raster(chart) if exposed.all() else materials.texel_colours(chart, *np.nonzero(exposed))

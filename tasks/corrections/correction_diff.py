@@ -24,7 +24,7 @@ from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.readers.annotations import Annotation, MeasuredHeight
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
-from facade_core.facade.correction import unmatched_elements
+from facade_core.facade.correction import find_unmatched_elements
 from tasks.corrections.drawable_values import drawable_values
 from tasks.publish.published_run import PublishedBlock
 
@@ -94,7 +94,7 @@ class CorrectionDiff:
             if (
                 shape is None
                 and id not in heights
-                and (height := self.before.corrected_value(id, "roof_height")) is not None
+                and (height := self.before.value_correction(id, "roof_height")) is not None
             ):
                 self.notes.append(
                     f"{id}: the roof_height {height:g} that was given with its shape stays, where the roof is not flat; "
@@ -165,7 +165,7 @@ class CorrectionDiff:
             hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
             raise InputError(f"{named}: the block {self.results.block} has no {kind} {id}; {hint}")
         if one.value is None:
-            if self.before.corrected_value(id, what) is None:
+            if self.before.value_correction(id, what) is None:
                 return None
         elif self._is_same(id, what, one.value, self._current_value(id, what)):
             return None
@@ -177,7 +177,7 @@ class CorrectionDiff:
     def _withdraw(self, one: Correction) -> list[Correction]:
         """Return the withdrawal of a correction for every id of its target."""
         ids = [one.id, *(before for before, now in self._renamed_ids.items() if now == one.id)]
-        return [replace(one, id=id) for id in ids if self._stored.corrected_value(id, one.kind) is not None]
+        return [replace(one, id=id) for id in ids if self._stored.value_correction(id, one.kind) is not None]
 
     def _rejection_reason(self, one: Correction) -> str | None:
         """Explain why a value is not possible; None if it is."""
@@ -198,7 +198,7 @@ class CorrectionDiff:
 
     def _current_value(self, id: str, what: str) -> Any:
         """Return the corrected value of a target, or else the published one."""
-        corrected = self.before.corrected_value(id, what)
+        corrected = self.before.value_correction(id, what)
         if corrected is not None:
             return corrected
         match what:
@@ -234,8 +234,8 @@ class CorrectionDiff:
         if what == "elements":
             said, there = (self._to_texels(id, layout) for layout in (value, stands))
             return len(said) == len(there) and not (
-                unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS)
-                or unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
+                find_unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS)
+                or find_unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
             )
         if what in ("height", "roof_height"):
             return _is_near(value, stands)
@@ -288,7 +288,7 @@ class CorrectionDiff:
     def _outlines(self) -> Mapping[int, Any]:
         from facade_core.export.bodies.footprints import building_footprints
 
-        return building_footprints(self.results.textured)
+        return building_footprints(self.results.textured_mesh)
 
 
 def _is_near(metres: Any, others: Any) -> bool:

@@ -43,7 +43,9 @@ def find_unaffected_walls(results: PublishedBlock, new: Sequence[Correction]) ->
     whole = {
         id
         for id in kept
-        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.textured_charts(buildings[id]))
+        if not any(
+            plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.list_textured_charts(buildings[id])
+        )
         and id not in others
     }
     names = ", ".join([*kept][:3]) + (", ..." if len(kept) > 3 else "")

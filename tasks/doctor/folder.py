@@ -31,7 +31,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.stage import read_journals
 from tasks.engine.store.digests import find_differing_units
 from tasks.engine.store.integrity import find_lost_units, is_suspect, mark_suspect
-from tasks.engine.store.status import read_source, unpublished_reason
+from tasks.engine.store.status import explain_unpublished, read_source
 from tasks.stages.ingest.task import ingest_block
 
 # Maximum number of charts and panoramas whose digests are verified.
@@ -127,7 +127,7 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
     elif fault := find_damage(current.folder, thorough=True):
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
-    elif newest is not None and (fault := unpublished_reason(out, newest)):
+    elif newest is not None and (fault := explain_unpublished(out, newest)):
         yield Finding(
             "published", False, f"{current.id}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
         )

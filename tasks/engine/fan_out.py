@@ -12,7 +12,7 @@ from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.store import open_root
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failed_record, is_machine_fault, log_units, machine_error
+from tasks.engine.outcome import Outcome, failure_record, is_machine_fault, log_units, machine_error
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
 from tasks.engine.store.commits import commit_units, fork_store
@@ -73,12 +73,12 @@ def process_batch(
                 raise machine_error(f"{stage} {_unit_names(piece)}", error) from error
             session, fork = fork_store(run.store)
             _clear_charts(run, stage, fork, piece)
-            records = {unit.index: failed_record(unit.name, unit.key, error) for unit in piece}
+            records = {unit.index: failure_record(unit.name, unit.key, error) for unit in piece}
         commit_units(session, fork, stage, records, f"{stage} {_unit_names(piece)}")
         log_units(stage, records.values())
         del future, fork  # with the last reference its result leaves the cluster
         ended = Outcome().add(records.values())
-        report_progress(stage, ended.finished, len(ended.failed))
+        report_progress(stage, ended.processed_count, len(ended.failed))
         outcome += ended
     return outcome
 

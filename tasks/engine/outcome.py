@@ -73,7 +73,8 @@ class Outcome:
     refused: tuple[tuple[str, str], ...] = ()
 
     @property
-    def finished(self) -> int:
+    def processed_count(self) -> int:
+        """Count the units that are done, skipped or failed."""
         return self.done + self.skipped + len(self.failed)
 
     def add(self, records: Iterable[Record]) -> Outcome:
@@ -84,7 +85,7 @@ class Outcome:
             self,
             done=self.done + len(records) - len(failed),
             failed=self.failed + failed,
-            refused=self.refused + rejected_pictures(records),
+            refused=self.refused + list_rejected_pictures(records),
         )
 
     def __add__(self, other: Outcome) -> Outcome:
@@ -96,7 +97,7 @@ class Outcome:
         )
 
 
-def rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
+def list_rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
     """Return the units that are done without a rejected picture, as (unit, reason)."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
@@ -106,7 +107,7 @@ def is_done(record: Record | None, *keys: str) -> bool:
     return record is not None and record["key"] in keys and record["status"] == "done"
 
 
-def failed_record(unit: str, key: str, error: Exception) -> Record:
+def failure_record(unit: str, key: str, error: Exception) -> Record:
     """Return the journal record of a unit that failed, with its reason in one line and the traceback."""
     return {
         "unit": unit,

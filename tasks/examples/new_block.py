@@ -79,7 +79,7 @@ class SquareArea:
     latitude: float
     size: float
 
-    def swapped_axes_message(self, reason: str) -> str:
+    def axis_order_message(self, reason: str) -> str:
         """Return the error message for swapped longitude and latitude."""
         return f"--around: {reason}; longitude comes first: write --around {self.latitude:g} {self.longitude:g}"
 
@@ -260,7 +260,7 @@ def _write_block_file(
             block = _read_draft(draft, keys, options)
         except InputError as error:
             if isinstance(area, SquareArea) and SWAPPED_AXES_NOTE in str(error):
-                raise InputError(area.swapped_axes_message("no buildings are there")) from error
+                raise InputError(area.axis_order_message("no buildings are there")) from error
             raise
         plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
@@ -284,7 +284,7 @@ def _write_block_file(
 def _bounds(geometry: MapFiles, area: Sequence[float] | SquareArea | float) -> Sequence[float]:
     if isinstance(area, SquareArea):
         if abs(area.latitude) >= 90.0:
-            raise InputError(area.swapped_axes_message(f"{area.latitude:g} is no latitude"))
+            raise InputError(area.axis_order_message(f"{area.latitude:g} is no latitude"))
         return square_bounds(area.longitude, area.latitude, area.size)
     return _densest_bounds(geometry, area) if isinstance(area, float) else area
 

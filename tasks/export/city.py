@@ -125,7 +125,7 @@ def _list_features(
     from facade_core.export.city_models.cityjson import build_geometry
     from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts
 
-    source = results.textured
+    source = results.textured_mesh
     shown = add_ground(results, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
     pages = len(drawn.layout.pages)
@@ -259,7 +259,7 @@ def building_attributes(results: PublishedBlock, building: int, body: Any) -> di
     The measured height ends at the highest point of the roof, without chimneys and other attachments.
     """
     row = {name: column[building] for name, column in results.buildings.items()}
-    facades = [results.records[i] for i in results.finished_facades(np.array([building]))]
+    facades = [results.records[i] for i in results.select_finished_facades(np.array([building]))]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
@@ -279,7 +279,7 @@ def compute_building_heights(results: PublishedBlock) -> dict[str, float]:
     from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import pack_charts
 
-    source, buildings = results.textured, results.select_buildings(())
+    source, buildings = results.textured_mesh, results.select_buildings(())
     drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     bodies = {
@@ -310,7 +310,7 @@ def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, li
 
     placement = results.plan.scene.placement
     layouts = {}
-    for index in results.finished_facades(buildings):
+    for index in results.select_finished_facades(buildings):
         chart = int(results.plan.facades.chart[index])
         density = float(placement.texels_per_metre[chart])
         elements = [

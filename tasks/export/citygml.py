@@ -41,7 +41,7 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     from facade_core.export.city_models.citygml import open_city_model, xml_id
     from facade_core.export.models.textured_mesh import encode_page, pack_charts
 
-    source, shown = results.textured, add_ground(results, buildings)
+    source, shown = results.textured_mesh, add_ground(results, buildings)
     drawn = pack_charts(source, source.select_charts(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + len(shown))

@@ -78,7 +78,7 @@ def _annotate_facades(
     from facade_core.export.pictures.annotations import AnnotatedFacade
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    facades = results.finished_facades(buildings)
+    facades = results.select_finished_facades(buildings)
     said = PngInfo()
     said.add_itxt("Copyright", results.attribution.line)
     begin_stage("export", len(facades))
@@ -133,8 +133,8 @@ def write_geopackage(results: PublishedBlock, buildings: IntArray, folder: Path)
     down = charts.axis_v[chart] * charts.size[chart, 1:]
     top = charts.origin[chart]
     walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
-    outlines = building_footprints(results.textured)
-    of_building = group_rows(charts.building[results.textured.mesh.chart])
+    outlines = building_footprints(results.textured_mesh)
+    of_building = group_rows(charts.building[results.textured_mesh.mesh.chart])
     table = results.buildings
     chosen = {results.names[b] for b in buildings.tolist()}
     name = f"{file_stem(results.block)}.gpkg"
@@ -177,7 +177,7 @@ def _height_columns(results: PublishedBlock, triangles: IntArray) -> dict[str, f
     """Compute the lowest and highest z of a building, with chimneys and parapets, in the block's heights."""
     from facade_core.export.bodies.map_surfaces import height_range
 
-    low, high = height_range(results.textured, triangles)
+    low, high = height_range(results.textured_mesh, triangles)
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
@@ -185,7 +185,7 @@ def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[d
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
     from facade_core.export.bodies.map_surfaces import surface_polygons
 
-    source = results.textured
+    source = results.textured_mesh
     charts = source.select_charts(buildings)
     charts = charts[source.charts.kind[charts] == kind]
     normal = source.charts.normals()

@@ -51,7 +51,7 @@ def write_factored(
     from facade_core.export.models.textured_mesh import local_frame
 
     start = time.monotonic()
-    source = results.textured
+    source = results.textured_mesh
     walls = build_factored_walls(results, buildings, [NEAR_DETAIL], 1)
     pieces_of = walls.details[0]
     whole = merge_pieces(pieces_of.values())
@@ -121,7 +121,7 @@ def write_factored_tiles(
     from facade_core.export.tiles.tileset import count_tiles, write_tileset
 
     start = time.monotonic()
-    whole = results.textured
+    whole = results.textured_mesh
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
     frame, extras, notes = place_on_earth(results, local_frame(source.mesh).origin)
     cells = build_quadtree(source)

@@ -60,7 +60,7 @@ def build_factored_walls(
     from facade_core.export.factored.wall_decomposition import WallDecomposition
     from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
-    source = results.textured
+    source = results.textured_mesh
     planes = _planar_walls(results, buildings)
     libraries, library_index, notes = _build_libraries(results, list(planes))
     begin_stage("export", len(planes) + other_units)
@@ -91,10 +91,10 @@ def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, lis
     from facade_core.export.bodies.openings import chart_outlines
     from facade_core.export.factored.wall_geometry import WallPolygon, is_planar
 
-    source = results.textured
+    source = results.textured_mesh
     of_chart = group_rows(source.mesh.chart)
     planes = {}
-    for index in results.finished_facades(buildings):
+    for index in results.select_finished_facades(buildings):
         chart = int(results.plan.facades.chart[index])
         triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
         corners = source.mesh.vertices[triangles]
@@ -198,4 +198,4 @@ def _read_facade(results: PublishedBlock, index: int) -> FactoredFacade:
         read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
     )
     density = float(placement.texels_per_metre[chart])
-    return FactoredFacade(chart, seed, results.textured.raster(chart), labels, results.elements(index), density)
+    return FactoredFacade(chart, seed, results.textured_mesh.raster(chart), labels, results.elements(index), density)

@@ -53,8 +53,8 @@ def select_lighting(
         if night:
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
-        return results.textured, [whose] if asked is None and lit_by_default else []
-    return relight(results.textured, relighting_inputs(results)), []
+        return results.textured_mesh, [whose] if asked is None and lit_by_default else []
+    return relight(results.textured_mesh, relighting_inputs(results)), []
 
 
 def add_ground(results: PublishedBlock, buildings: IntArray) -> IntArray:

@@ -42,7 +42,7 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     from facade_core.export.bodies.wall_plane import wall_plane
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
-    facades, source = results.plan.facades, results.textured
+    facades, source = results.plan.facades, results.textured_mesh
     drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
     rows = _read_facade_rows(results)
@@ -85,7 +85,7 @@ def _write_cog(
     height, width = texels.shape[:2]
     polygons = [
         {"type": "Polygon", "coordinates": [ring.tolist() for ring in rings]}
-        for rings in wall_outlines(results.textured, chart)
+        for rings in wall_outlines(results.textured_mesh, chart)
     ]
     # a texel that the wall touches counts as its own
     wall = rasterize(polygons, out_shape=(height, width), default_value=255, dtype="uint8", all_touched=True)

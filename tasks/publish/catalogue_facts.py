@@ -113,8 +113,8 @@ def block_facts(
         footprint=_block_outline(outlines) if outlines else None,
         counts={
             "buildings": len(outlines),
-            "facades_done": rows.done,
-            "facades_failed": rows.failed,
+            "facades_done": rows.finished_count,
+            "facades_failed": rows.unfinished_count,
             "streets": len(plan.streets),
             "viewpoints": len(plan.viewpoints),
             "windows": sum(row["windows"] or 0 for row in rows.facades),

@@ -50,14 +50,14 @@ class ItemRows:
         return self.facades + self.set_aside
 
     @property
-    def done(self) -> int:
+    def finished_count(self) -> int:
         """Count the finished facades."""
         return sum(row["status"] == "done" for row in self.facades)
 
     @property
-    def failed(self) -> int:
+    def unfinished_count(self) -> int:
         """Count the unfinished facades."""
-        return len(self.facades) - self.done
+        return len(self.facades) - self.finished_count
 
 
 def build_item_rows(run: Run, block: StoredBlock) -> ItemRows:
@@ -79,8 +79,8 @@ def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> dict[str, A
     """Write the summary of a block as JSON, and return it."""
     summary = {
         "block": block.group.attrs["block"],
-        "facades_done": rows.done,
-        "facades_failed": rows.failed,
+        "facades_done": rows.finished_count,
+        "facades_failed": rows.unfinished_count,
         "viewpoints": len(block.journals["viewpoints"]),
         "atlas_digest": atlas_digest(block.group),
         "not_looked_at": _count_unchecked(block),
@@ -124,9 +124,11 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facade_facts(facades, index, record, buildings["height_source"][building]),
                 **_facade_pose_columns(record, posed),
-                "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.corrected),
+                "corrected": int(
+                    bool(record.get("corrected")) or buildings["id"][building] in block.hand_corrected_ids
+                ),
                 "parents": _parent_ids(run.block, buildings["id"][building], street.id, record),
-                "updated": record_time(record) or block.ingested,
+                "updated": record_time(record) or block.ingest_time,
                 "status": record["status"],
                 "reason": record.get("reason"),
                 "code_version": block.version,
@@ -247,7 +249,7 @@ def _unusable_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
         "status": "failed",
         "code_version": block.version,
         "config_digest": run.key,
-        "updated": block.ingested,
+        "updated": block.ingest_time,
     }
     return [
         dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason}

@@ -43,7 +43,7 @@ class PublishedBlock(StoredBlock):
         return str(self.group.attrs["crs"])
 
     @cached_property
-    def textured(self) -> TexturedMesh:
+    def textured_mesh(self) -> TexturedMesh:
         """Build the mesh of the block with its published pages; in a part of a city, of its core only."""
         from facade_core.export.models.textured_mesh import build_textured_mesh, filter_triangles
 
@@ -98,7 +98,7 @@ class PublishedBlock(StoredBlock):
         rows = record.get("elements", []) if record else []
         return [Element(row[0], *map(float, row[1:6])) for row in rows]
 
-    def finished_facades(self, buildings: IntArray) -> list[int]:
+    def select_finished_facades(self, buildings: IntArray) -> list[int]:
         """Return the facades of some buildings that have a completed layout and texture.
 
         Parameters

@@ -54,7 +54,7 @@ class StoredBlock:
         return read_refined_poses(self.group)
 
     @cached_property
-    def corrected(self) -> frozenset[str]:
+    def hand_corrected_ids(self) -> frozenset[str]:
         """Return the ids of manually corrected buildings."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
@@ -74,7 +74,7 @@ class StoredBlock:
         return store_code_version(self.group)
 
     @property
-    def ingested(self) -> datetime:
+    def ingest_time(self) -> datetime:
         """Return the time of ingestion."""
         return datetime.fromtimestamp(float(cast(float, self.group.attrs["ingested"])), UTC)
 

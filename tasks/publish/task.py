@@ -158,7 +158,7 @@ def _write_snapshot(
     block = read_stored_block(session)
     rows = build_item_rows(run, block)
     write_items(snapshot.items, rows.every, run.crs)
-    write_masked_regions(snapshot.masked_file, block.records)
+    write_masked_regions(snapshot.mask_file, block.records)
     summary = write_summary(snapshot.summary, block, rows)
     report_progress("publish", 1)
     with failures.attempt("pages"):
@@ -187,7 +187,7 @@ def _write_snapshot(
         write_block_report(snapshot.report, run, block, rows, summary, images, names)
     report_progress("publish", 1)
     with failures.attempt("stac"):
-        work = run_facts(block.records_by_stage, block.ingested)
+        work = run_facts(block.records_by_stage, block.ingest_time)
         write_stac(
             snapshot.folder,
             rows=rows.every,

@@ -39,7 +39,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     chart = int(tables.facades.chart[index])
     width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
     record: Mapping[str, Any] = view.records[index] or {}
-    elements = corrections.corrected_value(facade, "elements")
+    elements = corrections.value_correction(facade, "elements")
     if elements is None:
         current_elements = [list(element[:5]) for element in record.get("elements", [])]
     else:
@@ -49,13 +49,13 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     masks = {
         what: [
             [x0 * width, y0 * height, x1 * width, y1 * height]
-            for x0, y0, x1, y1 in corrections.corrected_value(facade, what) or ()
+            for x0, y0, x1, y1 in corrections.value_correction(facade, what) or ()
         ]
         for what in ("hide", "keep")
     }
-    eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
+    eaves = corrections.value_correction(building, "height") or float(tables.height[row])
     appearance = {
-        what: corrections.corrected_value(building, what) or _to_json_value(column[row])
+        what: corrections.value_correction(building, what) or _to_json_value(column[row])
         for what, column in tables.appearance.items()
     }
     appearance["roof_height"] = (
@@ -72,10 +72,10 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
         "columns": list(lattice.get("columns", [0, width])),
         "building": building,
         "said": {
-            "facade": corrections.corrected_value(facade, "facade") is not False,
-            "levels": corrections.corrected_value(building, "levels") or int(tables.facades.floors[index]),
+            "facade": corrections.value_correction(facade, "facade") is not False,
+            "levels": corrections.value_correction(building, "levels") or int(tables.facades.floors[index]),
             "height": None if tables.height_source[row] == "model" else round(eaves, 2),
-            "exemplar": corrections.corrected_value(building, "exemplar") or "",
+            "exemplar": corrections.value_correction(building, "exemplar") or "",
             **dict.fromkeys(APPEARANCE_COLUMNS, "") | appearance,
         },
         "exemplars": view.exemplars,

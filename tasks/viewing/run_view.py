@@ -25,7 +25,7 @@ from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
-from tasks.engine.outcome import rejected_pictures
+from tasks.engine.outcome import list_rejected_pictures
 from tasks.publish.item_rows import facade_facts
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
@@ -214,7 +214,7 @@ class RunView:
             outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
             failures += [
-                {"stage": stage, "unit": unit, "reason": reason} for unit, reason in rejected_pictures(present)
+                {"stage": stage, "unit": unit, "reason": reason} for unit, reason in list_rejected_pictures(present)
             ]
         return {
             "snapshot": self.snapshot,

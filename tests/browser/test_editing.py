@@ -196,7 +196,7 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
             "roof_shape": "gabled", "roof_height": 2.5, "wall_material": "brick", "wall_colour": "#9e4232",
             "roof_colour": "#203040",
         }  # fmt: skip
-        assert {what: len(said.corrected_value("a-0", what)) for what in said.by_target["a-0"]} == {
+        assert {what: len(said.value_correction("a-0", what)) for what in said.by_target["a-0"]} == {
             "hide": 1,
             "keep": 1,
         }
@@ -245,22 +245,22 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         page.click("#save")
         page.wait_for_selector("text=1 facades and 1 buildings corrected")
         said = read_corrections(block)
-        assert said.corrected_value("a-0", "facade") is False
-        assert said.corrected_value("a", "levels") == 3
+        assert said.value_correction("a-0", "facade") is False
+        assert said.value_correction("a", "levels") == 3
         # somebody else's is not overwritten unseen
         add_corrections(block, [Correction("a", "levels", 5, who="ben", when="2026-01-02T03:04:05Z")])
         page.fill("#storeys", "4")
         page.click("#save")
         page.wait_for_selector("#saved.failed")
         assert "corrected meanwhile" in page.inner_text("#saved")
-        assert read_corrections(block).corrected_value("a", "levels") == 5
+        assert read_corrections(block).value_correction("a", "levels") == 5
         page.wait_for_selector("text=levels of a: ben, 2026-01-02")
         page.fill("#storeys", "")
         assert page.is_disabled("#save"), "an empty field says nothing"
         page.fill("#storeys", "4")
         page.click("#save")
         wait(page, "!document.querySelector('#saved').classList.contains('failed')")
-        assert read_corrections(block).corrected_value("a", "levels") == 4
+        assert read_corrections(block).value_correction("a", "levels") == 4
         page.click("#as-found")
         wait(page, "document.querySelector('#not-a-facade').getAttribute('aria-pressed') === 'false'")
         assert not read_corrections(block), "of its building too"

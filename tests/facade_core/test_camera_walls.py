@@ -15,7 +15,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import is_main_surface
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_model_edges
-from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, trusted_wall_texels
+from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, select_trusted_wall_texels
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
@@ -35,12 +35,12 @@ def view(left: float, right: float, *, seen: bool = True) -> ChartView:
 
 def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
     low = [np.indices(SIZE)[0] >= 30] * 2
-    one, other = trusted_wall_texels([view(100, 100), view(104, 30)], low, 10.0)
+    one, other = select_trusted_wall_texels([view(100, 100), view(104, 30)], low, 10.0)
     # a square beside the edge of the thing is still within what a pose may be off
     assert one[:, :30].all()
     assert not one[:, 36:].any()
     assert not other[:, 36:].any()
-    alone, less = trusted_wall_texels([view(100, 60), view(102, 60, seen=False)], low, 10.0)
+    alone, less = select_trusted_wall_texels([view(100, 60), view(102, 60, seen=False)], low, 10.0)
     assert alone[:30].all()
     assert alone[:, :30].all()
     assert not alone[30:, 36:].any(), "a bicycle, maybe"

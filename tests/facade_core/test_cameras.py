@@ -15,7 +15,7 @@ from facade_core.imagery.cameras.ground import (
     MIN_GROUND_DISTANCE_M,
     MIN_UNCONFIRMED_DISTANCE_M,
     fuse_ground_view,
-    trusted_ground_texels,
+    select_trusted_ground_texels,
 )
 from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
@@ -46,13 +46,13 @@ def away(metres: float) -> np.ndarray:
 
 
 def test_what_cameras_contradict_each_other_in_is_not_believed() -> None:
-    kept = trusted_ground_texels([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
+    kept = select_trusted_ground_texels([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
     # a square beside the edge of the car is still within what a pose may be off, but for the rim of the one after it
     assert all(one[:, :27].all() and not one[:, 32:].any() for one in kept)
 
 
 def test_two_that_agree_outvote_a_third() -> None:
-    kept = trusted_ground_texels([view(100), view(100, car=30.0), view(98)], [away(5)] * 3, [USUAL] * 3, 10.0)
+    kept = select_trusted_ground_texels([view(100), view(100, car=30.0), view(98)], [away(5)] * 3, [USUAL] * 3, 10.0)
     assert kept[0].all()
     assert kept[2].all()
     assert not kept[1][:, 36:].any()
@@ -71,7 +71,9 @@ def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
     metres: float, colour: float, usual: tuple[np.ndarray, np.ndarray] | None, taken: bool
 ) -> None:
     """To the right of what another camera shows too."""
-    kept, _ = trusted_ground_texels([view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0)
+    kept, _ = select_trusted_ground_texels(
+        [view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0
+    )
     assert kept[:, :17].all()
     assert kept[:, 30:].all() if taken else not kept[:, 30:].any()
 
@@ -79,7 +81,7 @@ def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
 @pytest.mark.parametrize("others", [[], [(6, 100)], [(40, 30)]], ids=["none", "few squares", "contradict it"])
 def test_a_camera_that_no_other_vouches_for_is_not_believed_alone(others: list[tuple[int, float]]) -> None:
     views = [view(100), *(left_of(*other) for other in others)]
-    kept = trusted_ground_texels(views, [away(9)] * len(views), [USUAL] * len(views), 10.0)
+    kept = select_trusted_ground_texels(views, [away(9)] * len(views), [USUAL] * len(views), 10.0)
     assert not kept[0][:, 45:].any()
 
 
@@ -170,7 +172,7 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
         rgb[30:74, trunk : trunk + 3] = 45
         views.append(ChartView(rgb, np.ones((80, 80), bool), np.full((80, 80), 0.5, np.float32)))
     far = np.full((80, 80), 9, np.float32)
-    kept = trusted_ground_texels(views, [far, far], [USUAL, USUAL], 16.0)
+    kept = select_trusted_ground_texels(views, [far, far], [USUAL, USUAL], 16.0)
     for one, trunk in zip(kept, (20, 44), strict=True):
         assert not one[34:70, trunk : trunk + 3].any()
         assert one[:, 60:63].all()

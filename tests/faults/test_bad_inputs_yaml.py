@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from catalogs.block.keys import allowed_ranges, check_keys
+from catalogs.block.keys import check_keys, value_ranges
 from catalogs.block.reader import read_block
 from catalogs.block.yaml_files import MAX_FILE_BYTES, read_yaml
 from facade_core.core.errors import BlockFileError, InputError
@@ -224,7 +224,7 @@ def test_a_wrong_value_at_any_key_is_one_line() -> None:
         {"path": []},
         "\n",
     ]
-    for key in allowed_ranges():
+    for key in value_ranges():
         for value in values:
             keys: dict[str, Any] = {"name": "a", "buildings": {"path": "b"}}
             *parents, leaf = key.split(".")

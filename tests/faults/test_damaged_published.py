@@ -8,7 +8,7 @@ from pathlib import Path
 
 from catalogs.published.snapshot import current_snapshot
 from tasks.engine.run import Run
-from tasks.engine.store.status import finished_summary
+from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
 
 
@@ -48,7 +48,7 @@ DAMAGES: list[tuple[str, Callable[[Path], None]]] = [
 
 
 def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple[Path, Run], run: Run) -> None:
-    done = finished_summary(run)
+    done = completion_summary(run)
     assert done is not None
     out = Path(run.out)
     snapshot = current_snapshot(out).id
@@ -57,16 +57,16 @@ def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple
     shutil.copytree(out, kept)
     for name, damage in DAMAGES:
         damage(published / name)
-        assert finished_summary(run) is None, name
+        assert completion_summary(run) is None, name
         shutil.rmtree(published, ignore_errors=True)
         shutil.copytree(kept / "published" / snapshot, published)
         for pointer in ("current", "catalog.json"):
             shutil.copy2(kept / pointer, out / pointer)
-        assert finished_summary(run) == done
+        assert completion_summary(run) == done
     (published / "block.glb").unlink()
     cut(published / "items.parquet")
     publish_block.fn(run, textured[0])
-    assert finished_summary(run) == done
+    assert completion_summary(run) == done
     assert _contents(published) == _contents(kept / "published" / snapshot)
     assert sorted(path.name for path in (out / "published").iterdir()) == [snapshot]
 

@@ -20,7 +20,7 @@ from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
 from tasks.engine.store.integrity import find_lost_units, mark_suspect, repair_store
-from tasks.engine.store.status import finished_summary
+from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture
 
@@ -97,7 +97,7 @@ def test_what_lost_its_data_is_made_again_and_nothing_else(textured: tuple[Path,
     out = Path(run.out)
     wanted, before = digests_of(out), started(out)
     changed(run.store, lose_panorama)
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     repair_store(run)
     texture(textured[0], out)
     assert digests_of(out) == wanted
@@ -113,7 +113,7 @@ def test_without_its_newest_snapshot_a_run_goes_on_from_the_one_before(
     for tag in (run.store / "refs").glob("tag.*"):  # not they bring it back
         shutil.rmtree(tag)
     damage(tip(run.store))
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     with pytest.raises(StoreError, match=r"snapshot \w+ cannot be read .*`streetloom run BLOCK.yaml --out .*` goes on"):
         after_viewpoint(Path(run.out), "s1", 0)
     said = repair_store(run)
@@ -127,10 +127,10 @@ def test_without_its_newest_snapshot_a_run_goes_on_from_the_one_before(
 def test_the_branch_is_found_again(run: Run, damage: Callable[[Path], None]) -> None:
     wanted = digests_of(Path(run.out))
     damage(run.store / "refs" / "branch.main" / "ref.json")
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     assert len(repair_store(run)) == 1
     assert digests_of(Path(run.out)) == wanted
-    assert finished_summary(run) is not None
+    assert completion_summary(run) is not None
 
 
 def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run], run: Run) -> None:
@@ -145,7 +145,7 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
             path.write_bytes(held)
     lost = find_unreadable_chunks(open_repository(store).readonly_session(BRANCH))
     assert lost
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     (line,) = repair_store(run)
     assert "lost what they made" in line
     assert find_unreadable_chunks(open_repository(store).readonly_session(BRANCH)) == {}
@@ -156,7 +156,7 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
 def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
     for snapshot in (run.store / "snapshots").iterdir():
         cut(snapshot)
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     with pytest.raises(
         LostStoreError, match=r"store: cannot be read \(.*\), nor any earlier snapshot; move .*store away"
     ):
@@ -172,7 +172,7 @@ def test_what_a_run_killed_while_it_made_the_store_left_is_begun_anew(
     for name in gone.split():
         shutil.rmtree(run.store / name)
         (run.store / name).mkdir()
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     assert repair_store(run) == []
     assert open_repository(run.store, create=True).lookup_branch(BRANCH)
 
@@ -203,7 +203,7 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
     changed(run.store, paint)
     assert repair_store(run) == []
     mark_suspect(out)
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     (line,) = repair_store(run)
     assert "lost what they made" in line
     assert "viewpoint" in line

@@ -12,7 +12,7 @@ from catalogs.block.reader import read_block
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import BlockFileError
-from tasks.engine.outcome import failed_record
+from tasks.engine.outcome import failure_record
 from tasks.engine.run import Run
 from tasks.engine.store.commits import read_newest_journal
 from tasks.publish.task import publish_block
@@ -26,7 +26,7 @@ def fail(run: Run, stage: str, count: int) -> None:
     for index, record in enumerate(records[:count]):
         assert record
         digests = {"digests": record["digests"]} if "digests" in record else {}
-        write_record(group, stage, index, failed_record(record["unit"], record["key"], ValueError("broken")) | digests)
+        write_record(group, stage, index, failure_record(record["unit"], record["key"], ValueError("broken")) | digests)
     commit(session, "broken")
 
 

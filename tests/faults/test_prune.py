@@ -19,7 +19,7 @@ from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 from flows.lock import lock_folder
 from tasks.engine.run import Run
-from tasks.engine.store.status import finished_summary
+from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tasks.publish.prune import prune
 from tasks.publish.task import publish_block
@@ -66,7 +66,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
         (leftover / "pages").mkdir(parents=True)
     for leftover in (out / ".current.tmp", out / ".seen-killed"):
         leftover.touch()
-    done = finished_summary(run)
+    done = completion_summary(run)
     assert done is not None
     size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
 
@@ -82,12 +82,12 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
     assert has_all_files(open_repository(run.store), run.store)
     assert after_viewpoint(out, "s1", 1).visible_charts()
-    assert finished_summary(run) == done
+    assert completion_summary(run) == done
 
     assert "removed 1 published snapshots, 0 tags and 0 leftovers" in prune(out, 1)[0]
     assert [path.name for path in published.iterdir()] == [second]
     assert "removed 0 published" in prune(out, 1)[0]
-    assert finished_summary(run) == done
+    assert completion_summary(run) == done
     links = json.loads((published / second / "stac" / "blocks" / "collection.json").read_text())["links"]
     assert not [link for link in links if "version" in link["rel"]]
 

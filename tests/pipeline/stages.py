@@ -27,7 +27,7 @@ from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work
-from tasks.engine.outcome import Outcome, rejected_pictures
+from tasks.engine.outcome import Outcome, list_rejected_pictures
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
@@ -187,7 +187,7 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
 
 
 def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> Outcome:
-    outcome = Outcome(refused=rejected_pictures(due.done))
+    outcome = Outcome(refused=list_rejected_pictures(due.done))
     if due.pieces and due.stage.function is not None:
         outcome += process_batch.fn(run, due.stage.stage, "1", due.stage.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed

@@ -182,7 +182,7 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
         taken = call(command_line, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
         assert said in taken.output
         walls.assign(is_facade=walls["id"] != facade).to_file(tmp_path / "a.gpkg", layer="facades")
-    assert read_corrections(runs.block).corrected_value(facade, "facade") is False
+    assert read_corrections(runs.block).value_correction(facade, "facade") is False
     corrections_file(runs.block).unlink()
     refused = call(command_line, ["export", str(runs.out), "--format", "glb", "--building", "a"])
     assert refused.exit_code == 2

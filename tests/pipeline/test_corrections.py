@@ -118,9 +118,9 @@ def test_attributes_of_cityjson_are_taken_back_and_nothing_else_is_done_again(fo
     assert note.startswith("b: 3 walls are textured from exemplars or pictures"), "its brick waits for them"
     assert not import_corrections(out, file, who="anna").files
     said = read_corrections(folder / "in" / "block.yaml")
-    assert said.corrected_value("a", "height") == 8.25, "its eaves by as much"
-    assert said.corrected_value("b", "height") == 8.5
-    assert said.corrected_value("b-2", "facade") is False
+    assert said.value_correction("a", "height") == 8.25, "its eaves by as much"
+    assert said.value_correction("b", "height") == 8.5
+    assert said.value_correction("b-2", "facade") is False
     made(folder)
     assert facades_since(before, folder) == {f"{house}-{wall}" for house in "ab" for wall in range(4)}
     assert not import_corrections(out, file, who="anna").files, "nor once it stands"
@@ -270,7 +270,7 @@ def test_tables_of_buildings_and_of_facades_correct_heights_and_what_is_none(fol
     walls.assign(is_facade=walls["id"] != "b-2").to_file(file, layer="facades")
     done = import_corrections(folder / "out", file, who="anna")
     assert (done.facades, done.buildings) == (1, 1)
-    assert read_corrections(folder / "in" / "block.yaml").corrected_value("b-2", "facade") is False
+    assert read_corrections(folder / "in" / "block.yaml").value_correction("b-2", "facade") is False
     assert {building.id: building.height for building in read_block(folder / "in" / "block.yaml").buildings} == {
         "a": 8.5,
         "b": 9.0,
@@ -288,7 +288,7 @@ def test_what_walls_are_of_is_told_where_they_have_textures_and_is_counted_where
         "b: 4 walls are textured from exemplars or pictures, which no wall_material or wall_colour changes; give the building "
         "another exemplar",
     )
-    assert read_corrections(folder / "in" / "block.yaml").corrected_value("b", "wall_material") == "brick", (
+    assert read_corrections(folder / "in" / "block.yaml").value_correction("b", "wall_material") == "brick", (
         "kept for what they may be"
     )
     none = [{"facade_id": wall, "facade": False} for wall in sorted(walls)]

@@ -22,7 +22,7 @@ from tasks.engine.fan_out import process_batch
 from tasks.engine.run_key import create_run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.commits import read_newest_journal
-from tasks.engine.store.status import finished_summary
+from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
 from tasks.stages.surfaces.stage import surface_units
 from tests.pipeline.stages import (
@@ -306,7 +306,7 @@ def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: P
         del group[f"journal/{stage}"]
     commit(session, "older")
     run = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     done, _ = again(folder)
     assert done == {"0", "1"}, "the exemplars, of which nothing is known; what was made from them stands"
     assert digests_of(folder / "out") == digests
@@ -318,16 +318,16 @@ def test_other_code_that_publishes_does_nothing_else(
     folder = copied(left_to_streets, tmp_path)
     run = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
     first = publish_block.fn(run)
-    done = finished_summary(run)
+    done = completion_summary(run)
     assert done is not None
     assert done["units_done"] == 0
     for reader in ("stages.publish.task", "engine.store.status"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
-    assert finished_summary(run) is None
+    assert completion_summary(run) is None
     before = started(folder / "out")
     second = publish_block.fn(run)
     assert redone(before, folder / "out") == set()
-    assert finished_summary(run) is not None
+    assert completion_summary(run) is not None
     assert first["atlas_digest"] == second["atlas_digest"]
     assert first["outputs"]["items"] != second["outputs"]["items"]  # readers of the first are not disturbed
     assert Path(first["outputs"]["items"]).is_file()

@@ -35,7 +35,7 @@ from tasks.engine.fan_out import process_batch
 from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_suspect, repair_store
-from tasks.engine.store.status import finished_summary, unpublished_reason
+from tasks.engine.store.status import completion_summary, explain_unpublished
 from tasks.publish.stored_block import read_stored_block
 from tasks.publish.task import publish_block
 from tasks.stages.pictures import stage as pictures
@@ -157,8 +157,8 @@ def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tm
     assert (snapshot.stac / "blocks" / "small.json").is_file()
     assert "a" not in trimesh.load(snapshot.model).graph.nodes_geometry
     assert (snapshot.report / "index.html").is_file()
-    assert unpublished_reason(folder / "out", snapshot.id) is not None
-    assert finished_summary(made.run) is None
+    assert explain_unpublished(folder / "out", snapshot.id) is not None
+    assert completion_summary(made.run) is None
     assert is_suspect(folder / "out")
     assert repair_store(made.run)
     made, summary, snapshot = again(folder)

@@ -131,7 +131,7 @@ def render_perspective(
 
         with published(out) as found:
             camera = PerspectiveCamera.from_heading(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
-            rgb = render_perspective(found.plan.scene, camera, found.textured.raster)
+            rgb = render_perspective(found.plan.scene, camera, found.textured_mesh.raster)
 
     Parameters
     ----------

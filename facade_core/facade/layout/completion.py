@@ -15,7 +15,7 @@ from facade_core.facade.layout.gap_filling import find_gaps_and_strays
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.image_evidence import apply_image_evidence
 from facade_core.facade.layout.layout_sampling import sample_layouts
-from facade_core.facade.layout.model import LayoutModel, shipped_layout_model
+from facade_core.facade.layout.model import LayoutModel, default_layout_model
 from facade_core.facade.layout.proposal_features import compute_features
 from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.ranking import predict_probability
@@ -107,7 +107,7 @@ def complete(
     seen = list(dict.fromkeys(observed))
     check_elements(seen, domain)
     region = check_region(seen, domain, observed_region)
-    chosen = model or shipped_layout_model()
+    chosen = model or default_layout_model()
     if not seen and len(region):
         return [Completion((), score([], domain, model=chosen))]
     if not seen:

@@ -67,7 +67,7 @@ class LayoutModel:
 
 
 @lru_cache(maxsize=1)
-def shipped_layout_model() -> LayoutModel:
+def default_layout_model() -> LayoutModel:
     """Return the model of this package."""
     return load_layout_model(SHIPPED_LAYOUT_MODEL)
 

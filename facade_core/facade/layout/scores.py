@@ -30,7 +30,7 @@ from facade_core.facade.layout.densities import (
     log_density,
 )
 from facade_core.facade.layout.grids import box_array, fit_grids
-from facade_core.facade.layout.model import LayoutModel, shipped_layout_model
+from facade_core.facade.layout.model import LayoutModel, default_layout_model
 from facade_core.facade.layout.statistics import measure_layout
 from facade_core.facade.layout.validation import check_domain, check_elements
 
@@ -59,7 +59,7 @@ def score(
     """
     check_domain(domain)
     check_elements(elements, domain)
-    chosen = model or shipped_layout_model()
+    chosen = model or default_layout_model()
     return float(chosen.weights @ score_terms(elements, domain, chosen))
 
 

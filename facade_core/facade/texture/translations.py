@@ -47,13 +47,13 @@ def find_translations(grey: Float32Array, known: BoolArray) -> Int64Array:
 def _trusted_correlation(a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray) -> Float32Array:
     """Return the correlation weighted by the overlap; -1 where the overlap is too small."""
     height, width = a.shape
-    score, seen = masked_correlation(a, known_a, b, known_b)
+    score, seen = correlate_masked(a, known_a, b, known_b)
     # A long translation has a small overlap, which is more likely to fit by chance.
     trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
     return np.where(seen > _MIN_OVERLAP_SHARE * height * width, score * trust, -1.0)
 
 
-def masked_correlation(
+def correlate_masked(
     a: Float32Array, known_a: BoolArray, b: Float32Array, known_b: BoolArray
 ) -> tuple[Float32Array, Float32Array]:
     """Return the normalised correlation of a at p with b at p + t over pixels known in both, for all t.

@@ -29,7 +29,7 @@ MAX_YARD_GAP_M = 24.0
 MIN_YARD_M2 = 12.0
 
 
-def assumed_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
+def assume_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
     """Return ways with assumed carriageways and pavements for streets with known lines only."""
     return tuple(
         Way(
@@ -48,7 +48,7 @@ def fit_ground(ground: Ground, streets: Sequence[Street], footprints: Sequence[P
     streets : streets to use where no road is mapped.
     footprints : outlines of the buildings.
     """
-    ways = ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *assumed_ways(streets))
+    ways = ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *assume_ways(streets))
     tree = shapely.STRtree(footprints)
     ways = tuple(_narrow_way(way, tree) for way in ways)
     return replace(ground, ways=ways, areas=tuple(_separate_areas([*_find_yards(ways, footprints), *ground.areas])))

@@ -45,7 +45,7 @@ class SquareAgreement(NamedTuple):
     is_contradicted: BoolArray
     log_colour: Float32Array
 
-    def unconfirmed_squares(self, view: int) -> BoolArray:
+    def find_unconfirmed_squares(self, view: int) -> BoolArray:
         """Return the squares (r, c) bool that only this view shows."""
         return self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
 

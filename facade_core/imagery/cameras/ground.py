@@ -60,12 +60,14 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]
     distance = [_ground_distance(scene, chart, camera.pose) for camera in cameras]
     return fuse_camera_views(
         views,
-        trusted_ground_texels(views, distance, [_equalised_ground_colour(camera) for camera in cameras], density),
+        select_trusted_ground_texels(
+            views, distance, [_equalised_ground_colour(camera) for camera in cameras], density
+        ),
         density,
     )
 
 
-def trusted_ground_texels(
+def select_trusted_ground_texels(
     views: Sequence[ChartView],
     distance: Sequence[Float32Array],
     ground_colours: Sequence[tuple[Float64Array, Float64Array] | None],
@@ -88,7 +90,11 @@ def trusted_ground_texels(
 
     squares, trusted, rim = compare_squares(views, density), [], round(DOUBT_RIM_M * density)
     for i, view in enumerate(views):
-        supported, opposed, alone = squares.is_confirmed[i], squares.is_contradicted[i], squares.unconfirmed_squares(i)
+        supported, opposed, alone = (
+            squares.is_confirmed[i],
+            squares.is_contradicted[i],
+            squares.find_unconfirmed_squares(i),
+        )
         ground_colour = ground_colours[i]
         confirmed_count = int(supported.sum())
         if (

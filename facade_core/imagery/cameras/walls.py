@@ -34,10 +34,12 @@ def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) 
         return None
     density = float(scene.placement.texels_per_metre[chart])
     is_low = [_low_texels(scene, chart, camera) for camera in cameras]
-    return fuse_camera_views(views, trusted_wall_texels(views, is_low, density), density)
+    return fuse_camera_views(views, select_trusted_wall_texels(views, is_low, density), density)
 
 
-def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[BoolArray], density: float) -> list[BoolArray]:
+def select_trusted_wall_texels(
+    views: Sequence[ChartView], is_low: Sequence[BoolArray], density: float
+) -> list[BoolArray]:
     """Select the clear texels of each view that can be trusted.
 
     Parameters
@@ -54,7 +56,7 @@ def trusted_wall_texels(views: Sequence[ChartView], is_low: Sequence[BoolArray],
     for i, view in enumerate(views):
         is_confirmed, is_unconfirmed = (
             squares_to_texels(one, squares.side, view.seen.shape)
-            for one in (squares.is_confirmed[i], squares.unconfirmed_squares(i))
+            for one in (squares.is_confirmed[i], squares.find_unconfirmed_squares(i))
         )
         trusted.append(view.clear & (is_confirmed | (is_unconfirmed & ~is_low[i])))
     return trusted

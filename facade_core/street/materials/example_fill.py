@@ -13,7 +13,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, IntArra
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import paint_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
-from facade_core.facade.texture.translations import masked_correlation
+from facade_core.facade.texture.translations import correlate_masked
 
 # Greatest distance of filled ground from known texels.
 MAX_FILL_M = 3.5
@@ -164,7 +164,7 @@ def _best_translations(small: Float32Array, clear: BoolArray, step: float) -> In
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and detail: kerbs and carriageway edges show in both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
-    score, seen = masked_correlation(detail, clear, detail, clear)
+    score, seen = correlate_masked(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
     usable = (np.hypot(down, right) * step >= MIN_TRANSLATION_M) & (seen >= MIN_OVERLAP_SHARE * clear.sum())
     # long translations overlap little and fit by chance more often

@@ -11,7 +11,7 @@ from facade_core.core.arrays import Float64Array, Int16Array, Int64Array, IntArr
 from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.carriageways import assumed_ways
+from facade_core.geometry.ground.carriageways import assume_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
@@ -140,7 +140,7 @@ class MaterialField:
         grains : grain examples; None loads the shipped ones.
         """
         self._scene = scene
-        self._ground = GroundTiles(ground or Ground(assumed_ways(streets)), scene.charts)
+        self._ground = GroundTiles(ground or Ground(assume_ways(streets)), scene.charts)
         self._step = 1 / scene.placement.texels_per_metre
         grey = TiledMaterial(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
         self.arrays = FieldArrays(

@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.atlas.arrays import STAGE_ARRAYS
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
-from facade_core.atlas.stored_files import stored_file_digest
+from facade_core.atlas.stored_files import digest_stored_file
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.stage import all_stages
@@ -49,9 +49,9 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
         files = [(unit, owner.unit_files(unit, record)) for unit, record in enumerate(journal)]
         for unit, wanted in sample_evenly([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
-                if path in group and stored_file_digest(np.asarray(group[path][:]).tobytes()) != digest:
+                if path in group and digest_stored_file(np.asarray(group[path][:]).tobytes()) != digest:
                     found[owner.stage].add(unit)
-    return {stage: sorted(units) for stage, units in found.items()}
+    return {stage: sorted(units) for stage, units in found.items() if units}
 
 
 def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:

@@ -18,7 +18,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.zarr_types import StoreGroup
-from tasks.engine.outcome import rejected_pictures
+from tasks.engine.outcome import list_rejected_pictures
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
 from tasks.engine.stage_code import join_code_versions, stage_code
@@ -30,7 +30,7 @@ from tasks.engine.unit_key import split_key
 SOURCE = "source"
 
 
-def unpublished_reason(out: Folder, snapshot: str) -> str | None:
+def explain_unpublished(out: Folder, snapshot: str) -> str | None:
     """Return why a snapshot is not complete and current; None if it is."""
     found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
@@ -73,7 +73,7 @@ def _read_source(out: Folder) -> Path | None:
         return None
 
 
-def finished_summary(run: Run) -> dict[str, Any] | None:
+def completion_summary(run: Run) -> dict[str, Any] | None:
     """Return the summary of a run whose units are all done and published; None if work is left.
 
     The run's key covers everything that unit keys digest besides the code of their stages.
@@ -91,7 +91,7 @@ def finished_summary(run: Run) -> dict[str, Any] | None:
         _check_block(run, group)
         if group.attrs.get("partial"):
             return None
-        if group.attrs.get("key") != run.key or unpublished_reason(run.folder, session.snapshot_id):
+        if group.attrs.get("key") != run.key or explain_unpublished(run.folder, session.snapshot_id):
             return None
         if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
             return None
@@ -107,7 +107,7 @@ def finished_summary(run: Run) -> dict[str, Any] | None:
     except (StoreError, *DAMAGE_ERRORS):
         return None
     summary = snapshot_at(run.folder, session.snapshot_id).read_outcome()
-    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *rejected_pictures(records)]
+    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *list_rejected_pictures(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
 

@@ -23,9 +23,9 @@ from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
     PICTURE_PIXEL,
+    decoded_pixels,
     decoding_bytes,
     detection_bytes,
-    kept_pixels,
 )
 
 
@@ -69,7 +69,7 @@ def exemplar_key(run: Run, path: Path) -> str:
 
 
 def exemplar_memory(path: Path) -> int:
-    kept = min(kept_pixels([path]), MAX_EXEMPLAR_SIDE**2)
+    kept = min(decoded_pixels([path]), MAX_EXEMPLAR_SIDE**2)
     return (
         LIBRARY_BYTES
         + detection_bytes()

@@ -38,9 +38,9 @@ from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
     PICTURE_PIXEL,
+    decoded_pixels,
     decoding_bytes,
     detection_bytes,
-    kept_pixels,
 )
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
@@ -147,7 +147,7 @@ def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | No
     usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     found = {}
     for facade, building in enumerate(plan.facades.building.tolist()):
-        name = block.corrections.corrected_value(plan.scene.names[building], "exemplar")
+        name = block.corrections.value_correction(plan.scene.names[building], "exemplar")
         if name in usable:
             found[facade] = usable[name], name
     return found
@@ -288,7 +288,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
 def facade_memory(texels: int, imagery: FacadeImagery) -> int:
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
     tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
-    kept = max(kept_pixels(pictures) for pictures in tried)
+    kept = max(decoded_pixels(pictures) for pictures in tried)
     least = LIBRARY_BYTES + (detection_bytes() if kept else 0)
     return least + max(texels * FACADE_TEXEL, *map(decoding_bytes, tried)) + kept * PICTURE_PIXEL
 

@@ -17,7 +17,7 @@ from facade_core.plan.plan import Plan
 MAX_SAMPLED_TEXELS = 1 << 17
 
 
-def pictured_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> Float64Array | None:
+def photo_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> Float64Array | None:
     """Return the wall colour (3,), 0..255, of the facade whose pictures show most of the wall; None if they show too little.
 
     Parameters

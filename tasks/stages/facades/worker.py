@@ -14,7 +14,7 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import earlier_path, hierarchy_path, stored_file_digest, write_stored_file
+from facade_core.atlas.stored_files import digest_stored_file, earlier_path, hierarchy_path, write_stored_file
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
@@ -40,13 +40,13 @@ from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.context import current_worker, plan_of_run
-from tasks.engine.outcome import collect_rejections, describe_rejections, error_reason, failed_record, is_machine_fault
+from tasks.engine.outcome import collect_rejections, describe_rejections, error_reason, failure_record, is_machine_fault
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, read_evidence
-from tasks.stages.facades.wall_colour import pictured_wall_colour
+from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
@@ -110,7 +110,7 @@ def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[in
         except Exception as error:
             if is_machine_fault(error):
                 raise
-            records[unit.index] = failed_record(unit.name, unit.key, _join_errors([*refused, error])) | about  # type: ignore[assignment]
+            records[unit.index] = failure_record(unit.name, unit.key, _join_errors([*refused, error])) | about  # type: ignore[assignment]
         else:
             if made is None:
                 start = prepared = time.time()
@@ -159,7 +159,7 @@ def _write_facade(
         about |= _summarize(result) | {"digests": digests}
         if result.hierarchy is not None:
             about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
-            about["variation_digest"] = stored_file_digest(result.hierarchy.to_bytes())
+            about["variation_digest"] = digest_stored_file(result.hierarchy.to_bytes())
         if imagery.sources()[made.depth] in ("photo", "panoramas"):
             about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
         if made.before is not None:
@@ -183,7 +183,7 @@ def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCap
         Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
         path = earlier_path(int(plan.ids[plan.facades.chart[facade]]))
         write_stored_file(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
-        told |= {"before_file": path, "before_digest": stored_file_digest(file.getvalue())}
+        told |= {"before_file": path, "before_digest": digest_stored_file(file.getvalue())}
     return told
 
 
@@ -279,7 +279,7 @@ def _texture_from_exemplar(
         metres_per_pixel=metres_per_texel,
         floor_style=given[0],
         building_seed=unit_seed(run, str(facades.house[facade]), BUILDING_SEED),
-        wall_colour=pictured_wall_colour(group, plan, beside),
+        wall_colour=photo_wall_colour(group, plan, beside),
         seed=unit_seed(run, first, FACADE_SEED),
     )
     return _TexturedFacade(depth, _apply_correction(result, imagery), name, nothing)

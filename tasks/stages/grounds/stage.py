@@ -27,8 +27,8 @@ from tasks.stages.shared.memory import (
     GROUND_TEXEL,
     LIBRARY_BYTES,
     VIEW_TEXEL,
+    decoded_pixels,
     detection_bytes,
-    kept_pixels,
 )
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -92,7 +92,7 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama
 
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
     """Return the memory of a piece of ground of so many texels, from some panoramas."""
-    kept = kept_pixels(pictures)
+    kept = decoded_pixels(pictures)
     return (
         LIBRARY_BYTES + detection_bytes() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
     )

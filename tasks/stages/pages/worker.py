@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import page_path, stored_file_digest, write_stored_file
+from facade_core.atlas.stored_files import digest_stored_file, page_path, write_stored_file
 from facade_core.export.models.pages import fill_between_charts
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
@@ -39,7 +39,7 @@ def process_page(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
         "key": unit.key,
         "status": "done",
         "bytes": len(data),
-        "digest": stored_file_digest(data),
+        "digest": digest_stored_file(data),
         "worker": current_worker(),
         "started": start,
         "seconds": {"page": round(time.time() - start, 4)},

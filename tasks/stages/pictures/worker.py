@@ -13,11 +13,11 @@ import numpy as np
 from facade_core.atlas.journal import Record, read_journal, read_records
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
+    digest_stored_file,
     page_path,
     picture_path,
     read_stored_file,
     read_verified_array,
-    stored_file_digest,
     tile_paths,
     write_stored_file,
 )
@@ -32,7 +32,7 @@ from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
 from tasks.engine.context import current_worker, plan_of_run
-from tasks.engine.outcome import failed_record, is_machine_fault, is_store_fault
+from tasks.engine.outcome import failure_record, is_machine_fault, is_store_fault
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.record import FacadeRecord
@@ -65,7 +65,7 @@ def process_pictures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
         except Exception as error:
             if is_machine_fault(error) and not is_store_fault(error):
                 raise
-            about = cast(PictureRecord, failed_record(unit.name, unit.key, error))
+            about = cast(PictureRecord, failure_record(unit.name, unit.key, error))
             about["unread"] = is_store_fault(error)
         else:
             about = {"unit": unit.name, "key": unit.key, "status": "done"}
@@ -108,7 +108,7 @@ def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
     path = picture_path(name)
     if data:
         write_stored_file(group, path, data, f"picture of {unit.name}")
-        return {"file": name, "bytes": len(data), "digest": stored_file_digest(data)}  # type: ignore[typeddict-item]
+        return {"file": name, "bytes": len(data), "digest": digest_stored_file(data)}  # type: ignore[typeddict-item]
     if path in group:
         del group[path]
     return {}  # type: ignore[typeddict-item]

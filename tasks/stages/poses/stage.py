@@ -19,7 +19,7 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.poses.worker import process_pose
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
-from tasks.stages.shared.memory import LIBRARY_BYTES, decoding_bytes, kept_pixels
+from tasks.stages.shared.memory import LIBRARY_BYTES, decoded_pixels, decoding_bytes
 
 # Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24
@@ -64,7 +64,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
 
 
 def pose_memory(path: Path) -> int:
-    return LIBRARY_BYTES + decoding_bytes([path]) + kept_pixels([path]) * POSE_PIXEL
+    return LIBRARY_BYTES + decoding_bytes([path]) + decoded_pixels([path]) * POSE_PIXEL
 
 
 POSES = Stage(

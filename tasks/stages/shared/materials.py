@@ -69,7 +69,7 @@ def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     return load_grains(examples) if examples else None
 
 
-def stored_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
+def read_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
     """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None

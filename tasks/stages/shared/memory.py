@@ -36,7 +36,7 @@ def detection_bytes() -> int:
     return DETECTION_BYTES if detectors_available() else 0
 
 
-def kept_pixels(pictures: Iterable[Path]) -> int:
+def decoded_pixels(pictures: Iterable[Path]) -> int:
     """Return the pixels of pictures that are kept."""
     return sum(min(count, MAX_PIXELS) for count in map(_picture_pixels, pictures))
 

@@ -75,7 +75,7 @@ def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) 
     return {"viewpoints": viewpoints, "streets": [plan.viewpoints[viewpoint].street for viewpoint in viewpoints]}
 
 
-def written_charts(plan: Plan) -> list[list[int]]:
+def list_written_charts(plan: Plan) -> list[list[int]]:
     """Return the charts that each street writes."""
     written: list[list[int]] = [[] for _ in plan.streets]
     for street, chart in plan.street_charts[plan.writable[plan.street_charts[:, 1]]].tolist():

@@ -13,8 +13,8 @@ from tasks.stages.streets.integrity import (
     find_differing_panoramas,
     find_lost_streets,
     find_lost_viewpoints,
+    list_written_charts,
     viewpoint_names,
-    written_charts,
 )
 
 
@@ -90,7 +90,7 @@ STREETS = Stage(
     match_previous=_match_streets,
     relocate=_relocate_streets,
     follows_base_layer=True,
-    unit_charts=written_charts,
+    unit_charts=list_written_charts,
     unit_names=lambda plan: [street.id for street in plan.streets],
     find_lost=find_lost_streets,
     confirm_lost=confirm_lost_streets,

@@ -21,7 +21,7 @@ from facade_core.core.errors import StoreError
 from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failed_record, is_done, is_machine_fault, log_units, machine_error
+from tasks.engine.outcome import Outcome, failure_record, is_done, is_machine_fault, log_units, machine_error
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
 from tasks.engine.store.carry_over import delete_units
@@ -134,11 +134,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             raise machine_error(f"street {name}", error) from error
         session, fork = fork_store(run.store)
         if done and due:  # the street's texels stand on no panorama: they stay
-            failed = failed_record(f"{name}/{due[0]}", keys[due[0]], error)
+            failed = failure_record(f"{name}/{due[0]}", keys[due[0]], error)
             commit_units(session, fork, "viewpoints", {own[due[0]]: failed}, f"viewpoint {name}/{due[0]} failed")
             log_units("viewpoints", [failed])
             return outcome.add([failed])
-        failed = failed_record(name, street_key, error)
+        failed = failure_record(name, street_key, error)
         failed["reason"] = f"{at}: {failed['reason']}" if at else failed["reason"]
         failed = cast(StreetRecord, {**failed, "wave": wave, "digests": {}})
         commit_units(session, fork, "streets", {street: failed}, f"street {name} failed")

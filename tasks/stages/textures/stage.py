@@ -18,7 +18,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_parts
-from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoding_bytes, kept_pixels
+from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoded_pixels, decoding_bytes
 from tasks.stages.textures.worker import process_textures
 
 # Bytes per texel of a model's texture: colour, cover and places in the atlas.
@@ -39,7 +39,7 @@ def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             (texture_key(run, plan, building, block.textures),),
             (building, block.textures),
             texture_memory(int(texels[building]), [block.textures[p] for p in pictures.get(building, ())]),
-            tuple(plan.textured_charts(building)),
+            tuple(plan.list_textured_charts(building)),
         )
         for index, building in enumerate(buildings)
     ]
@@ -59,7 +59,7 @@ def _match_previous(change: Change) -> dict[int, int]:
 
     def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
         buildings = enumerate(plan.buildings_with_textures())
-        return {plan.scene.names[building]: (unit, plan.textured_charts(building)) for unit, building in buildings}
+        return {plan.scene.names[building]: (unit, plan.list_textured_charts(building)) for unit, building in buildings}
 
     before, again = units(change.before), {}
     for name, (unit, charts) in units(change.after).items():
@@ -73,7 +73,7 @@ def _match_previous(change: Change) -> dict[int, int]:
 
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
     """Return the key of a building's charts that have textures of their own or are seen from above, without its facades."""
-    charts = plan.textured_charts(building)
+    charts = plan.list_textured_charts(building)
     parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
@@ -84,7 +84,9 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
-    return LIBRARY_BYTES + max(texels * TEXTURE_TEXEL, decoding_bytes(pictures)) + kept_pixels(pictures) * PICTURE_PIXEL
+    return (
+        LIBRARY_BYTES + max(texels * TEXTURE_TEXEL, decoding_bytes(pictures)) + decoded_pixels(pictures) * PICTURE_PIXEL
+    )
 
 
 TEXTURES = Stage(
@@ -95,6 +97,6 @@ TEXTURES = Stage(
     units=texture_units,
     function=process_textures,
     writes_base_layer=True,
-    unit_charts=lambda plan: [plan.textured_charts(building) for building in plan.buildings_with_textures()],
+    unit_charts=lambda plan: [plan.list_textured_charts(building) for building in plan.buildings_with_textures()],
     unit_names=lambda plan: [plan.scene.names[building] for building in plan.buildings_with_textures()],
 )

@@ -29,7 +29,7 @@ def process_textures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
     building, textures = unit.arguments
     plan = plan_of_run(run)
     scene = plan.scene
-    charts = plan.textured_charts(building)
+    charts = plan.list_textured_charts(building)
     refused: list[Exception] = []
     images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
     group = open_root(fork)

@@ -12,9 +12,9 @@ from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
+    digest_stored_file,
     read_stored_file,
     read_verified_array,
-    stored_file_digest,
     tile_paths,
     write_stored_file,
 )
@@ -70,9 +70,9 @@ def process_tile(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
         "shape": shape,
         "made_of": list(tile.picture_digests),
         "bytes": len(tile.glb),
-        "digest": stored_file_digest(tile.glb),
+        "digest": digest_stored_file(tile.glb),
         "box": tile.box.round(3).tolist(),
-        "coarse": stored_file_digest(tile.coarse.tobytes()),
+        "coarse": digest_stored_file(tile.coarse.tobytes()),
         "worker": current_worker(),
         "started": start,
         "seconds": {"tile": round(time.time() - start, 4)},

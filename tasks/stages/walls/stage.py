@@ -27,8 +27,8 @@ from tasks.stages.shared.memory import (
     GROUND_TEXEL,
     LIBRARY_BYTES,
     VIEW_TEXEL,
+    decoded_pixels,
     detection_bytes,
-    kept_pixels,
 )
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.worker import process_walls
@@ -104,7 +104,7 @@ def wall_memory(texels: IntArray, pictures: Sequence[Sequence[Path]]) -> int:
     texels : (k,) texels of its charts.
     pictures : panoramas of each chart; one chart at a time is processed, and all results are kept.
     """
-    pixels = {path: kept_pixels([path]) for path in {path for of_chart in pictures for path in of_chart}}
+    pixels = {path: decoded_pixels([path]) for path in {path for of_chart in pictures for path in of_chart}}
     taken = (
         count * (GROUND_TEXEL + len(of_chart) * VIEW_TEXEL) + sum(pixels[path] for path in of_chart) * CAMERA_PIXEL
         for count, of_chart in zip(texels.tolist(), pictures, strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.stored_files import hierarchy_path, stored_file_digest, write_stored_file
+from facade_core.atlas.stored_files import digest_stored_file, hierarchy_path, write_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
 from facade_core.export.pictures.stage_pictures import StoredFacade
@@ -30,7 +30,7 @@ def test_a_store_has_the_file_as_it_is() -> None:
         "status": "done",
         "variation_levels": 1,
         "variation_file": path,
-        "variation_digest": stored_file_digest(coded.to_bytes()),
+        "variation_digest": digest_stored_file(coded.to_bytes()),
     }
     assert group[path][:].tobytes() == coded.to_bytes()
     assert FACADES.unit_files(0, record) == {path: record["variation_digest"]}

@@ -10,7 +10,7 @@ from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, floor_progressions
 from facade_core.facade.layout.gap_filling import find_gaps_and_strays
 from facade_core.facade.layout.grids import box_array, fit_grids
-from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.shop_floor import select_shop_row
@@ -97,7 +97,7 @@ def test_floors_that_grow_downwards_are_proposed():
     whole = [box("window", 40 * x + 20, 40 + y, 16, 30) for y in (60, 121, 184, 250, 319, 392) for x in range(6)]
     domain, region = (0.0, 0.0, 240.0, 500.0), [(0.0, 0.0, 240.0, 250.0)]
     seen = see(whole, region)
-    found = propose_elements(seen, fit_grids(seen), domain, np.array(region), shipped_layout_model().priors)
+    found = propose_elements(seen, fit_grids(seen), domain, np.array(region), default_layout_model().priors)
     hidden = box_array([e for e in whole if e not in seen])
     assert pairwise_iou(hidden, found.box[found.label == 0]).max(axis=1).min() > 0.5
 
@@ -317,8 +317,8 @@ def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout.baselines import median_pitch, ours
     from benchmarks.layout.figures import run
 
-    records = held_out(data / "layouts" / "cmp.jsonl", shipped_layout_model())[::4]
-    report, plain = (run(records, method) for method in (ours(shipped_layout_model(), 1), median_pitch))
+    records = held_out(data / "layouts" / "cmp.jsonl", default_layout_model())[::4]
+    report, plain = (run(records, method) for method in (ours(default_layout_model(), 1), median_pitch))
     assert report["all"]["f1@0.5"] >= 1.2 * plain["all"]["f1@0.5"]
     for kind in ("right", "lower", "region", "sparse"):
         assert report[kind]["overlaps"] == report[kind]["outside"] == 0

@@ -10,9 +10,9 @@ from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.model import (
     SHIPPED_LAYOUT_MODEL,
     LayoutModel,
+    default_layout_model,
     load_layout_model,
     save_layout_model,
-    shipped_layout_model,
 )
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
@@ -91,6 +91,6 @@ def test_missing_and_garbled_files_are_refused(tmp_path):
 
 
 def test_the_shipped_model_holds_every_fifth_facade_out():
-    numbers = {int(name.rsplit("#", 1)[1]) for name in shipped_layout_model().training_set}
+    numbers = {int(name.rsplit("#", 1)[1]) for name in default_layout_model().training_set}
     assert all((number - 1) % 5 for number in numbers)
     assert len(numbers) == 253

@@ -1,7 +1,7 @@
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
 from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy, sample_policies
 
@@ -14,7 +14,7 @@ def windows(xs, ys):
 
 
 def start(seen, region=REGION):
-    return initial_layout(seen, DOMAIN, region, shipped_layout_model())
+    return initial_layout(seen, DOMAIN, region, default_layout_model())
 
 
 def careful():
@@ -63,7 +63,7 @@ def test_observed_elements_are_hard_constraints_for_any_policy():
 
 
 def test_search_is_deterministic_improves_and_can_be_replayed():
-    model = shipped_layout_model()
+    model = default_layout_model()
     given = start(windows((20, 60), (30, 70, 110)))
     arguments = (model.policies, given, model.densities, model.weights, model.averages_terms, 6, 2)
     used, seeds, scores = optimise_policy(*arguments, 3)

@@ -6,7 +6,7 @@ import pytest
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.densities import MIN_LOG_DENSITY, TERMS, fit_mixture, log_conditional, log_density
-from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.scores import measure_elements, score, score_terms
 from facade_core.facade.layout.statistics import (
     ALIGN_Y,
@@ -76,7 +76,7 @@ def test_lines_that_coincide_take_no_turns():
 
 def test_a_door_on_the_third_floor_speaks_against_a_layout():
     usual = [*block(ys=(30, 70, 110)), window(100, 148, label="door")]
-    model = shipped_layout_model()
+    model = default_layout_model()
     compatible = score_terms(usual, DOMAIN, model)[TERMS.index("ec")]
     assert score_terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
 
@@ -121,7 +121,7 @@ def test_real_layouts_score_higher_than_the_same_disturbed(data):
 
 
 def test_score_is_the_weighted_sum_of_its_terms():
-    model = shipped_layout_model()
+    model = default_layout_model()
     assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ score_terms(block(), DOMAIN, model)))
     only = dataclasses.replace(model, weights=np.eye(len(TERMS))[0])
     assert score(block(), DOMAIN, model=only) == pytest.approx(score_terms(block(), DOMAIN, model)[0])
@@ -129,7 +129,7 @@ def test_score_is_the_weighted_sum_of_its_terms():
 
 def test_every_term_is_floored():
     strange = [window(100, 80, w=199, h=0.5)]
-    assert (score_terms(strange, DOMAIN, shipped_layout_model()) >= 4 * MIN_LOG_DENSITY - 1e-9).all()
+    assert (score_terms(strange, DOMAIN, default_layout_model()) >= 4 * MIN_LOG_DENSITY - 1e-9).all()
     assert np.isfinite(score([], DOMAIN))
 
 

@@ -13,7 +13,7 @@ from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
-from facade_core.geometry.party_walls import enclosed_texels
+from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.contact_shadow import contact_light
@@ -219,7 +219,7 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
     materials = MaterialField(scene, [STREET], seed=1)
-    shut = np.array([enclosed_texels(scene, chart).mean() for chart in range(len(charts))])
+    shut = np.array([find_enclosed_texels(scene, chart).mean() for chart in range(len(charts))])
     east = charts.normals()[:, 0]
     (party,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (east > 0.9))
     (covered,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 1) & (east < -0.9))

@@ -21,7 +21,7 @@ from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone, WorkersDied
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
-from tasks.engine.outcome import failed_record, is_machine_fault, machine_error
+from tasks.engine.outcome import failure_record, is_machine_fault, machine_error
 from tasks.engine.unit import Unit, UnitGroup
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -112,7 +112,7 @@ def test_the_inputs_fault_sets_a_unit_aside(name: str) -> None:
 
 
 def test_a_failed_unit_keeps_where_it_failed() -> None:
-    record = failed_record("a/1", "key", wrapped(KeyError("inner"), ValueError("outer\nline")))  # type: ignore[arg-type]
+    record = failure_record("a/1", "key", wrapped(KeyError("inner"), ValueError("outer\nline")))  # type: ignore[arg-type]
     assert record["reason"] == "ValueError: outer line"
     assert "KeyError: 'inner'" in record["traceback"]
     assert "raise outer from error" in record["traceback"]

@@ -11,7 +11,7 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
-from tasks.engine.outcome import Outcome, failed_record, is_done
+from tasks.engine.outcome import Outcome, failure_record, is_done
 from tasks.engine.progress import StageProgress, add_listener, begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
@@ -24,20 +24,20 @@ RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 def test_outcomes_add_up() -> None:
     records = [{"unit": "a", "status": "done"}, {"unit": "b", "status": "failed", "reason": "r"}]
     total = Outcome(skipped=2).add(records) + Outcome(done=1)
-    assert (total.done, total.skipped, total.failed, total.finished) == (2, 2, (("b", "r"),), 5)
+    assert (total.done, total.skipped, total.failed, total.processed_count) == (2, 2, (("b", "r"),), 5)
 
 
 def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -> None:
     assert is_done({"status": "done", "key": "k"}, "k")
     assert not is_done({"status": "done", "key": "k"}, "other")
-    assert not is_done(failed_record("u", "k", FacadeError("no")), "k")
+    assert not is_done(failure_record("u", "k", FacadeError("no")), "k")
     assert not is_done(None, "k")
 
 
 def test_reasons_are_one_line() -> None:
-    assert failed_record("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
-    assert "\n" not in failed_record("u", "k", ValueError("a\nb"))["reason"]
-    assert failed_record("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
+    assert failure_record("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
+    assert "\n" not in failure_record("u", "k", ValueError("a\nb"))["reason"]
+    assert failure_record("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
 
 
 def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:

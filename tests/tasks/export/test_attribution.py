@@ -130,7 +130,7 @@ def test_each_format_is_asked() -> None:
 def test_a_format_names_the_licence_of_the_map(
     found: PublishedBlock, undisturbed: Run, tmp_path: Path, style: str
 ) -> None:
-    name = found.names[int(found.plan.facades.building[found.finished_facades(found.select_buildings(()))[0]])]
+    name = found.names[int(found.plan.facades.building[found.select_finished_facades(found.select_buildings(()))[0]])]
     line = found.attribution.line
     folder = export_run(undisturbed[0], style, tmp_path / style, [name]).path
     said = list(NAMED[style](Path(str(folder))))

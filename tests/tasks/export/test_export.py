@@ -79,7 +79,7 @@ def test_models_stand_where_the_block_does_and_look_like_its_atlas(
         uv = part.visual.uv[part.faces].mean(axis=1)[there]
         shown = image[((1 - uv[:, 1]) * image.shape[0]).astype(int), (uv[:, 0] * image.shape[1]).astype(int)]
         for c, y, x, colour in zip(chart[there], row, column, shown, strict=True):
-            errors.append(np.abs(found.textured.raster(int(c))[y, x] - colour).mean())
+            errors.append(np.abs(found.textured_mesh.raster(int(c))[y, x] - colour).mean())
     assert np.median(errors) < 6
     assert np.mean(errors) < 12
 
@@ -171,7 +171,7 @@ def test_annotations_lie_in_their_pictures(found: PublishedBlock, undisturbed: R
     coco = json.loads(path.read_text())
     images = {image["id"]: image for image in coco["images"]}
     assert {image["facade"] for image in images.values()} == {
-        found.plan.facades.id[i] for i in found.finished_facades(found.select_buildings(()))
+        found.plan.facades.id[i] for i in found.select_finished_facades(found.select_buildings(()))
     }
     assert [a["id"] for a in coco["annotations"]] == list(range(1, len(coco["annotations"]) + 1))
     assert {c["name"] for c in coco["categories"]} == {"window", "balcony", "door", "shop"}

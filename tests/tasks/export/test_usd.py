@@ -49,7 +49,7 @@ def test_buildings_stand_where_they_do_and_say_what_they_are(found: PublishedBlo
     prims = {prim.GetDisplayName(): prim for prim in stage.GetDefaultPrim().GetChildren()}
     names = {found.names[b]: b for b in found.select_buildings(()).tolist()}
     assert prims.keys() == names.keys() | {"ground"}
-    source = found.textured
+    source = found.textured_mesh
     for name, building in names.items():
         assert prims[name].GetCustomDataByKey("streetloom:height_m") == pytest.approx(
             found.buildings["height"][building]
