@@ -1,0 +1,9 @@
+"""Types of documents that were parsed from JSON, YAML or TOML."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+# A checker cannot know the types inside a parsed document: readers check every value that they use.
+JsonObject: TypeAlias = dict[str, Any]
+JsonValue: TypeAlias = "JsonObject | list[Any] | str | int | float | bool | None"
