@@ -24,6 +24,7 @@ from typing import Any
 import pandas as pd
 import pyogrio
 
+from facade_core.export.models.glb import read_glb_header
 from tests.pipeline import stages
 from tests.pipeline.runs import environment
 
@@ -31,6 +32,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog")
 # Columns that say when something was done, how long that took, where, and by which code.
 VOLATILE = ["updated", "seconds", "run", "config_digest"]
+VOLATILE_PROPERTIES = {*VOLATILE, "code_version"}
 # What an export says of its own files, which are compared themselves.
 CONTENTS = ("export.json", ".export.json")
 # Likewise in the text of exports: times, the version with its digest of code, names of snapshots.
@@ -77,16 +79,40 @@ def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:
     found = {"atlas_digest": summary["atlas_digest"]}
     found |= {f"items/{name}": _digest(column.to_csv(index=False).encode()) for name, column in rows.items()}
     for model in summary["outputs"]["glb"]:
-        found[f"published/{Path(model).name}"] = _digest(Path(model).read_bytes())
+        found[f"published/{Path(model).name}"] = _digest_file(Path(model))
     for form in FORMATS:
         folder = out.with_name(f"{out.name}-{form}{'.gpkg' if form == 'gpkg' else ''}")
         command("export", str(out), "--format", form, "--to", str(folder))
         if folder.is_dir():
             files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in CONTENTS]
-            found |= {f"{form}/{path.relative_to(folder).as_posix()}": _digest(path.read_bytes()) for path in files}
+            found |= {f"{form}/{path.relative_to(folder).as_posix()}": _digest_file(path) for path in files}
         else:
             found |= {f"{form}/{layer}": _digest(_layer(folder, layer)) for layer, _ in pyogrio.list_layers(folder)}
     return found
+
+
+def _digest_file(path: Path) -> str:
+    return _digest(_model_content(path.read_bytes()) if path.suffix == ".glb" else path.read_bytes())
+
+
+def _model_content(glb: bytes) -> bytes:
+    """Return a model without the volatile properties of its metadata, such as the seconds of each facade."""
+    document, data = read_glb_header(BytesIO(glb))
+    tables = document.get("extensions", {}).get("EXT_structural_metadata", {}).get("propertyTables", [])
+    volatile = {
+        view
+        for table in tables
+        for name in VOLATILE_PROPERTIES & table["properties"].keys()
+        for view in table["properties"][name].values()
+    }
+    rest = {name: value for name, value in document.items() if name not in ("buffers", "bufferViews")}
+    content = [json.dumps(rest).encode()]
+    for index, view in enumerate(document.get("bufferViews", [])):
+        if index not in volatile:
+            start = data + view["byteOffset"]
+            shape = {name: value for name, value in view.items() if name != "byteOffset"}
+            content += [json.dumps(shape).encode(), glb[start : start + view["byteLength"]]]
+    return b"".join(content)
 
 
 def _layer(file: Path, layer: str) -> bytes:
