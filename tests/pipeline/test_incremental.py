@@ -321,8 +321,8 @@ def test_other_code_that_publishes_does_nothing_else(
     done = completion_summary(run)
     assert done is not None
     assert done["units_done"] == 0
-    for reader in ("stages.publish.task", "engine.store.status"):
-        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
+    for reader in ("tasks.publish.task.stage_code", "tasks.engine.store.status.stage_code"):
+        monkeypatch.setattr(reader, _other_code("publish"))
     assert completion_summary(run) is None
     before = started(folder / "out")
     second = publish_block.fn(run)

@@ -275,8 +275,8 @@ def test_models_that_other_code_puts_together_are_not_linked(
     seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(seeded, tmp_path)
-    for reader in ("stages.publish.task", "published.tiles"):
-        monkeypatch.setattr(f"tasks.{reader}.stage_code", lambda stage: f"other {stage}", raising=False)
+    for reader in ("tasks.publish.task.stage_code", "tasks.publish.tiles.stage_code"):
+        monkeypatch.setattr(reader, lambda stage: f"other {stage}")
     first = current_snapshot(folder / "out")
     _, _, second = again(folder)
     assert first != second
