@@ -41,10 +41,10 @@ def hostile_block(top: Path) -> Iterator[SimpleNamespace]:
     )
     with pytest.MonkeyPatch.context() as patch:
         # readers set aside what is no letter, and a store may be older than they: what is shown must not rely on them
-        for refusal in ("limits._too_much", "pictures.folders._unnamed"):
-            patch.setattr(f"catalogs.readers.{refusal}", lambda item: None)
-        for module in ("limits", "pictures.folders"):
-            patch.setattr(f"catalogs.readers.{module}.one_line", lambda text: text)
+        for refusal in ("catalogs.readers.limits._limit_violation", "catalogs.readers.pictures.folders._name_problem"):
+            patch.setattr(refusal, lambda item: None)
+        for reader in ("catalogs.readers.limits.single_line", "catalogs.readers.pictures.folders.single_line"):
+            patch.setattr(reader, lambda text: text)
         textured: Textured = texture(block, top / "out")
         summary = publish_block.fn(textured.run, block)
     published = top / "out" / "published" / (top / "out" / "current").read_text().strip()

@@ -277,8 +277,8 @@ def test_units_done_by_other_code_are_due(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("stages.facades.keys", "stages.streets.keys"):
-        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("facades"))
+    for reader in ("tasks.stages.facades.keys.stage_code", "tasks.stages.streets.keys.stage_code"):
+        monkeypatch.setattr(reader, _other_code("facades"))
     done, made = again(folder)
     assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
     assert made.said is not None
@@ -289,8 +289,8 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("engine.run_key", "stages.ingest.task"):
-        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
+    for reader in ("tasks.engine.run_key.stage_code", "tasks.stages.ingest.task.stage_code"):
+        monkeypatch.setattr(reader, _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
     assert made.run.key != _key_of(left_to_streets)
