@@ -106,16 +106,42 @@ def has_east_north_axes(crs: CRS) -> bool:
     return set(directions[:2]) == {"east", "north"} or (len(directions) > 1 and directions[0] == directions[1])
 
 
-def check_crs_axes(crs: CRS, longitude: float, latitude: float) -> None:
-    """Raise InputError where x does not run east or y does not run north.
+def check_block_crs(crs: CRS, longitude: float, latitude: float) -> None:
+    """Raise InputError where a CRS does not suit a block at a place.
 
-    Such a CRS mirrors or turns a block.
+    A unit must be a metre on the ground, which it is not in Web Mercator and in a distant zone. x must run east and y
+    north, since other axes mirror or turn a block.
 
     Parameters
     ----------
     crs : projected CRS.
     longitude, latitude : place of the block, degrees.
     """
+    _check_scale(crs, longitude, latitude)
+    _check_axes(crs, longitude, latitude)
+
+
+def _check_scale(crs: CRS, longitude: float, latitude: float) -> None:
+    """Raise InputError where a unit of the CRS is not a metre on the ground."""
+    from pyproj import Proj
+    from pyproj.exceptions import ProjError
+
+    try:
+        factors = Proj(crs).get_factors(longitude, latitude)
+        scales = (factors.meridional_scale, factors.parallel_scale)
+    except ProjError:
+        scales = (math.inf, math.inf)
+    if not all(abs(scale - 1.0) <= _MAX_SCALE_ERROR for scale in scales):
+        far = max(scales, key=lambda scale: abs(scale - 1.0))
+        remedy = f"give e.g. EPSG:{utm_crs(longitude, latitude).to_epsg()}, or leave crs out"
+        raise InputError(
+            f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
+            f"(scale {far:.3g}); {remedy}"
+        )
+
+
+def _check_axes(crs: CRS, longitude: float, latitude: float) -> None:
+    """Raise InputError where x does not run east or y does not run north."""
     step = 1e-4  # degrees
     x, y = coordinate_transform(LONLAT, crs)(
         np.array([longitude, longitude + step, longitude]), np.array([latitude, latitude, latitude + step])
@@ -142,8 +168,7 @@ def choose_block_crs(source: str, longitude: float, latitude: float) -> CRS:
     """
     try:
         frame = parse_metric_crs(source)
-        check_crs_scale(frame, longitude, latitude)
-        check_crs_axes(frame, longitude, latitude)
+        check_block_crs(frame, longitude, latitude)
     except InputError:
         return utm_crs(longitude, latitude)
     return frame
@@ -163,33 +188,6 @@ def utm_crs(longitude: float, latitude: float) -> CRS:
         raise InputError(f"no UTM zone at latitude {latitude:.2f}; give a projected crs in metres")
     zone = int((longitude + 180.0) % 360.0 // 6.0) + 1
     return CRS.from_epsg((32600 if latitude >= 0 else 32700) + zone)
-
-
-def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
-    """Raise InputError where a unit of the CRS is not a metre on the ground.
-
-    Examples are Web Mercator and a distant zone.
-
-    Parameters
-    ----------
-    crs : projected CRS.
-    longitude, latitude : place of the block, degrees.
-    """
-    from pyproj import Proj
-    from pyproj.exceptions import ProjError
-
-    try:
-        factors = Proj(crs).get_factors(longitude, latitude)
-        scales = (factors.meridional_scale, factors.parallel_scale)
-    except ProjError:
-        scales = (math.inf, math.inf)
-    if not all(abs(scale - 1.0) <= _MAX_SCALE_ERROR for scale in scales):
-        far = max(scales, key=lambda scale: abs(scale - 1.0))
-        remedy = f"give e.g. EPSG:{utm_crs(longitude, latitude).to_epsg()}, or leave crs out"
-        raise InputError(
-            f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
-            f"(scale {far:.3g}); {remedy}"
-        )
 
 
 def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:

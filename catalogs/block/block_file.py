@@ -6,13 +6,14 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import ParamSpec, TypeVar
 
 from catalogs.reader_errors import is_system_error, short_message
 from facade_core.core.errors import BlockFileError, FacadeError, InputError
 
 log = logging.getLogger(__name__)
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -26,13 +27,13 @@ class BlockFile:
         """Return the error for a problem with a key."""
         return BlockFileError(f"{self.path}: {key}: {problem}")
 
-    def call_reader(self, key: str, read: Callable[..., T], *arguments: Any) -> T:
+    def call_reader(self, key: str, read: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
         """Call a reader, and convert its errors into BlockFileError with the file and key.
 
         Errors of the machine, such as a full disk, pass unchanged.
         """
         try:
-            return read(*arguments)
+            return read(*arguments, **options)
         except InputError as error:
             raise self.make_error(key, str(error)) from error
         except FacadeError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ import shapely
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction, Corrections
 from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import notes_by_reason
-from catalogs.readers.vectors.colours import ROOF_MATERIAL_COLOURS, WALL_MATERIAL_COLOURS, parse_colour
+from catalogs.readers.vectors.colours import ROOF_MATERIAL_COLOURS, WALL_MATERIAL_COLOURS, Colour, parse_colour
 from catalogs.readers.vectors.roofs import estimate_roof_height
 from facade_core.core.types import Building, Finish, Roof
 
@@ -69,8 +69,7 @@ def correct_buildings(
     skipped: list[str] = []
     for building in buildings:
         if building.id in selected:
-            values = {kind: correction.value for kind, correction in selected[building.id].items()}
-            building, is_complete = _correct_building(building, values, storey)
+            building, is_complete = _correct_building(building, corrections, storey)
             skipped += [] if is_complete else [building.id]
         corrected.append(building)
     reason = "heights or roofs corrected of models, of roofs that are flat, or of what would end below where it begins"
@@ -78,56 +77,83 @@ def correct_buildings(
     return tuple(corrected), notes_by_reason({reason: skipped})
 
 
-def _correct_building(building: Building, values: Mapping[str, Any], storey: float) -> tuple[Building, bool]:
+def _correct_building(building: Building, corrections: Corrections, storey: float) -> tuple[Building, bool]:
     """Return the corrected building, and whether every correction was applied."""
-    building = replace(building, finish=_correct_finish(building.finish, values))
-    if "levels" in values:
-        building = replace(building, levels=int(values["levels"]))
+    building = replace(building, finish=_correct_finish(building, corrections))
+    stated_height = corrections.value_correction(building.id, "height")
+    levels = corrections.value_correction(building.id, "levels")
+    shape = corrections.value_correction(building.id, "roof_shape")
+    roof_height = corrections.value_correction(building.id, "roof_height")
+    if levels is not None:
+        building = replace(building, levels=int(levels))
     if building.shell is not None:
-        return building, values.keys().isdisjoint(("height", "roof_shape", "roof_height"))
+        return building, stated_height is None and shape is None and roof_height is None
     height, source = building.height, building.height_source
-    if "height" in values:
-        height, source = round(values["height"], 2), "height"
-    elif "levels" in values and source != "height":
-        height, source = round(building.raised + building.levels * storey, 2), "levels"  # type: ignore[operator]
+    if stated_height is not None:
+        height, source = round(stated_height, 2), "height"
+    elif levels is not None and source != "height":
+        height, source = round(building.raised + int(levels) * storey, 2), "levels"
     is_complete = height >= building.raised + MIN_WALL_HEIGHT_M
     if is_complete:
         building = replace(building, height=height, height_source=source)
-    roof = _correct_roof(building, values)
-    if "roof_height" in values and "roof_shape" not in values and (roof is None or roof.shape == "flat"):
+    roof = _correct_roof(building, shape, roof_height)
+    if roof_height is not None and shape is None and (roof is None or roof.shape == "flat"):
         is_complete = False  # the corrected height belonged to another shape
     return replace(building, roof=roof), is_complete
 
 
-def _correct_roof(building: Building, values: Mapping[str, Any]) -> Roof | None:
-    before, shape, height = building.roof, values.get("roof_shape"), values.get("roof_height")
+def _correct_roof(building: Building, shape: str | None, height: float | None) -> Roof | None:
+    before = building.roof
     if shape is None and height is None:
         return before
     shape = shape or (before.shape if before else "flat")
     if shape == "flat":
         return Roof("flat", 0.0)
-    same_shape = before is not None and before.shape == shape
+    same = before if before is not None and before.shape == shape else None
     if height is None:
-        if same_shape:
-            return replace(before, confidence=1.0)  # type: ignore[type-var]
+        if same is not None:
+            return replace(same, confidence=1.0)
         rise = before.height if before is not None else 0.0
         height = rise if rise > 0 else estimate_roof_height(building.footprint, shape)
-    if same_shape:
-        return replace(before, height=round(height, 2), pitch=None, confidence=1.0)  # type: ignore[type-var]
+    if same is not None:
+        return replace(same, height=round(height, 2), pitch=None, confidence=1.0)
     return Roof(shape, round(height, 2))
 
 
-def _correct_finish(finish: Finish, values: Mapping[str, Any]) -> Finish:
+def _correct_finish(building: Building, corrections: Corrections) -> Finish:
     """Correct colours and materials; a colour implied by the old material is replaced with it."""
-    for part, usual in (("wall", WALL_MATERIAL_COLOURS), ("roof", ROOF_MATERIAL_COLOURS)):
-        before, colour = getattr(finish, f"{part}_material"), getattr(finish, f"{part}_colour")
-        material = values.get(f"{part}_material", before)
-        if material != before and colour == usual.get(before or ""):
-            colour = usual.get(material)
-        if f"{part}_colour" in values:
-            colour = parse_colour(values[f"{part}_colour"])
-        finish = replace(finish, **{f"{part}_material": material, f"{part}_colour": colour})
-    return finish
+    before, id = building.finish, building.id
+    wall_material, wall_colour = _correct_surface(
+        (before.wall_material, before.wall_colour),
+        corrections.value_correction(id, "wall_material"),
+        corrections.value_correction(id, "wall_colour"),
+        WALL_MATERIAL_COLOURS,
+    )
+    roof_material, roof_colour = _correct_surface(
+        (before.roof_material, before.roof_colour),
+        corrections.value_correction(id, "roof_material"),
+        corrections.value_correction(id, "roof_colour"),
+        ROOF_MATERIAL_COLOURS,
+    )
+    return replace(
+        before,
+        wall_material=wall_material,
+        wall_colour=wall_colour,
+        roof_material=roof_material,
+        roof_colour=roof_colour,
+    )
+
+
+def _correct_surface(
+    stated: tuple[str | None, Colour | None], material: str | None, colour: str | None, usual: Mapping[str, Colour]
+) -> tuple[str | None, Colour | None]:
+    """Return the material and colour of walls or roofs after corrections; `usual` is the colour by material."""
+    old_material, old_colour = stated
+    new_material = old_material if material is None else material
+    if colour is not None:
+        return new_material, parse_colour(colour)
+    is_implied = new_material != old_material and old_colour == usual.get(old_material or "")
+    return new_material, usual.get(new_material or "") if is_implied else old_colour
 
 
 def match_by_location(buildings: Sequence[Building], corrections: Corrections, crs: CRS | str) -> dict[str, str]:
@@ -220,11 +246,12 @@ def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building
     return found
 
 
-def _project_points(places: Sequence[Correction], crs: CRS | str) -> list[Any]:
+def _project_points(places: Sequence[Correction], crs: CRS | str) -> list[shapely.Point]:
     if not places:
         return []
     lonlat = np.array([one.place for one in places], float)
-    return shapely.points(np.column_stack(coordinate_transform(LONLAT, crs)(*lonlat.T))).tolist()
+    points: list[shapely.Point] = shapely.points(np.column_stack(coordinate_transform(LONLAT, crs)(*lonlat.T))).tolist()
+    return points
 
 
 def _located_correction(by_kind: Mapping[str, Correction]) -> Correction | None:

@@ -14,11 +14,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias, TypeGuard, overload
 
 from catalogs.block.yaml_files import read_yaml
 from catalogs.readers.vectors.colours import parse_colour
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 
 CORRECTIONS_SUFFIX = ".corrections.jsonl"
@@ -30,6 +31,13 @@ FACADE_CORRECTION_KINDS = ("elements", "hide", "keep", "facade")
 BUILDING_CORRECTION_KINDS = (
     "exemplar", "height", "levels", "roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour",
 )  # fmt: skip
+
+# Kinds of corrections of buildings by the type of their value.
+NumberKind: TypeAlias = Literal["height", "levels", "roof_height"]
+TextKind: TypeAlias = Literal["exemplar", "roof_shape", "wall_material", "roof_material", "wall_colour", "roof_colour"]
+# Left, top, right and bottom as shares of a wall; of an element with its class.
+Box: TypeAlias = tuple[float, float, float, float]
+ElementBox: TypeAlias = tuple[str, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +98,18 @@ class Corrections:
     def __bool__(self) -> bool:
         return bool(self.by_target)
 
+    @overload
+    def value_correction(self, id: str, kind: Literal["elements"]) -> tuple[ElementBox, ...] | None: ...
+    @overload
+    def value_correction(self, id: str, kind: Literal["hide", "keep"]) -> tuple[Box, ...] | None: ...
+    @overload
+    def value_correction(self, id: str, kind: Literal["facade"]) -> bool | None: ...
+    @overload
+    def value_correction(self, id: str, kind: NumberKind) -> float | None: ...
+    @overload
+    def value_correction(self, id: str, kind: TextKind) -> str | None: ...
+    @overload
+    def value_correction(self, id: str, kind: str) -> Any: ...
     def value_correction(self, id: str, kind: str) -> Any:
         """Return the corrected value, or None if there is none."""
         found = self.by_target.get(id, {}).get(kind)
@@ -115,7 +135,7 @@ class Corrections:
             )
         return Corrections(merged, {**self.new_ids, **known})
 
-    def digest_values(self) -> list[list[Any]]:
+    def digest_values(self) -> list[list[object]]:
         """Return the values that a result depends on, without author, time and reason."""
         return [
             [id, kind, correction.value, correction.place, correction.width]
@@ -131,9 +151,10 @@ def city_or_block_file(block: Path) -> Path:
     """Return the file that a block's corrections belong to: its own, or its city's."""
     try:
         values = read_yaml(block)
-        city = values["part"]["city"]
-    except (OSError, ValueError, KeyError, TypeError):  # the reader reports an invalid block file
+    except (OSError, ValueError):  # the reader reports an invalid block file
         return block
+    part = values.get("part") if isinstance(values, dict) else None
+    city = part.get("city") if isinstance(part, dict) else None
     return Path(os.path.normpath(block.parent / city)) if isinstance(city, str) else block
 
 
@@ -198,7 +219,7 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     _append_lines(path, "".join(f"{line}\n" for line in lines))
 
 
-def _line_values(correction: Correction) -> dict[str, Any]:
+def _line_values(correction: Correction) -> JsonObject:
     return {key: getattr(correction, attribute) for key, attribute in LINE_KEYS.items()}
 
 
@@ -250,7 +271,7 @@ def validate_correction(correction: Correction) -> Correction:
         raise InputError(f"{correction.kind} of {correction.id}: {error}") from error
 
 
-def _parse_location(value: Any) -> tuple[float, float] | None:
+def _parse_location(value: Iterable[float] | None) -> tuple[float, float] | None:
     if value is None:
         return None
     longitude, latitude = map(float, value)
@@ -259,13 +280,13 @@ def _parse_location(value: Any) -> tuple[float, float] | None:
     return longitude, latitude
 
 
-def _quote_value(value: Any) -> str:
+def _quote_value(value: object) -> str:
     """Format a value for a message."""
     text = repr(value)
     return text if len(text) <= MAX_WORD_LENGTH else f"{text[:MAX_WORD_LENGTH]}..."
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Return whether a JSON value is a finite number."""
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
@@ -273,17 +294,17 @@ def is_number(value: Any) -> bool:
         return False
 
 
-def _require_list(value: Any) -> Sequence[Any]:
+def _require_list(value: object) -> Sequence[object]:
     if not isinstance(value, list | tuple):
         raise ValueError(f"{_quote_value(value)} is no list of boxes")
     return value
 
 
-def _parse_boxes(value: Any) -> tuple[tuple[float, float, float, float], ...]:
+def _parse_boxes(value: object) -> tuple[Box, ...]:
     return tuple(_parse_box(box) for box in _require_list(value))
 
 
-def _parse_box(value: Any) -> tuple[float, float, float, float]:
+def _parse_box(value: object) -> Box:
     if isinstance(value, list | tuple) and len(value) == 4 and all(map(is_number, value)):
         x0, y0, x1, y1 = (round(min(max(float(v), 0.0), 1.0), 6) for v in value)
         if x0 < x1 and y0 < y1:
@@ -291,8 +312,8 @@ def _parse_box(value: Any) -> tuple[float, float, float, float]:
     raise ValueError(f"{_quote_value(value)} is no box within the wall: left, top, right, bottom as shares of it")
 
 
-def _parse_elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
-    found = set()  # duplicates are dropped
+def _parse_elements(value: object) -> tuple[ElementBox, ...]:
+    found: set[ElementBox] = set()  # duplicates are dropped
     for element in _require_list(value):
         label, *box = element if isinstance(element, list | tuple) and element else (element,)
         if label not in ELEMENT_CLASSES:
@@ -303,14 +324,14 @@ def _parse_elements(value: Any) -> tuple[tuple[str, float, float, float, float],
     )
 
 
-def _parse_flag(value: Any) -> bool:
+def _parse_flag(value: object) -> bool:
     if not isinstance(value, bool):
         raise ValueError(f"{_quote_value(value)} is neither true nor false")
     return value
 
 
-def _number_parser(minimum: float, maximum: float) -> Callable[[Any], float]:
-    def parse_number(value: Any) -> float:
+def _number_parser(minimum: float, maximum: float) -> Callable[[object], float]:
+    def parse_number(value: object) -> float:
         if not is_number(value):
             raise ValueError(f"{_quote_value(value)} is no number")
         if not minimum <= value <= maximum:
@@ -320,26 +341,26 @@ def _number_parser(minimum: float, maximum: float) -> Callable[[Any], float]:
     return parse_number
 
 
-def _parse_name(value: Any) -> str:
+def _parse_name(value: object) -> str:
     if not isinstance(value, str) or not value:
         raise ValueError(f"{_quote_value(value)} is no name")
     return value
 
 
-def _parse_word(value: Any) -> str:
+def _parse_word(value: object) -> str:
     if not isinstance(value, str) or not value.strip() or len(value) > MAX_WORD_LENGTH:
         raise ValueError(f"{_quote_value(value)} is no word for a material or a roof, such as brick")
     return value.strip().lower()
 
 
-def _parse_colour(value: Any) -> str:
+def _parse_colour(value: object) -> str:
     found = parse_colour(value) if isinstance(value, str) else None
     if found is None:
         raise ValueError(f"{_quote_value(value)} is no colour; write one as #a0522d")
     return "#{:02x}{:02x}{:02x}".format(*found)
 
 
-_VALUE_PARSERS: Mapping[str, Callable[[Any], Any]] = {
+_VALUE_PARSERS: Mapping[str, Callable[[object], object]] = {
     "elements": _parse_elements,
     "hide": _parse_boxes,
     "keep": _parse_boxes,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -29,7 +29,7 @@ def block_digest(block: Block) -> str:
     Names of pictures are hashed where a result shows them: a facade's source, the id of an exemplar or panorama.
     """
     material, aerial = block.roof_material, block.aerial
-    values: dict[str, Any] = {name: getattr(block, attribute) for name, attribute in BLOCK_FIELDS} | {
+    values: dict[str, object] = {name: getattr(block, attribute) for name, attribute in BLOCK_FIELDS} | {
         "digest": None,
         "failed_limit": None,  # does not change the result, only whether it is made current
         "crs": block.crs.to_string(),
@@ -53,12 +53,10 @@ def block_digest(block: Block) -> str:
         values["models"] = model_digests(block.models)
     if block.corrections:
         values["corrections"] = block.corrections.digest_values()
-    digest = _new_hash()
-    _hash_value(values, digest.update)
-    return digest.hexdigest()
+    return _value_digest(values)
 
 
-def model_digests(models: ModelFiles) -> list[list[Any]]:
+def model_digests(models: ModelFiles) -> list[list[str]]:
     """Return for each model that a block names: its name and the digests of its files."""
     single = {"parser": ModelFiles(parser=models.parser), "layout": ModelFiles(layout=models.layout)}
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
@@ -78,8 +76,7 @@ PLAN_SETTINGS = (
 def geometry_digest(block: Block) -> str:
     """Compute the sha256 of the inputs of a block's plan, without panoramas."""
     texture, aerial = block.texture, block.aerial
-    digest = _new_hash()
-    _hash_value(
+    return _value_digest(
         {
             "crs": block.crs.to_string(),
             "buildings": block.buildings,
@@ -90,18 +87,18 @@ def geometry_digest(block: Block) -> str:
             "texture": {name: getattr(texture, name) for name in PLAN_SETTINGS},
             "storey": block.storey,
             **({} if block.part is None else {"own": (block.part.buildings, block.part.streets)}),
-        },
-        digest.update,
+        }
     )
+
+
+def _value_digest(value: object) -> str:
+    """Return the sha256 of a value and the schemas' version; version 1 adds nothing, to keep existing digests."""
+    digest = hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
+    _hash_value(value, digest.update)
     return digest.hexdigest()
 
 
-def _new_hash() -> Any:
-    """Return a sha256 of the schemas' version; version 1 adds nothing, to keep existing digests."""
-    return hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
-
-
-def _hash_value(value: Any, add: Callable[[bytes], object]) -> None:
+def _hash_value(value: object, add: Callable[[bytes], object]) -> None:
     """Hash a value with its kind and length, so that different values give different bytes.
 
     Equal numbers hash equally, integer or not. Raises TypeError for unknown types, such as paths.

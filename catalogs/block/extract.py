@@ -13,7 +13,6 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -21,13 +20,14 @@ import shapely
 from catalogs.block.serial_schemas import SCHEMAS
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonValue
 
 # Class by its tag in a part file.
 _CLASSES = {schema.tag: cls for cls, schema in SCHEMAS.items()}
 EXTRACT_FORMAT = 2
 
 
-def write_extract(path: Path, values: Mapping[str, Any]) -> None:
+def write_extract(path: Path, values: Mapping[str, object]) -> None:
     """Write the values of a part of a city atomically; an identical file is not rewritten."""
     blob = bytearray()
     text = json.dumps(
@@ -44,7 +44,7 @@ def write_extract(path: Path, values: Mapping[str, Any]) -> None:
     os.replace(temporary, path)
 
 
-def read_extract(path: Path) -> dict[str, Any]:
+def read_extract(path: Path) -> dict[str, object]:
     """Read the values of a part of a city.
 
     Raises
@@ -57,7 +57,10 @@ def read_extract(path: Path) -> dict[str, Any]:
         document = json.loads(text.decode(errors="surrogatepass"))
         if document["format"] != EXTRACT_FORMAT:
             raise ValueError(f"format {document['format']}")
-        return _decode_value(document["values"], blob, path.parent)
+        values = _decode_value(document["values"], blob, path.parent)
+        if not isinstance(values, dict):
+            raise ValueError("no named values")
+        return values
     except FileNotFoundError:
         raise InputError(f"{path} is missing; `streetloom city` writes it") from None
     except (
@@ -75,7 +78,7 @@ def read_extract(path: Path) -> dict[str, Any]:
                          "writes it again") from e  # fmt: skip
 
 
-def _encode_value(value: Any, blob: bytearray, folder: Path) -> Any:
+def _encode_value(value: object, blob: bytearray, folder: Path) -> JsonValue:
     """Encode a value as JSON; binary data are appended to `blob`."""
     value = value.item() if isinstance(value, np.generic) else value
     if value is None or isinstance(value, bool | str | int | float):
@@ -98,7 +101,7 @@ def _encode_value(value: Any, blob: bytearray, folder: Path) -> Any:
     raise TypeError(f"no part of a city holds a {type(value).__name__}")
 
 
-def _decode_value(encoded: Any, blob: bytes, folder: Path) -> Any:
+def _decode_value(encoded: JsonValue, blob: bytes, folder: Path) -> object:
     if isinstance(encoded, list):
         return tuple(_decode_value(part, blob, folder) for part in encoded)
     if not isinstance(encoded, dict):

@@ -20,8 +20,7 @@ from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.crs import (
     area_polygon,
-    check_crs_axes,
-    check_crs_scale,
+    check_block_crs,
     choose_block_crs,
     coordinate_transform,
     note_outside_area_of_use,
@@ -137,7 +136,7 @@ def _read_centrelines(
     keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile
 ) -> Centrelines:
     assert keys.streets is not None
-    source = file.call_reader("streets.path", read_centrelines, *files["streets.path"])
+    source = file.call_reader("streets.path", read_centrelines, files["streets.path"][0])
     faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
     source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
     file.call_reader("streets.crs", parse_crs, source.crs)
@@ -168,10 +167,11 @@ def _choose_frame(
     notes: tuple[str, ...] = ()
     if keys.crs:
         frame = file.call_reader("crs", parse_metric_crs, keys.crs)
-        file.call_reader("crs", check_crs_scale, frame, *middle)
-        file.call_reader("crs", check_crs_axes, frame, *middle)
+        file.call_reader("crs", check_block_crs, frame, *middle)
     else:
-        frame = file.call_reader("crs", choose_block_crs, sources[0].crs, *middle)
+        stated = sources[0].crs
+        assert stated is not None, "sources have frames once they are read"
+        frame = file.call_reader("crs", choose_block_crs, stated, *middle)
         notes = _frame_notes(frame, keys.buildings.crs)
     notes += note_outside_area_of_use(frame, *middle)
     return frame, area_polygon(keys.area, frame) if keys.area else None, notes

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -20,6 +20,7 @@ from facade_core.core.types import Area, Ground, Way
 if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 # Class of a road -> lane width in metres, default number of lanes, rank; "" if no class is stated.
 ROAD_CLASSES = {
@@ -191,7 +192,7 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
     return [road, *tracks]
 
 
-def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
+def area_surface(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
     """Return the surface of a closed outline, or None if it is no area of ground."""
     closed = "Polygon" in geometry.geom_type or (
         geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
@@ -253,14 +254,13 @@ def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | 
 
 
 def _project_features(source: Centrelines, crs: CRS) -> ObjectArray:
-    flat = np.empty(len(source.ground), dtype=object)
-    flat[:] = [feature.geometry for feature in source.ground]
-    flat = shapely.force_2d(flat)
-    return (
-        flat
-        if source.crs is None
-        else shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
-    )
+    stated = np.empty(len(source.ground), dtype=object)
+    stated[:] = [feature.geometry for feature in source.ground]
+    flat: ObjectArray = shapely.force_2d(stated)
+    if source.crs is None:
+        return flat
+    projected: ObjectArray = shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
+    return projected
 
 
 def _is_hidden(tags: Mapping[str, str]) -> bool:

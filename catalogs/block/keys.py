@@ -6,12 +6,16 @@ import difflib
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from catalogs.printable_text import short_repr
 from facade_core.core.types import Privacy, Sun
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 
 def _check_even(value: int) -> int:
@@ -28,12 +32,14 @@ def _check_area(area: list[float]) -> list[float]:
     return area
 
 
-def _float_range(low: float, high: float) -> Any:
-    return Field(strict=True, ge=low, le=high, allow_inf_nan=False)
+def _float_range(low: float, high: float) -> FieldInfo:
+    bounds: FieldInfo = Field(strict=True, ge=low, le=high, allow_inf_nan=False)
+    return bounds
 
 
-def _int_range(low: int, high: int) -> Any:
-    return Field(strict=True, ge=low, le=high)
+def _int_range(low: int, high: int) -> FieldInfo:
+    bounds: FieldInfo = Field(strict=True, ge=low, le=high)
+    return bounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +179,7 @@ def value_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
     return found
 
 
-def check_keys(values: Any) -> BlockKeys:
+def check_keys(values: object) -> BlockKeys:
     """Validate the content of a block file.
 
     Raises
@@ -204,7 +210,7 @@ _EXPECTED_BY_TYPE = {
 }
 
 
-def _format_fault(fault: Mapping[str, Any]) -> str:
+def _format_fault(fault: ErrorDetails) -> str:
     kind, value = fault["type"], fault["input"]
     key = str(fault["loc"][-1]) if kind == "invalid_key" else key_path(fault["loc"])
     if kind in _UNKNOWN_KEY_TYPES and key in CITY_KEYS:
@@ -269,7 +275,7 @@ def _suggest_key(key: str) -> str:
     return f"known here are {', '.join(siblings) or 'none'}"
 
 
-def _alternatives(hint: Any) -> list[Any]:
+def _alternatives(hint: object) -> list[object]:
     """Return the alternatives of a type hint without Optional and Annotated."""
     if get_origin(hint) is Annotated:
         return _alternatives(get_args(hint)[0])
@@ -278,7 +284,7 @@ def _alternatives(hint: Any) -> list[Any]:
     return [hint]
 
 
-def _bounds_text(hint: Any) -> str:
+def _bounds_text(hint: object) -> str:
     bounds: dict[str, float] = {}
     for part in (hint, *get_args(hint)):
         for info in getattr(part, "__metadata__", ()):

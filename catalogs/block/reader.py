@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, cast
 
 import shapely
 
@@ -19,6 +19,7 @@ from catalogs.block.part import CityPart
 from catalogs.block.paths import resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
+from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
 from catalogs.features import Fault, ids_by_reason, notes_by_reason
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
@@ -94,6 +95,38 @@ class Block:
     models: ModelFiles = SHIPPED_MODELS
 
 
+class _BlockSettings(TypedDict):
+    """Attributes of a block that do not depend on its buildings."""
+
+    name: str
+    photos_rectified: bool
+    privacy: Privacy
+    roof_material: Material | None
+    materials: tuple[MaterialPicture, ...]
+    texture: TextureSettings
+    storey: float
+    geoid_separation: float | None
+    failed_limit: float
+    seed: int
+    models: ModelFiles
+
+
+class _PartContents(TypedDict):
+    """Attributes of a block that the file of a part of a city holds (`PART_FIELDS`)."""
+
+    buildings: tuple[Building, ...]
+    streets: tuple[Street, ...]
+    entrances: tuple[tuple[float, float], ...]
+    ground: Ground
+    exemplars: tuple[Path, ...]
+    photos: dict[str, Path]
+    panoramas: tuple[PosedPanorama, ...]
+    textures: tuple[Path, ...]
+    aerial: Aerial | None
+    faults: tuple[Fault, ...]
+    part: CityPart | None
+
+
 def read_block(path: Path | str) -> Block:
     """Read and check a block file; the README of this package documents its keys.
 
@@ -143,12 +176,11 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
         found = file.call_reader(
-            "imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent
+            "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
         )
         panoramas, broken_panoramas = found.items, found.faults
         far = notes_by_reason(ids_by_reason(found.remarks))
     return Block(
-        name=keys.name,
         crs=frame,
         buildings=built.items,
         streets=geometry.streets,
@@ -158,26 +190,17 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
         terrain=terrain,
         exemplars=exemplars,
         photos=photos,
-        photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
-        privacy=keys.imagery.privacy,
         panoramas=panoramas,
         textures=built.textures,
         aerial=_read_aerial(keys, files, frame, built.items, file),
-        roof_material=_find_roof_material(keys, files, file),
-        materials=_read_materials(files, file),
-        texture=keys.texture,
-        storey=keys.storey,
-        geoid_separation=keys.geoid_separation,
-        failed_limit=keys.failed_limit,
-        seed=keys.seed,
         notes=geometry.notes + built.notes + far + _flat_terrain_notes(built.items, terrain),
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
-        models=_model_files(files),
+        **_read_settings(keys, files, file),
     )
 
 
-def part_values(part: Block, whole: Block) -> dict[str, Any]:
+def part_values(part: Block, whole: Block) -> dict[str, object]:
     """Return the values that the file of a part of a city holds (see `catalogs.block.extract`)."""
     return {
         "crs": part.crs.to_string(),
@@ -190,28 +213,37 @@ def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
     """Read the part of a city that a block file names, with the settings of the block file."""
     from catalogs.block.extract import read_extract
 
-    values = file.call_reader("part.path", read_extract, *files["part.path"])
-    frame = file.call_reader("part.path", parse_crs, values.pop("crs"))
-    terrain = _read_terrain(files, frame, values.pop("extent"), file)
+    values = file.call_reader("part.path", read_extract, files["part.path"][0])
+    # write_extract stored what part_values gave, and read_extract restores the types
+    frame = file.call_reader("part.path", parse_crs, cast(str, values["crs"]))
+    terrain = _read_terrain(files, frame, cast(Bounds, values["extent"]), file)
+    contents = cast(_PartContents, {attribute: values[name] for name, attribute in PART_FIELDS})
     return Block(
-        name=keys.name,
         crs=frame,
         shops=None,
         terrain=terrain,
-        photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
-        privacy=keys.imagery.privacy,
-        roof_material=_find_roof_material(keys, files, file),
-        materials=_read_materials(files, file),
-        texture=keys.texture,
-        storey=keys.storey,
-        geoid_separation=keys.geoid_separation,
-        failed_limit=keys.failed_limit,
-        seed=keys.seed,
         notes=(),
         digest="",
-        models=_model_files(files),
-        **{attribute: values[name] for name, attribute in PART_FIELDS},
+        **contents,
+        **_read_settings(keys, files, file),
     )
+
+
+def _read_settings(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> _BlockSettings:
+    """Return the attributes of a block that its file states, whether it is a part of a city or not."""
+    return {
+        "name": keys.name,
+        "photos_rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
+        "privacy": keys.imagery.privacy,
+        "roof_material": _find_roof_material(keys, files, file),
+        "materials": _read_materials(files, file),
+        "texture": keys.texture,
+        "storey": keys.storey,
+        "geoid_separation": keys.geoid_separation,
+        "failed_limit": keys.failed_limit,
+        "seed": keys.seed,
+        "models": _model_files(files),
+    }
 
 
 def _flat_terrain_notes(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
@@ -221,19 +253,17 @@ def _flat_terrain_notes(buildings: Iterable[Building], terrain: Elevation | None
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
-def _read_terrain(
-    files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile
-) -> Elevation | None:
+def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFile) -> Elevation | None:
     if "terrain.path" not in files:
         return None
     from catalogs.readers.pictures.elevation import read_elevation
 
-    return file.call_reader("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+    return file.call_reader("terrain.path", read_elevation, files["terrain.path"][0], frame, extent)
 
 
 def _read_materials(files: NamedFiles, file: BlockFile) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
-    return file.call_reader("texture.materials", read_material_pictures, *found) if found else ()
+    return file.call_reader("texture.materials", read_material_pictures, found[0]) if found else ()
 
 
 def _model_files(files: NamedFiles) -> ModelFiles:
@@ -254,11 +284,11 @@ def _read_pictures(
     faults: tuple[Fault, ...] = ()
     if "imagery.exemplars.path" in files:
         exemplars, broken = file.call_reader(
-            "imagery.exemplars.path", list_images, *files["imagery.exemplars.path"], "exemplar"
+            "imagery.exemplars.path", list_images, files["imagery.exemplars.path"][0], "exemplar"
         )
         faults += broken
     if "imagery.photos.path" in files:
-        photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
+        photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, files["imagery.photos.path"][0])
         faults += absent
     if keys.texture.walls == "exemplar" and not exemplars:
         raise file.make_error(
@@ -278,7 +308,7 @@ def _read_aerial(
     if crs is not None:
         file.call_reader("imagery.aerial.crs", parse_crs, crs)
     places = shapely.get_coordinates([building.footprint for building in buildings])
-    return file.call_reader("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
+    return file.call_reader("imagery.aerial.path", read_aerial, files["imagery.aerial.path"][0], crs, frame, places)
 
 
 def _find_roof_material(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Material | None:

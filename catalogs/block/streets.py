@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -20,6 +20,7 @@ from facade_core.core.types import Street
 if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
 # Distance between two points of a line.
 MAX_VERTEX_SPACING_M = 20_000.0
@@ -114,13 +115,14 @@ def clip_centrelines(
     return replace(source, crs=None, items=tuple(items), faults=tuple(faults)), tuple(cut)
 
 
-def _project_lines(geometries: Sequence[Any], source: str | None, crs: CRS) -> ObjectArray:
-    flat = np.empty(len(geometries), dtype=object)
-    flat[:] = geometries
-    flat = shapely.force_2d(flat)
+def _project_lines(geometries: Sequence[BaseGeometry | None], source: str | None, crs: CRS) -> ObjectArray:
+    stated = np.empty(len(geometries), dtype=object)
+    stated[:] = geometries
+    flat: ObjectArray = shapely.force_2d(stated)
     if source is None:
         return flat
-    return shapely.transform(flat, coordinate_transform(source, crs), interleaved=False)
+    projected: ObjectArray = shapely.transform(flat, coordinate_transform(source, crs), interleaved=False)
+    return projected
 
 
 def _line_problem(stated: LineString | None, line: LineString | None) -> str | None:
@@ -141,7 +143,7 @@ def _line_problem(stated: LineString | None, line: LineString | None) -> str | N
     return None
 
 
-def _touches_area(place: Any, area: Polygon | None) -> bool:
+def _touches_area(place: BaseGeometry | None, area: Polygon | None) -> bool:
     """Return whether finite coordinates reach into the area; an unknown place counts."""
     if area is None or place is None:
         return True

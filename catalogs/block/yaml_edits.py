@@ -6,23 +6,23 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from catalogs.block.yaml_files import read_yaml
+from facade_core.core.json_types import JsonValue
 
 _IMAGERY_HEADING = re.compile(r"^imagery:[ ]*(#[^\r\n]*)?(?=\r?$)", re.MULTILINE)
 _INDENTED_LINE = re.compile(r"^( +)\S", re.MULTILINE)
 
 
-def format_imagery_entry(kind: str, values: Mapping[str, Any]) -> str:
+def format_imagery_entry(kind: str, values: Mapping[str, object]) -> str:
     """Return the line that names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
     text = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
     return f"{kind}: {text.strip()}"
 
 
-def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
+def add_imagery(path: Path, kind: str, values: Mapping[str, object]) -> bool:
     """Add pictures of a kind to a block file that names none.
 
     Returns
@@ -31,6 +31,8 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
     """
     path = path.resolve()  # replacing a link would break it
     before = read_yaml(path)
+    if not isinstance(before, dict):
+        return False
     text = path.read_bytes().decode()
     end = "\r\n" if "\r\n" in text else "\n"
     line = format_imagery_entry(kind, values)
@@ -54,7 +56,7 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
         temporary.unlink(missing_ok=True)
 
 
-def _read_or_none(path: Path) -> Any:
+def _read_or_none(path: Path) -> JsonValue:
     try:
         return read_yaml(path)
     except ValueError:

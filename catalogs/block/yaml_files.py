@@ -7,7 +7,14 @@ import stat
 import unicodedata
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Protocol
+
+from facade_core.core.json_types import JsonValue
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    import yaml
 
 # A block file names data and holds none: with a list of a thousand files it has 100 kB.
 MAX_FILE_BYTES = 256_000  # bytes
@@ -35,7 +42,7 @@ _CORE_SCHEMA = (
 _OCTAL = re.compile(r"[-+]?0[0-9]+")
 
 
-def read_yaml(path: Path) -> Any:
+def read_yaml(path: Path) -> JsonValue:
     """Read a YAML file with the YAML 1.2 core schema.
 
     Anchors, aliases, tags, duplicate keys, files over MAX_FILE_BYTES and nesting over MAX_NESTING are rejected.
@@ -48,7 +55,8 @@ def read_yaml(path: Path) -> Any:
 
     text = _read_text(path)
     try:
-        return yaml.load(text, Loader=_loader())
+        content: JsonValue = yaml.load(text, Loader=_loader())
+        return content
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
         raise ValueError(
@@ -76,15 +84,28 @@ def _read_text(path: Path) -> str:
         raise ValueError("is not UTF-8 text; a block file is YAML") from None
 
 
-def _error_location(error: Any, text: str) -> str:
+def _error_location(error: Exception, text: str) -> str:
     if mark := getattr(error, "problem_mark", None) or getattr(error, "context_mark", None):
         return f"line {mark.line + 1}, column {mark.column + 1}: "
     position = getattr(error, "position", None)  # set for characters that YAML does not allow
     return f"line {text.count(chr(10), 0, position) + 1}: " if isinstance(position, int) else ""
 
 
+class _EventSource(Protocol):
+    """Part of a YAML parser that its type stubs leave without types."""
+
+    def peek_event(self) -> yaml.AliasEvent | yaml.ScalarEvent | yaml.CollectionStartEvent:
+        """Return the event of the next node."""
+
+
+def _line_number(part: yaml.Event | yaml.Node) -> int:
+    """Return the line where a part of a file begins."""
+    assert part.start_mark is not None, "a loader marks all parts"
+    return part.start_mark.line + 1
+
+
 @cache
-def _loader() -> type:
+def _loader() -> type[yaml.SafeLoader]:
     import yaml
 
     class Loader(yaml.SafeLoader):
@@ -92,9 +113,10 @@ def _loader() -> type:
 
         depth = 0
 
-        def compose_node(self, parent: Any, index: Any) -> Any:
-            event = self.peek_event()
-            line = event.start_mark.line + 1
+        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+            source: _EventSource = self
+            event = source.peek_event()
+            line = _line_number(event)
             if isinstance(event, yaml.AliasEvent):
                 raise ValueError(f"line {line}: *{event.anchor} stands for another value; write the value out")
             if event.anchor is not None:
@@ -110,10 +132,10 @@ def _loader() -> type:
             finally:
                 self.depth -= 1
 
-        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
             lines: dict[str, int] = {}
             for key, _ in node.value:
-                line = key.start_mark.line + 1
+                line = _line_number(key)
                 if not isinstance(key, yaml.ScalarNode):
                     raise ValueError(f"line {line}: a list or keys in place of a key; write text before the colon")
                 if key.value in lines:  # PyYAML silently takes the last one
@@ -123,16 +145,16 @@ def _loader() -> type:
                 lines[key.value] = line
             return super().construct_mapping(node, deep=deep)
 
-    def construct_text(loader: Any, node: Any) -> str:
+    def construct_text(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> str:
         value = loader.construct_scalar(node)
         for character in value:
             if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
-                line = node.start_mark.line + 1
+                line = _line_number(node)
                 raise ValueError(f"line {line}: {ascii(value)[:60]} holds {what}; write it without")
         return str(value)
 
-    def construct_int(loader: Any, node: Any) -> int:
-        value, line = loader.construct_scalar(node), node.start_mark.line + 1
+    def construct_int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+        value, line = loader.construct_scalar(node), _line_number(node)
         if _OCTAL.fullmatch(value) and value.strip("+-0"):
             plain = value[0].strip("0123456789+") + value.lstrip("+-0")
             raise ValueError(
@@ -143,7 +165,7 @@ def _loader() -> type:
             raise ValueError(f"line {line}: a number of {len(value)} digits; write one that is meant")
         return int(value, 0) if value[:2] in ("0o", "0x") else int(value)
 
-    def construct_float(loader: Any, node: Any) -> float:
+    def construct_float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
         value = loader.construct_scalar(node).lower()
         return float(value.replace(".inf", "inf").replace(".nan", "nan"))
 

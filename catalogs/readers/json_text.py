@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonValue
 
 _MAX_WORD_LENGTH = len("-Infinity")
 
@@ -29,7 +29,7 @@ def is_json_lines(path: Path) -> bool:
     return first.startswith(b"{") and first.endswith(b"}") and second.startswith(b"{")
 
 
-def load_json(path: Path) -> Any:
+def load_json(path: Path) -> JsonValue:
     """Load a JSON file; NaN and Infinity are accepted.
 
     Raises
@@ -44,7 +44,7 @@ def load_json(path: Path) -> Any:
     return parse_json(text, str(path))
 
 
-def parse_json(text: bytes, where: str) -> Any:
+def parse_json(text: bytes, where: str) -> JsonValue:
     """Parse a JSON text.
 
     Raises
@@ -55,7 +55,8 @@ def parse_json(text: bytes, where: str) -> Any:
     if not text.strip(b"\0\t\n\r \xef\xbb\xbf"):
         raise InputError(f"{where} is empty; get the file again")
     try:
-        return json.loads(text)
+        value: JsonValue = json.loads(text)
+        return value
     except json.JSONDecodeError as error:
         # A truncated text fails at its end, or in the word or string at its end.
         if error.pos and (
