@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from catalogs.features import file_stem
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 # (id of a facade or building, corrected property, value): see `catalogs.block.corrections`.
-Annotation = tuple[str, str, Any]
+Annotation = tuple[str, str, object]
 # Property of a `MeasuredHeight`: an edit of it changes the eaves.
 MEASURED_HEIGHT = "measured height"
 
@@ -27,9 +28,9 @@ class MeasuredHeight(NamedTuple):
     eaves : to the eaves.
     """
 
-    height: Any
-    exported: Any
-    eaves: Any
+    height: object
+    exported: object
+    eaves: object
 
 
 # Property by column of the GeoPackage table `buildings`, and by attribute of CityJSON buildings.
@@ -122,7 +123,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
     )
 
 
-def parse_corrections(corrections: Sequence[Mapping[str, Any]], source_name: str) -> list[Annotation]:
+def parse_corrections(corrections: Sequence[object], source_name: str) -> list[Annotation]:
     """Return the annotations of corrections in Streetloom's own JSON.
 
     Raises
@@ -138,9 +139,9 @@ def parse_corrections(corrections: Sequence[Mapping[str, Any]], source_name: str
         ) from error
 
 
-def _parse_coco(document: dict[str, Any], facades: dict[str, str]) -> list[Annotation]:
+def _parse_coco(document: JsonObject, facades: dict[str, str]) -> list[Annotation]:
     names = {one["id"]: one["name"] for one in document["categories"]}
-    found: dict[int, list[Any]] = {image["id"]: [] for image in document["images"]}
+    found: dict[int, list[tuple[str, float, float, float, float]]] = {image["id"]: [] for image in document["images"]}
     sizes = {image["id"]: (float(image["width"]), float(image["height"])) for image in document["images"]}
     for one in document["annotations"]:
         width, height = sizes[one["image_id"]]
@@ -154,7 +155,7 @@ def _parse_coco(document: dict[str, Any], facades: dict[str, str]) -> list[Annot
     return [(facade_ids[image], "elements", elements) for image, elements in found.items()]
 
 
-def _parse_labelme(document: dict[str, Any], facades: dict[str, str]) -> Annotation:
+def _parse_labelme(document: JsonObject, facades: dict[str, str]) -> Annotation:
     width, height = float(document["imageWidth"]), float(document["imageHeight"])
     elements = []
     for shape in document["shapes"]:
@@ -171,7 +172,7 @@ def _facade_id(file: str, facades: dict[str, str]) -> str:
     return facades.get(stem, stem)
 
 
-def _parse_correction(one: Mapping[str, Any]) -> Iterator[Annotation]:
+def _parse_correction(one: object) -> Iterator[Annotation]:
     if not isinstance(one, Mapping):
         raise ValueError(f"{str(one)[:40]!r} is no correction")
     id = one.get("facade_id") or one.get("building_id")
@@ -217,7 +218,7 @@ def _read_geopackage(path: Path) -> list[Annotation]:
     return found
 
 
-def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
+def _parse_cityjson(document: JsonObject) -> Iterator[Annotation]:
     """Yield the annotations of building attributes, and of walls that are marked as facades."""
     for id, city_object in document.get("CityObjects", {}).items():
         if city_object["type"] not in ("Building", "BuildingPart"):
@@ -239,7 +240,7 @@ def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
             yield facade, "facade", value
 
 
-def _building_annotations(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Annotation]:
+def _building_annotations(id: str, row: Mapping[str, object], names: Mapping[str, str]) -> Iterator[Annotation]:
     """Yield the annotations of a row by the names of its columns; empty cells have none."""
     for name, what in names.items():
         value = row.get(name)

@@ -156,4 +156,4 @@ def _is_near_area_of_use(crs: CRS, east: float, north: float) -> bool:
         return False
     width = (area.east - area.west) % 360.0 or 360.0
     beyond = min(_AREA_MARGIN_SHARE * width, _MAX_AREA_MARGIN_DEG)
-    return (longitude - area.west + beyond) % 360.0 <= width + 2 * beyond
+    return bool((longitude - area.west + beyond) % 360.0 <= width + 2 * beyond)

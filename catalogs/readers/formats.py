@@ -8,12 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias, cast
 
 from catalogs.features import BuildingModels, Centrelines, Footprints
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.limits import apply_limits
 from facade_core.core.errors import InputError
+
+# File and level of detail -> buildings; file -> centrelines or ground features.
+BuildingReader: TypeAlias = Callable[[Path, str | None], Footprints | BuildingModels]
+CentrelineReader: TypeAlias = Callable[[Path], Centrelines]
 
 # Suffix -> module and function; modules are imported on first use.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
@@ -71,7 +75,7 @@ def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingM
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = _find_reader(path, BUILDING_READERS)
+    reader = cast(BuildingReader, _find_reader(path, BUILDING_READERS))
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return apply_limits(reader(path, lod), path)
 
@@ -86,7 +90,7 @@ def read_centrelines(path: Path) -> Centrelines:
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = _find_reader(path, CENTRELINE_READERS)
+    reader = cast(CentrelineReader, _find_reader(path, CENTRELINE_READERS))
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return apply_limits(reader(path), path)
 
@@ -99,16 +103,18 @@ def read_ground(path: Path) -> Centrelines:
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = _find_reader(path, GROUND_READERS)
+    reader = cast(CentrelineReader, _find_reader(path, GROUND_READERS))
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return reader(path)
 
 
-def _find_reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:
+def _find_reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> object:
+    """Return the reader of a file by its suffix, as the tables above name it."""
     name = path.name.lower()
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:
         supported = ", ".join(sorted(readers))
         raise InputError(f"{path}: files of type {path.suffix or '(none)'} are not read; supported: {supported}")
     module, function = found
-    return getattr(import_module(f"catalogs.readers.{module}"), function)
+    reader: object = getattr(import_module(f"catalogs.readers.{module}"), function)
+    return reader

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar, overload
 
 import shapely
 
@@ -37,8 +37,15 @@ MAX_GROUND_HEIGHT_M = 10_000.0  # m
 MAX_BUILDING_HEIGHT_M = 1500.0  # m; taller buildings are errors of the data
 
 SourceT = TypeVar("SourceT", Footprints, BuildingModels, Centrelines)
+ItemT = TypeVar("ItemT", Footprint, BuildingModel, Centreline)
 
 
+@overload
+def apply_limits(source: Footprints, path: Path) -> Footprints: ...
+@overload
+def apply_limits(source: BuildingModels, path: Path) -> BuildingModels: ...
+@overload
+def apply_limits(source: Centrelines, path: Path) -> Centrelines: ...
 def apply_limits(source: SourceT, path: Path) -> SourceT:
     """Turn items of a source that no block can contain into faults.
 
@@ -55,16 +62,20 @@ def apply_limits(source: SourceT, path: Path) -> SourceT:
         raise InputError(
             f"{path} holds {len(source.items)} {kind}s, more than {MAX_FEATURES}; cut out the area that is meant"
         )
-    items: list[Any] = []
+    reasons = [_limit_violation(item) for item in source.items]
     faults = [replace(f, id=_short_id(f.id), reason=single_line(f.reason)) for f in source.faults]
-    for item in source.items:
-        if reason := _limit_violation(item):
-            faults.append(Fault(_short_id(item.id), kind, f"{path.name}: {reason}", _bounding_box(item)))
-        elif item.name is None:
-            items.append(item)
-        else:
-            items.append(replace(item, name=single_line(item.name[:MAX_NAME_LENGTH]) or None))
-    return replace(source, items=tuple(items), faults=tuple(faults), remarks=_clean_remarks(source.remarks))
+    faults += [
+        Fault(_short_id(item.id), kind, f"{path.name}: {reason}", _bounding_box(item))
+        for item, reason in zip(source.items, reasons, strict=True)
+        if reason
+    ]
+    items = tuple(_clean_name(item) for item, reason in zip(source.items, reasons, strict=True) if not reason)
+    return replace(source, items=items, faults=tuple(faults), remarks=_clean_remarks(source.remarks))
+
+
+def _clean_name(item: ItemT) -> ItemT:
+    """Return an item with a printable name of at most MAX_NAME_LENGTH letters."""
+    return item if item.name is None else replace(item, name=single_line(item.name[:MAX_NAME_LENGTH]) or None)
 
 
 def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:
@@ -91,7 +102,7 @@ def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None
     return None
 
 
-def _bounding_box(item: Any) -> BaseGeometry:
+def _bounding_box(item: Footprint | BuildingModel | Centreline) -> BaseGeometry:
     if isinstance(item, BuildingModel):
         plan = item.shell.vertices[:, :2]
         return shapely.box(*plan.min(axis=0), *plan.max(axis=0))

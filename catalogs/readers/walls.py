@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -17,6 +17,9 @@ from catalogs.readers.json_text import load_json
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 ASSUMED_DEPTH_M = 10.0  # m behind a single wall
 FLAT_ROOF = Roof("flat", 0.0, confidence=0.5)
@@ -44,7 +47,7 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
     """
     content = load_json(path)
     walls = content.get("walls") if isinstance(content, dict) else None
-    if not isinstance(walls, dict):
+    if not isinstance(content, dict) or not isinstance(walls, dict):
         raise InputError(f"{path} has no walls; give {_EXPECTED_JSON}")
     crs = content.get("crs")
     if crs is not None and not isinstance(crs, str):
@@ -60,7 +63,7 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
 
-def _parse_building(name: str, walls: Any) -> Footprint:
+def _parse_building(name: str, walls: object) -> Footprint:
     """Return the footprint of a building.
 
     Raises
@@ -81,7 +84,7 @@ def _parse_building(name: str, walls: Any) -> Footprint:
     return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT_ROOF)
 
 
-def _parse_ring(wall: str, corners: Any) -> Float64Array:
+def _parse_ring(wall: str, corners: ArrayLike) -> Float64Array:
     """Return the corners (n, 3) of a wall."""
     try:
         ring = np.asarray(corners, np.float64)

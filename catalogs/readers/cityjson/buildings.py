@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -29,6 +28,7 @@ from catalogs.readers.referenced_files import (
 )
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
+from facade_core.core.json_types import JsonObject, JsonValue
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 _MIN_MODEL_HEIGHT_M = 0.01  # m
@@ -44,7 +44,7 @@ class _ReaderState:
 
     path: Path
     requested_lod: Lod | None
-    head: Mapping[str, Any]
+    head: JsonObject
     axes: Axes | None = None
     pictures: dict[str, int] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
@@ -89,7 +89,7 @@ def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
     return _collect_models(reading)
 
 
-def parse_cityjson(document: Any, path: Path, lod: str | None = None) -> BuildingModels:
+def parse_cityjson(document: JsonValue, path: Path, lod: str | None = None) -> BuildingModels:
     """Return the buildings of a parsed document, as read_cityjson does.
 
     Parameters
@@ -103,7 +103,7 @@ def parse_cityjson(document: Any, path: Path, lod: str | None = None) -> Buildin
     return _collect_models(reading)
 
 
-def _check_head(head: Any, path: Path, lod: str | None, *, sequence: bool = False) -> _ReaderState:
+def _check_head(head: JsonValue, path: Path, lod: str | None, *, sequence: bool = False) -> _ReaderState:
     asked = None if lod is None else parse_lod(lod)
     if asked is not None and not (asked and asked[0] > 0):
         raise InputError(f"{path}: LoD {lod!r} is not a level of models; give one such as 1, 2 or 2.2")
@@ -112,7 +112,7 @@ def _check_head(head: Any, path: Path, lod: str | None, *, sequence: bool = Fals
         raise InputError(
             f"{path} begins with a feature; a CityJSONSeq needs a first line of type CityJSON with its transform"
         )
-    if kind != "CityJSON":
+    if not isinstance(head, dict) or kind != "CityJSON":
         raise InputError(f"{path} is not CityJSON: its type is {kind!r}; export it as CityJSON")
     version = str(head.get("version"))
     if not _VERSION.fullmatch(version):
@@ -138,14 +138,14 @@ def _read_line(line: bytes, number: int, reading: _ReaderState) -> None:
     kind = document.get("type") if isinstance(document, dict) else None
     if kind == "CityJSON":
         raise InputError(f"{reading.path}: line {number} begins a second sequence; split the file there")
-    if kind != "CityJSONFeature" or not isinstance(document.get("CityObjects"), dict):
+    if not isinstance(document, dict) or kind != "CityJSONFeature" or not isinstance(document.get("CityObjects"), dict):
         reason = f"{reading.path.name}, line {number} is no CityJSONFeature with CityObjects; export it anew"
         reading.faults.append(Fault(f"line {number}", "building", reason))
         return
     _read_document(document, reading)
 
 
-def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
+def _read_document(document: JsonObject, reading: _ReaderState) -> None:
     """Read the buildings of a file, or of one feature of a sequence."""
     corners = apply_transform(parse_points(document.get("vertices")), reading.head.get("transform"))
     reading.axes = axes = reading.axes or _document_axes(corners, reading)
@@ -155,15 +155,15 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
     template_points = parse_points(store.get("vertices-templates"))
     appearance = _read_appearance(document, reading)
 
-    def placed(geometry: Mapping[str, Any]) -> list[Face]:
+    def placed(geometry: JsonObject) -> list[Face]:
         if geometry["type"] != "GeometryInstance":
             return extract_faces(geometry, points, appearance)
         moved = place_template(geometry, template_points, corners)
         return extract_faces(
-            templates[geometry["template"]], axes.to_east_north_up(moved) if axes else moved, appearance
+            as_mapping(templates[geometry["template"]]), axes.to_east_north_up(moved) if axes else moved, appearance
         )
 
-    objects: dict[str, Mapping[str, Any]] = {}
+    objects: dict[str, JsonObject] = {}
     for id, thing in as_mapping(document.get("CityObjects")).items():
         if isinstance(thing, dict):
             objects[id] = thing
@@ -195,7 +195,7 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
             )
 
 
-def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, Any]], axes: Axes) -> BuildingModel:
+def _build_model(id: str, faces: Sequence[Face], things: Sequence[JsonObject], axes: Axes) -> BuildingModel:
     shell = triangulate_faces(faces, axes.metres_per_unit)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or remove it")
@@ -222,7 +222,7 @@ def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, A
     )
 
 
-def _sort_richest_first(geometries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _sort_richest_first(geometries: Sequence[JsonObject]) -> list[JsonObject]:
     """Return the geometries of one object and level, those with textures and semantics first."""
     return sorted(geometries, key=lambda g: (not g.get("texture"), not g.get("semantics")))
 
@@ -259,7 +259,7 @@ def _reference_system(reading: _ReaderState) -> str | None:
     return str(name) if isinstance(name, str | int) else None
 
 
-def _read_appearance(document: Mapping[str, Any], reading: _ReaderState) -> CityJsonAppearance:
+def _read_appearance(document: JsonObject, reading: _ReaderState) -> CityJsonAppearance:
     """Return the pictures of a document, or of the head where it has none."""
     stated = as_mapping(document.get("appearance") or reading.head.get("appearance"))
     images = [as_mapping(texture).get("image") for texture in as_list(stated.get("textures"))]
@@ -300,9 +300,9 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
     return BuildingModels(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
 
 
-def _bounding_box(things: Sequence[Mapping[str, Any]], points: Float64Array) -> shapely.Polygon | None:
+def _bounding_box(things: Sequence[JsonObject], points: Float64Array) -> shapely.Polygon | None:
     """Return the box around the readable corners of a broken building."""
-    stack: list[Any] = [thing.get("geometry") for thing in things]
+    stack: list[object] = [thing.get("geometry") for thing in things]
     index = set()
     while stack:
         entry = stack.pop()

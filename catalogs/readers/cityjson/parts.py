@@ -5,20 +5,20 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
 
 from catalogs.readers.cityjson.surfaces import NESTING_DEPTHS
 from catalogs.readers.cityjson.values import as_list
 from facade_core.core.errors import GeometryError
+from facade_core.core.json_types import JsonObject
 
 BUILDING_TYPES = ("Building", "BuildingPart")
 _LOD_TEXT = re.compile(r"(\d)(?:\.(\d+))?")
 
 Lod = tuple[int, ...]  # (2,) or (2, 2); () without one
-CityObjects = Mapping[str, Mapping[str, Any]]
+CityObjects = Mapping[str, JsonObject]
 
 
-def parse_lod(text: Any) -> Lod:
+def parse_lod(text: object) -> Lod:
     """Return (2,) for 2 and "2", (2, 2) for 2.2 and "2.2", () for anything else."""
     found = _LOD_TEXT.fullmatch(str(text).strip())
     return tuple(int(digits) for digits in found.groups() if digits is not None) if found else ()
@@ -59,8 +59,8 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
 
 
 def select_geometries(
-    ids: Sequence[str], objects: CityObjects, templates: Sequence[Any], requested_lod: Lod | None
-) -> tuple[list[list[Mapping[str, Any]]], Lod | None]:
+    ids: Sequence[str], objects: CityObjects, templates: Sequence[object], requested_lod: Lod | None
+) -> tuple[list[list[JsonObject]], Lod | None]:
     """Return the geometries of a building per object, and a level that differs.
 
     The second value is the first level of detail other than the requested one, or None. All geometries have the
@@ -119,7 +119,7 @@ def _nearest_lod(lods: Collection[Lod], requested: Lod) -> Lod:
     return max(same or lower or [min(lods)])
 
 
-def _geometries_by_lod(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, list[Mapping[str, Any]]]:
+def _geometries_by_lod(thing: JsonObject, templates: Sequence[object]) -> dict[Lod, list[JsonObject]]:
     """Return the geometries with surfaces by level of detail."""
     geometries = thing.get("geometry") or []
     if not isinstance(geometries, list) or not all(isinstance(geometry, dict) for geometry in geometries):
@@ -129,13 +129,14 @@ def _geometries_by_lod(thing: Mapping[str, Any], templates: Sequence[Any]) -> di
         shape = geometry
         if geometry.get("type") == "GeometryInstance":
             number = geometry.get("template")
-            if type(number) is not int or not 0 <= number < len(templates) or not isinstance(templates[number], dict):
+            template = templates[number] if type(number) is int and 0 <= number < len(templates) else None
+            if not isinstance(template, dict):
                 raise GeometryError(f"it is an instance of template {number}, which is missing; export it anew")
-            shape = templates[number]
+            shape = template
         if str(shape.get("type")) in NESTING_DEPTHS and shape.get("boundaries"):
             levels[parse_lod(shape.get("lod"))].append(geometry)
     return dict(levels)
 
 
-def _object_ids(thing: Mapping[str, Any], key: str) -> list[str]:
+def _object_ids(thing: JsonObject, key: str) -> list[str]:
     return [id for id in as_list(thing.get(key)) if isinstance(id, str)]

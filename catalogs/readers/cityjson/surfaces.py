@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import TypeGuard
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from catalogs.readers.cityjson.values import as_list, as_mapping, mask_far_point
 from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
+from facade_core.core.json_types import JsonObject
 
 # Levels of nesting between a geometry and its surfaces.
 NESTING_DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
@@ -34,7 +35,7 @@ class CityJsonAppearance:
     theme: str | None
 
 
-def extract_faces(geometry: Mapping[str, Any], points: Float64Array, appearance: CityJsonAppearance) -> list[Face]:
+def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJsonAppearance) -> list[Face]:
     """Return the faces of the outer shells of a geometry.
 
     Parameters
@@ -73,7 +74,7 @@ def extract_faces(geometry: Mapping[str, Any], points: Float64Array, appearance:
     return faces
 
 
-def place_template(geometry: Mapping[str, Any], template: Float64Array, corners: Float64Array) -> Float64Array:
+def place_template(geometry: JsonObject, template: Float64Array, corners: Float64Array) -> Float64Array:
     """Return the vertices (n, 3) of a template at the place of an instance.
 
     Parameters
@@ -98,7 +99,7 @@ def place_template(geometry: Mapping[str, Any], template: Float64Array, corners:
         return mask_far_points(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
 
 
-def _outer_surfaces(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
+def _outer_surfaces(boundaries: object, depth: int) -> Iterator[list[list[int]]]:
     """Yield the surfaces of outer shells; further shells of a solid are voids."""
     if not isinstance(boundaries, list):
         raise GeometryError("its boundaries are no lists; export it anew")
@@ -112,12 +113,11 @@ def _outer_surfaces(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
             yield from _outer_surfaces(part, depth - 1)
 
 
-def _align_values(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
+def _align_values(boundaries: object, values: object, depth: int) -> Iterator[object]:
     """Yield the value of each surface of `_outer_surfaces` in its order, None without one."""
-    values = as_list(values)
-    inner = boundaries[:1] if depth == 1 else boundaries
-    for index, part in enumerate(inner):
-        value = values[index] if index < len(values) else None
+    parts, stated = as_list(boundaries), as_list(values)
+    for index, part in enumerate(parts[:1] if depth == 1 else parts):
+        value = stated[index] if index < len(stated) else None
         if depth == 0:
             yield value
         else:
@@ -137,27 +137,28 @@ def _ring_vertices(rings: Sequence[list[int]], points: Float64Array) -> Float64A
     if index.min() < 0 or index.max() >= len(points):
         wrong = index.min() if index.min() < 0 else index.max()
         raise GeometryError(f"it uses vertex {wrong} of a list of {len(points)}; export it anew")
-    corners = points[index]
+    corners: Float64Array = points[index]
     if not np.isfinite(corners).all():
         wrong = index[~np.isfinite(corners).all(axis=1)][0]
         raise GeometryError(f"its vertex {wrong} is not three finite numbers; mend or remove it")
     return corners
 
 
-def _surface_semantics(surfaces: Any) -> list[str]:
+def _surface_semantics(surfaces: object) -> list[str]:
     kinds = [as_mapping(surface).get("type") for surface in as_list(surfaces)]
     return [SURFACE_SEMANTICS.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
-def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:
+def _texture_values(geometry: JsonObject, theme: str | None) -> object:
     themes = as_mapping(geometry.get("texture"))
     if not themes:
         return None
-    return as_mapping(themes[theme] if theme is not None and theme in themes else themes[min(themes)]).get("values")
+    chosen: object = themes[theme] if theme is not None and theme in themes else themes[min(themes)]
+    return as_mapping(chosen).get("values")
 
 
 def _surface_texture(
-    surface: list[list[int]], pictured: Any, appearance: CityJsonAppearance
+    surface: list[list[int]], pictured: object, appearance: CityJsonAppearance
 ) -> tuple[int, list[Float64Array] | None]:
     """Return the picture of a surface and the coordinates of each ring; -1 and None where they do not fit."""
     if not isinstance(pictured, list) or len(pictured) < len(surface) or not surface:
@@ -175,5 +176,5 @@ def _surface_texture(
     return (picture, uv) if all((np.abs(ring) < MAX_COORDINATE).all() for ring in uv) else (-1, None)
 
 
-def _is_index(value: Any, length: int) -> bool:
+def _is_index(value: object, length: int) -> TypeGuard[int]:
     return type(value) is int and 0 <= value < length

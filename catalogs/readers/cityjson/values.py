@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from catalogs.readers.faces import MAX_COORDINATE
 from facade_core.core.arrays import Float64Array
+from facade_core.core.json_types import JsonObject
 
 
-def apply_transform(points: Float64Array, transform: Mapping[str, Any] | None) -> Float64Array:
+def apply_transform(points: Float64Array, transform: JsonObject | None) -> Float64Array:
     """Return points (n, 3) scaled and translated by the transform of a file.
 
     Coordinates beyond MAX_COORDINATE become NaN.
@@ -32,24 +30,24 @@ def mask_far_points(points: Float64Array) -> Float64Array:
     return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
 
 
-def parse_points(rows: Any, size: int = 3) -> Float64Array:
+def parse_points(rows: object, size: int = 3) -> Float64Array:
     """Return rows of numbers as (n, size) float64; an invalid row becomes NaN."""
-    rows = as_list(rows)
+    listed = as_list(rows)
     try:
-        points = np.array(rows, np.float64)
+        points = np.array(listed, np.float64)
     except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
-    if points.shape != (len(rows), size):
-        points = np.array([_parse_point(row, size) for row in rows], np.float64).reshape(-1, size)
+    if points.shape != (len(listed), size):
+        points = np.array([_parse_point(row, size) for row in listed], np.float64).reshape(-1, size)
     return points
 
 
-def _parse_point(row: Any, size: int = 3) -> list[float]:
+def _parse_point(row: object, size: int = 3) -> list[float]:
     numbers = [parse_number(value) for value in row] if isinstance(row, list) else []
     return numbers if len(numbers) == size else [np.nan] * size
 
 
-def parse_number(value: Any) -> float:
+def parse_number(value: object) -> float:
     """Return a number, also one stored as text; NaN for anything else."""
     try:
         return float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else np.nan
@@ -57,11 +55,11 @@ def parse_number(value: Any) -> float:
         return np.nan
 
 
-def as_mapping(value: Any) -> Mapping[str, Any]:
+def as_mapping(value: object) -> JsonObject:
     """Return an object, or an empty one for any other value."""
     return value if isinstance(value, dict) else {}
 
 
-def as_list(value: Any) -> list[Any]:
+def as_list(value: object) -> list[object]:
     """Return a list, or an empty one for any other value."""
     return value if isinstance(value, list) else []

@@ -9,7 +9,6 @@ import io
 import json
 import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from catalogs.readers.referenced_files import (
     is_outside_folder,
 )
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _COMPRESSION_EXTENSIONS = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
@@ -58,19 +58,20 @@ def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Rem
 
 
 def _read_scene(
-    path: Path, header: dict[str, Any], rest: bytes
+    path: Path, header: JsonObject, rest: bytes
 ) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
     import trimesh
 
     _check_counts(path, header)
     numbered, primitives = _split_primitives(header)
-    scene: Any = trimesh.load(
+    scene = trimesh.load(
         io.BytesIO(_pack_glb(numbered, rest) if path.suffix.lower() == ".glb" else json.dumps(numbered).encode()),
         file_type=path.suffix.lower()[1:],
         resolver=_read_buffers(path, header),
         force="scene",
         process=False,
     )
+    assert isinstance(scene, trimesh.Scene)
     origin = np.asarray(scene.metadata.get("origin", (0.0, 0.0, 0.0)), np.float64)
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise InputError(f"{path}: the scene's extras state the origin {origin.tolist()}; give three numbers")
@@ -116,7 +117,7 @@ def _read_scene(
     return surfaces, tuple(pictures), [*remarks, *(Remark(uri, OUTSIDE_FOLDER_REASON, None) for uri in sorted(refused))]
 
 
-def _check_counts(path: Path, header: dict[str, Any]) -> None:
+def _check_counts(path: Path, header: JsonObject) -> None:
     """Raise InputError where nodes draw too many triangles, or accessors have no data."""
     accessors, meshes, nodes = header.get("accessors", []), header.get("meshes", []), header.get("nodes", [])
     if any("bufferView" not in accessor and accessor.get("count", 0) > _MAX_UNBACKED_COUNT for accessor in accessors):
@@ -135,7 +136,7 @@ def _check_counts(path: Path, header: dict[str, Any]) -> None:
         )
 
 
-def _split_header(path: Path) -> tuple[dict[str, Any], bytes]:
+def _split_header(path: Path) -> tuple[JsonObject, bytes]:
     """Return the JSON of a file and, of a .glb, the chunks behind it."""
     data = path.read_bytes()
     if path.suffix.lower() != ".glb":
@@ -146,20 +147,20 @@ def _split_header(path: Path) -> tuple[dict[str, Any], bytes]:
     return json.loads(data[20 : 20 + length]), data[20 + length :]
 
 
-def _pack_glb(header: dict[str, Any], rest: bytes) -> bytes:
+def _pack_glb(header: JsonObject, rest: bytes) -> bytes:
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest
 
 
-def _split_primitives(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[int, int, dict[str, Any]]]]:
+def _split_primitives(header: JsonObject) -> tuple[JsonObject, dict[int, tuple[int, int, JsonObject]]]:
     """Return a header with one numbered node per primitive, and the (node, mesh, primitive) of each number.
 
     trimesh renames nameless and repeated nodes, at random for meshes of several primitives, and decodes every picture. Numbers
     stay stable, and texture coordinates pass as an attribute of their own.
     """
     nodes = [{key: value for key, value in node.items() if key != "mesh"} for node in header.get("nodes", [])]
-    meshes: list[dict[str, Any]] = []
+    meshes: list[JsonObject] = []
     places = {}
     for index, mesh in enumerate(header.get("meshes", [])):
         places[index] = range(len(meshes), len(meshes) + len(mesh["primitives"]))
@@ -183,12 +184,12 @@ def _split_primitives(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int,
     return kept | {"nodes": nodes, "meshes": meshes}, drawn
 
 
-def _primitive_names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
+def _primitive_names(header: JsonObject, owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
     """Return the names of a primitive, nearest first: its node, the ancestors, its mesh.
 
     The mesh replaces a nameless node.
     """
-    above: list[dict[str, Any]] = []
+    above: list[JsonObject] = []
     node = parents.get(owner)
     while node is not None and len(above) < len(parents):
         above.append(header["nodes"][node])
@@ -214,12 +215,12 @@ def _surface_kind(name: str) -> str | None:
     return name.partition("|")[2] or (name if is_surface_name(name) else None)
 
 
-def _header_item(header: dict[str, Any], kind: str, index: int | None) -> dict[str, Any]:
+def _header_item(header: JsonObject, kind: str, index: int | None) -> JsonObject:
     items = header.get(kind, [])
     return items[index] if index is not None and 0 <= index < len(items) else {}
 
 
-def _base_colour_uri(header: dict[str, Any], material: dict[str, Any]) -> str | None:
+def _base_colour_uri(header: JsonObject, material: JsonObject) -> str | None:
     """Return the URI of the picture of a material, empty where it is embedded; None without one."""
     index = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}).get("index")
     if index is None:
@@ -228,7 +229,7 @@ def _base_colour_uri(header: dict[str, Any], material: dict[str, Any]) -> str | 
     return "" if uri.startswith("data:") else uri
 
 
-def _read_buffers(path: Path, header: dict[str, Any]) -> dict[str, bytes]:
+def _read_buffers(path: Path, header: JsonObject) -> dict[str, bytes]:
     """Return the geometry buffers of a .gltf by URI.
 
     Raises

@@ -6,7 +6,6 @@ import io
 import zipfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,8 @@ def _read_plain_mesh(path: Path) -> list[MeshSurface]:
     try:
         # no path, or trimesh opens referenced pictures anywhere
         content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
-        scene: Any = trimesh.load(content, file_type=kind, force="scene", process=False)
+        scene = trimesh.load(content, file_type=kind, force="scene", process=False)
+        assert isinstance(scene, trimesh.Scene)
     except Exception as error:  # trimesh raises errors of any class
         if is_system_error(error):
             raise

@@ -260,4 +260,5 @@ def _merge_overlapping(corners: Float64Array, component: IntArray) -> IntArray:
     first = best[np.r_[True, np.diff(one[best]) != 0]] if len(best) else best
     link = first[part[first] >= _MIN_OVERLAP_SHARE]
     graph = coo_array((np.ones(len(link), np.bool_), (one[link], two[link])), shape=(count, count))
-    return connected_components(graph, directed=False)[1][component]
+    labels: IntArray = connected_components(graph, directed=False)[1][component]
+    return labels

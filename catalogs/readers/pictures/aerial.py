@@ -187,7 +187,8 @@ def _to_pixels(
 
 
 def _is_inside(raster: DatasetReader, x: Float64Array, y: Float64Array) -> BoolArray:
-    return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
+    inside: BoolArray = (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
+    return inside
 
 
 def _read_around(

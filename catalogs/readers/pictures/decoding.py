@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -109,7 +109,7 @@ def open_picture(path: Path) -> Iterator[Image]:
     ImageError
         For any defect of the content; errors of the machine pass through.
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
@@ -126,7 +126,7 @@ def open_picture(path: Path) -> Iterator[Image]:
         raise
     except Image.DecompressionBombError as error:
         raise _size_error(path, MAX_PIXELS) from error
-    except Image.UnidentifiedImageError as error:
+    except UnidentifiedImageError as error:
         raise ImageError(
             f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, "
             "or of a kind of it that is not read; save it as PNG or JPEG of 8 bits"
@@ -173,7 +173,8 @@ def _to_rgb(image: Image) -> Image:
         from PIL import ImageCms
 
         own, srgb = ImageCms.createProfile("LAB"), ImageCms.createProfile("sRGB")
-        converted: Any = ImageCms.profileToProfile(image, own, srgb, outputMode="RGB")
+        converted = ImageCms.profileToProfile(image, own, srgb, outputMode="RGB")
+        assert converted is not None, "it is not converted in place"
         return converted
     return image.convert("RGB")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike
     from PIL.Image import Image
     from rasterio.io import DatasetReader
     from rasterio.windows import Window
@@ -31,13 +34,15 @@ _UNSIGNED_FORMAT = 1
 
 def is_high_depth(image: Image) -> bool:
     """Return True where Pillow would clip values or cut them to the upper 8 bits."""
+    from PIL.ImageFile import ImageFile
+
     if image.mode.startswith(("I", "F")):
         return True
-    tags: Any = getattr(image, "tag_v2", {})
+    tags: Mapping[int, ArrayLike] = getattr(image, "tag_v2", {})
     bits, kinds = (np.atleast_1d(tags.get(tag, 1)).tolist() for tag in (_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG))
     if max(bits) > 8 or any(kind != _UNSIGNED_FORMAT for kind in kinds):
         return True
-    tiles: Any = getattr(image, "tile", ())
+    tiles = image.tile if isinstance(image, ImageFile) else ()
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, SupportsFloat
 
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
@@ -16,7 +16,7 @@ from catalogs.reader_errors import fault_reason, single_line
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.poses import SourcePose, degrees_from_dms, find_implausible_value, read_poses
+from catalogs.readers.pictures.poses import SourcePose, TagValue, degrees_from_dms, find_implausible_value, read_poses
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
@@ -272,7 +272,7 @@ def read_exif_pose(path: Path) -> SourcePose | None:
         return _embedded_pose({}, _exif_gps(image))[0]
 
 
-def _embedded_pose(pano: Mapping[str, str], gps: Mapping[str, Any]) -> tuple[SourcePose | None, bool]:
+def _embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple[SourcePose | None, bool]:
     try:
         lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
         lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
@@ -289,7 +289,9 @@ def _embedded_pose(pano: Mapping[str, str], gps: Mapping[str, Any]) -> tuple[Sou
     return SourcePose(LONLAT, lon, lat, None, _finite_number(gps.get("GPSImgDirection"))), magnetic
 
 
-def _finite_number(value: Any) -> float | None:
+def _finite_number(value: object) -> float | None:
+    if not isinstance(value, str | bytes | SupportsFloat):
+        return None
     try:
         number = float(value)
     except (TypeError, ValueError, ArithmeticError):
@@ -328,7 +330,7 @@ def _is_rotated(image: Image) -> bool:
         return False
 
 
-def _exif_gps(image: Image) -> dict[str, Any]:
+def _exif_gps(image: Image) -> dict[str, TagValue]:
     """Return the EXIF GPS tags by name; none where the EXIF is damaged."""
     from PIL.ExifTags import GPSTAGS
 
@@ -342,7 +344,7 @@ def _exif_gps(image: Image) -> dict[str, Any]:
 def _gpano_fields(image: Image) -> dict[str, str]:
     """Return the GPano fields of the XMP as text by name; none where the XMP is damaged."""
     try:
-        waiting: list[Any] = [image.getxmp()]
+        waiting: list[object] = [image.getxmp()]
     except Exception:  # damaged metadata raises errors of any class
         return {}
     fields: dict[str, str] = {}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import SupportsFloat, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from catalogs.printable_text import short_repr
 from catalogs.reader_errors import is_system_error, short_message, single_line
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject, JsonValue
 
 # Bytes; parsed JSON of nested lists takes twenty times its size.
 MAX_FILE_BYTES = 40_000_000
@@ -36,6 +37,10 @@ _FIELD_NAMES = {
     "roll": ("roll", "pers:roll"),
 }
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
+# Entry of a poses file, or the error for which it cannot be used.
+PoseRecord: TypeAlias = JsonObject | Exception
+# Value of an EXIF tag.
+TagValue: TypeAlias = str | bytes | SupportsFloat | tuple[SupportsFloat, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +103,14 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         raise InputError(f"{path} is not UTF-8 text; give {_FORMAT_HINT}") from error
     try:
         if text.lstrip().startswith(("{", "[")):
-            crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
+            stated_crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
         else:
-            crs, records = None, list(_csv_records(text))
+            stated_crs, records = None, list(_csv_records(text))
     except Exception as error:  # libraries raise errors of any class
         if is_system_error(error):
             raise
         raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMAT_HINT}") from error
-    crs = _check_crs(path, crs)
+    crs = _check_crs(path, stated_crs)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
         if name in poses:
@@ -123,20 +128,20 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
     return poses
 
 
-def degrees_from_dms(value: Any, reference: Any) -> float:
+def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue | None) -> float:
     """Return the degrees of an EXIF coordinate, negative for S and W.
 
     The value is a number, or degrees, minutes and seconds.
     """
     parts = value if isinstance(value, list | tuple) else [value]
-    total = sum(float(part) / 60**power for power, part in enumerate(parts))
+    total: float = sum(float(part) / 60**power for power, part in enumerate(parts))
     letter = (reference.decode("ascii", "ignore") if isinstance(reference, bytes) else str(reference or "")).strip(
         "\0 "
     )
     return -total if letter.upper()[:1] in ("S", "W") else total
 
 
-def _csv_records(text: str) -> Iterator[tuple[str, Any]]:
+def _csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
     header = text.split("\n", 1)[0]
     separator = max(",;\t", key=header.count)
     for row in csv.DictReader(text.splitlines(), delimiter=separator):
@@ -145,7 +150,7 @@ def _csv_records(text: str) -> Iterator[tuple[str, Any]]:
             yield _picture_name(record), record
 
 
-def _json_records(content: Any) -> tuple[str | None, list[tuple[str, Any]]]:
+def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
     if isinstance(content, dict) and "camera_positions" in content:
         positions = content["camera_positions"].items()
         return content.get("crs"), [
@@ -158,23 +163,24 @@ def _json_records(content: Any) -> tuple[str | None, list[tuple[str, Any]]]:
     if isinstance(content, dict):
         lists = [content[key] for key in ("data", "features") if isinstance(content.get(key), list)]
         content = lists[0] if lists else [content]
+    assert isinstance(content, list)
     if content and all("shots" in part for part in content):
         return None, list(chain.from_iterable(map(_reconstruction_shots, content)))
     return None, [(_picture_name(record), record) for record in map(_flatten_record, content)]
 
 
-def _picture_name(record: Mapping[str, Any]) -> str:
+def _picture_name(record: JsonObject) -> str:
     name = _first_value(record, "file")
     if name is None:
         raise ValueError("an entry does not name its picture")
     return Path(str(name)).name
 
 
-def _first_value(record: Mapping[str, Any], key: str) -> Any:
+def _first_value(record: JsonObject, key: str) -> object:
     return next((record[name] for name in _FIELD_NAMES[key] if record.get(name) not in (None, "")), None)
 
 
-def _flatten_record(record: dict[str, Any]) -> dict[str, Any]:
+def _flatten_record(record: JsonObject) -> JsonObject:
     """Return a GeoJSON feature or Mapillary record with coordinates and properties as plain fields."""
     flat = {**record, **(record.get("properties") or {})}
     place = flat.get("computed_geometry") or flat.get("geometry")
@@ -185,7 +191,7 @@ def _flatten_record(record: dict[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def _parse_pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
+def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
     value = {key: _finite_number(_first_value(record, key), key) for key in _FIELD_NAMES if key != "file"}
     x, y, heading = value["x"], value["y"], value["heading"]
@@ -207,7 +213,7 @@ def _parse_pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
     )
 
 
-def parse_day(time: Any) -> str | None:
+def parse_day(time: object) -> str | None:
     """Return the date of a time such as "2024-05-17T10:15:00Z"; None without one."""
     try:
         return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
@@ -215,11 +221,11 @@ def parse_day(time: Any) -> str | None:
         return None
 
 
-def _finite_number(value: Any, key: str) -> float | None:
+def _finite_number(value: object, key: str) -> float | None:
     if value is None:
         return None
     try:
-        number = math.nan if isinstance(value, bool) else float(value)
+        number = float(value) if isinstance(value, str | SupportsFloat) and not isinstance(value, bool) else math.nan
     except (ValueError, TypeError, ArithmeticError):
         number = math.nan
     if not math.isfinite(number):
@@ -236,7 +242,7 @@ def find_implausible_value(pose: SourcePose) -> str | None:
     return None
 
 
-def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, PoseRecord]]:
     """Yield the equirectangular shots of an OpenSfM reconstruction (east, north, up around reference_lla)."""
     from pyproj import Transformer
 
@@ -307,7 +313,7 @@ def _angles(camera_from_world: Float64Array) -> tuple[float, float, float]:
     return math.degrees(heading) % 360.0, math.degrees(pitch), math.degrees(roll)
 
 
-def _check_crs(path: Path, crs: Any) -> str | None:
+def _check_crs(path: Path, crs: object) -> str | None:
     """Return the coordinate system of a file as text; InputError for an unusable one."""
     if crs is None:
         return None
@@ -326,9 +332,9 @@ def _check_crs(path: Path, crs: Any) -> str | None:
     return name
 
 
-def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _reject_duplicate_keys(pairs: list[tuple[str, JsonValue]]) -> JsonObject:
     """Raise ValueError for repeated keys, of which JSON would keep the last."""
-    found = dict(pairs)
+    found: JsonObject = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
         twin = next(name for name in names if names.count(name) > 1)

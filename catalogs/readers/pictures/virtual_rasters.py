@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 MAX_FILE_BYTES = 4_000_000  # bytes
 REMEDY = "give one GeoTIFF (gdal_translate)"
@@ -53,7 +56,7 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path} is XML of more than {MAX_FILE_BYTES // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
     try:
-        root: Any = ElementTree.parse(path, forbid_dtd=True).getroot()
+        root: Element = ElementTree.parse(path, forbid_dtd=True).getroot()
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputError(f"{path} is no raster, nor XML of one ({error}); give e.g. a GeoTIFF") from error
     if root.tag != "VRTDataset":

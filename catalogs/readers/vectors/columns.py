@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -153,7 +152,7 @@ def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[s
     return found
 
 
-def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
+def record_tags(records: Iterable[Mapping[str, object]], columns: Mapping[str, str]) -> list[dict[str, str]]:
     """Return the stated tags of each record as text.
 
     `ground` is the height of the ground above the datum; `class` has the values of all class columns, one per line.
@@ -190,7 +189,7 @@ def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]
     return result
 
 
-def cell_text(value: Any) -> str:
+def cell_text(value: object) -> str:
     """Return the text of a cell, empty for null, NaN and blanks.
 
     Integers have no decimal point. A list of one value counts as the value, since GDAL converts a column to lists
@@ -216,7 +215,7 @@ def cell_text(value: Any) -> str:
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
-def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+def assign_ids(records: list[dict[str, object]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
     """Assign an id to each record, and return the remarks on ids that differ from the column.
 
     The ids are from the first column with complete and unique values, else nearly so, else row numbers. In an incomplete column
@@ -263,13 +262,13 @@ def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tup
     return ids, _inexact_ids(ids, records, field) | numbered
 
 
-def _inexact_ids(ids: list[str], records: Iterable[Mapping[str, Any]], field: str) -> dict[str, str]:
+def _inexact_ids(ids: list[str], records: Iterable[Mapping[str, object]], field: str) -> dict[str, str]:
     """Return the remark by id of numbers that a float, or its text by GDAL, cannot hold exactly."""
     cells = [record[field] for record in records]
     return {id: _INEXACT_REMARK for id, cell in zip(ids, cells, strict=True) if _is_inexact(cell)}
 
 
-def _is_inexact(cell: Any) -> bool:
+def _is_inexact(cell: object) -> bool:
     if isinstance(cell, float):
         return abs(cell) >= MIN_INEXACT_INTEGER
     return isinstance(cell, str) and _INEXACT_NUMBER.fullmatch(cell) is not None
@@ -291,7 +290,7 @@ def _make_unique(texts: list[str]) -> list[str]:
     return ids
 
 
-def _height_above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
+def _height_above_ground(record: Mapping[str, object], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
     """Return the height above the ground and the height of the ground, from heights above the datum."""
     roof, ground = (
         next((text for field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
@@ -302,7 +301,7 @@ def _height_above_ground(record: Mapping[str, Any], roofs: list[str], grounds: l
         return None
 
 
-def _parse_tags(value: Any) -> dict[str, str]:
+def _parse_tags(value: object) -> dict[str, str]:
     """Return the tags of one cell: JSON, a mapping, or "key"=>"value" pairs."""
     if isinstance(value, str) and value.startswith("{"):
         try:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, SupportsFloat
 
 import shapely
 from shapely import LineString
@@ -19,6 +19,7 @@ from catalogs.readers.vectors.osm import is_street, split_values
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
+    import networkx
     from shapely.geometry.base import BaseGeometry
 
 
@@ -67,7 +68,7 @@ def read_graphml(path: Path) -> Centrelines:
     return replace(found, faults=faults, ground=tuple(ground))
 
 
-def _load_graph(path: Path) -> Any:
+def _load_graph(path: Path) -> networkx.Graph:
     import networkx
     from defusedxml import DefusedXmlException, ElementTree
 
@@ -85,12 +86,12 @@ def _load_graph(path: Path) -> Any:
         raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error
 
 
-def _attribute_texts(attributes: dict[str, Any]) -> dict[str, str]:
+def _attribute_texts(attributes: Mapping[str, object]) -> dict[str, str]:
     texts = {key: str(value).strip() for key, value in attributes.items()}
     return {key: text for key, text in texts.items() if text and text.lower() not in ("nan", "none")}
 
 
-def _node_position(attributes: dict[str, Any]) -> tuple[float, float] | None:
+def _node_position(attributes: Mapping[str, SupportsFloat | str]) -> tuple[float, float] | None:
     try:
         x, y = float(attributes["x"]), float(attributes["y"])
     except (KeyError, TypeError, ValueError):
@@ -98,7 +99,7 @@ def _node_position(attributes: dict[str, Any]) -> tuple[float, float] | None:
     return (x, y) if math.isfinite(x) and math.isfinite(y) else None
 
 
-def _graph_crs(path: Path, stated: Any) -> str | None:
+def _graph_crs(path: Path, stated: object) -> str | None:
     """Return EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError

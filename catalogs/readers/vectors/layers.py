@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -23,7 +23,9 @@ from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     from geopandas import GeoDataFrame
+    from pyproj import CRS
     from shapely.geometry.base import BaseGeometry
 
 # Limits of decompression of GeoParquet, the larger of both.
@@ -214,7 +216,7 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)), columns
 
 
-def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], Any]) -> GeoDataFrame:
+def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], pa.Table]) -> GeoDataFrame:
     """Return the table with exact integers of over 53 bits: a column with gaps is read as floats.
 
     whole: fields that hold integers. read: returns an Arrow table of some of them.
@@ -227,7 +229,7 @@ def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[
     return frame
 
 
-def _read_integers(path: Path, layer: str, names: list[str]) -> Any:
+def _read_integers(path: Path, layer: str, names: list[str]) -> pa.Table:
     import pyogrio
 
     return pyogrio.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
@@ -260,7 +262,7 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
 
 
-def _crs_name(crs: Any) -> str | None:
+def _crs_name(crs: CRS | None) -> str | None:
     """Return EPSG:n of the horizontal part, else WKT; None for a local system."""
     if crs is None:
         return None

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
@@ -24,6 +24,8 @@ from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
 if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+    from pyrosm import OSM
     from shapely.geometry.base import BaseGeometry
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
@@ -129,7 +131,7 @@ def is_building_part(tags: Mapping[str, str]) -> bool:
     return tags.get("building:part", "no") != "no"
 
 
-def _query_parts(osm: Any) -> Any:
+def _query_parts(osm: OSM) -> GeoDataFrame | None:
     wanted = {"building:part": True}
     return osm.get_data_by_custom_criteria(wanted, filter_type="keep", keep_nodes=False)
 
@@ -222,7 +224,9 @@ def split_values(text: str) -> list[str]:
     return [text]
 
 
-def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, BaseGeometry, dict[str, str]]]:
+def _read_features(
+    path: Path, *layers: Callable[[OSM], GeoDataFrame | None]
+) -> Iterator[tuple[str, BaseGeometry, dict[str, str]]]:
     """Yield (id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
     with path.open("rb") as file:
         if b"OSMHeader" not in file.read(64):
@@ -245,7 +249,7 @@ def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[
             yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _record_tags(record)
 
 
-def _record_tags(record: dict[str, Any]) -> dict[str, str]:
+def _record_tags(record: dict[str, object]) -> dict[str, str]:
     """Return all tags of a feature; pyrosm keeps common ones as columns and others as JSON in `tags`."""
     rest = record.pop("tags", None)
     if isinstance(rest, str):
