@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any, cast
+from typing import cast
 from uuid import UUID
 
 from prefect.artifacts import (
@@ -27,6 +27,7 @@ from prefect.client.schemas.actions import ArtifactUpdate
 
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
+from facade_core.core.json_types import JsonObject
 from flows.markdown import escape_markdown, escape_row, markdown_code
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.block_process import DEADLINE_EXIT_CODE
@@ -125,11 +126,11 @@ def publish_viewer_link(run: Run) -> None:
 
 
 @_ignore_server_errors()
-def publish_outcome(run: Run, summary: dict[str, Any]) -> None:
+def publish_outcome(run: Run, summary: JsonObject) -> None:
     """Create the artifacts of a finished run: tables of units and facades, failures with reasons, links to products."""
     slug = _slug(run.block)
     # ingest has no journal record
-    units: list[dict[str, Any]] = [
+    units: list[dict[str, object]] = [
         {"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}
     ]
     units += [
@@ -229,7 +230,7 @@ def _file_address(path: Folder) -> str:
     return path.as_uri() if isinstance(path, Path) else str(path)
 
 
-def _read_facade_rows(items: Folder) -> list[dict[str, Any]]:
+def _read_facade_rows(items: Folder) -> list[dict[str, object]]:
     """Load the facades of a published table with a few of their columns, failed ones first."""
     import pyarrow.parquet as pq
     from pyarrow import BufferReader
@@ -243,7 +244,7 @@ def _read_facade_rows(items: Folder) -> list[dict[str, Any]]:
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 
-def describe_failures(summary: dict[str, Any]) -> str:
+def describe_failures(summary: JsonObject) -> str:
     """Return the number of failed or set aside units in words."""
     count = len(summary["failures"])
     return f"{count} unit{'' if count == 1 else 's'} failed or set aside"

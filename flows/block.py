@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
@@ -12,23 +12,24 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from typing import cast
 
-from prefect import Task, flow
-from prefect.futures import PrefectFuture
+from prefect import State, flow
 from prefect.runtime import flow_run
-from prefect.states import Completed, State
+from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
 from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import WithheldError
+from facade_core.core.json_types import JsonObject
 from flows.artifacts import describe_failures, publish_outcome, publish_viewer_link, track_progress
 from flows.console import print_status
 from flows.lock import lock_folder
 from flows.log_file import forward_to_prefect
 from flows.run_entry import OpenRun, mark_suspect_on_error, open_run
+from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
@@ -60,14 +61,11 @@ def block_run_name() -> str:
     name = NAME
     if block_file is not None:
         try:
-            name = read_yaml(Path(block_file))["name"]
+            # another document than a mapping raises TypeError
+            name = cast(JsonObject, read_yaml(Path(block_file)))["name"]
         except (ValueError, TypeError, KeyError):  # the run itself reports the error in the file
             name = Path(block_file).stem
     return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
-
-
-# Starts a Prefect task under a name and returns its future.
-Submit = Callable[..., Any]
 
 
 @flow(
@@ -84,7 +82,7 @@ def city_block(
     only: str | None = None,
     deadline: float | None = None,
     keep: int | None = None,
-) -> dict[str, Any] | State:
+) -> JsonObject | State[JsonObject]:
     """Texture the block of `block_file` into `out`; resumable and idempotent.
 
     Parameters
@@ -109,7 +107,7 @@ def city_block(
             if entry.summary is None:
                 with track_progress(entry.block.name):
                     entry.summary = _texture_block(
-                        entry, workers, dask, only, _deadline_clock(deadline), _submit_to_prefect
+                        entry, workers, dask, only, _deadline_clock(deadline), submit_to_prefect
                     )
             summary = entry.summary
             if keep is not None:
@@ -128,13 +126,14 @@ def _deadline_clock(deadline: float | None) -> float | None:
     """Convert hours after the scheduled start to `time.monotonic()`; a retry does not extend the deadline."""
     if deadline is None:
         return None
-    elapsed = datetime.now(UTC) - flow_run.scheduled_start_time
+    started: datetime = flow_run.scheduled_start_time
+    elapsed = datetime.now(UTC) - started
     return time.monotonic() + deadline * 3600 - elapsed.total_seconds()
 
 
 def run_block_without_server(
     block_file: Path, out: Folder, workers: int = 2, dask: str | None = None, only: str | None = None
-) -> dict[str, Any]:
+) -> JsonObject:
     """Run `city_block` without a Prefect server and its record.
 
     In a process whose `city_block` lost the server, continues from there.
@@ -152,21 +151,13 @@ def run_block_without_server(
     with open_run(block_file, out, notify=print_status) as entry:
         if entry.summary is None:
             with ThreadPoolExecutor(MAX_CONCURRENT_TASKS, thread_name_prefix="tasks") as pool:
-                entry.summary = _texture_block(entry, workers, dask, only, None, partial(_submit_to_pool, pool))
+                entry.summary = _texture_block(entry, workers, dask, only, None, submit_to_pool(pool))
         return entry.summary
-
-
-def _submit_to_prefect(task: Task, *arguments: Any, name: str | None = None) -> PrefectFuture:
-    return (task.with_options(name=name) if name else task).submit(*arguments)
-
-
-def _submit_to_pool(pool: ThreadPoolExecutor, task: Task, *arguments: Any, name: str | None = None) -> Future:
-    return pool.submit(task.fn, *arguments)
 
 
 def _texture_block(
     entry: OpenRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
-) -> dict[str, Any]:
+) -> JsonObject:
     run, block = entry.run, entry.block
     # a local cluster starts in parallel with the ingest; a named one is checked first, as it may be unavailable
     ready: Future[Compute] = Future()
@@ -229,12 +220,12 @@ def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit
     outcome = Outcome(skipped=len(pending.done), refused=list_rejected_pictures(pending.done))
     waiting = list(make_batches(pending.pieces, compute))
     outcomes: dict[int, Outcome] = {}
-    ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
+    ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]] = SimpleQueue()
     for number, batch in enumerate(waiting, 1):
         if number > BATCHES_AT_ONCE:
             _take_next_result(ended, outcomes)
         future = submit(process_batch, run, stage, f"{number} of {len(waiting)}", function, batch, compute, name=stage)
-        future.add_done_callback(lambda future, number=number: ended.put((number, future)))
+        queue_end(ended, number, future)
     while len(outcomes) < len(waiting):
         _take_next_result(ended, outcomes)
     outcome += sum((outcomes[number] for number in sorted(outcomes)), Outcome())
@@ -255,7 +246,7 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
     outcomes = find_finished_streets(run, order, outline.after)
     for street in outcomes:
         del waits[street]
-    ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
+    ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]] = SimpleQueue()
     under_way = 0
     while waits or under_way:
         ready = [street for street, others in waits.items() if not others - outcomes.keys()]
@@ -263,7 +254,7 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
             require_disk_space(run.local)
             memory = street_memory(*outline.windows[street], network=network)
             future = submit(texture_street, run, street, outline.streets[street], memory, compute)
-            future.add_done_callback(lambda future, street=street: ended.put((street, future)))
+            queue_end(ended, street, future)
             del waits[street]
             under_way += 1
         _take_next_result(ended, outcomes)
@@ -274,7 +265,7 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
     return outcome
 
 
-def _take_next_result(ended: SimpleQueue[tuple[int, Any]], outcomes: dict[int, Outcome]) -> None:
+def _take_next_result(ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]], outcomes: dict[int, Outcome]) -> None:
     """Wait for the next result and store it; its exception ends the run at once."""
     number, future = ended.get()
     outcomes[number] = future.result()

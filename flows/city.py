@@ -5,27 +5,26 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
 
-from prefect import Task, flow
-from prefect.futures import PrefectFuture
+from prefect import State, flow
 from prefect.runtime import flow_run
-from prefect.states import Completed, State
+from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
+from facade_core.core.json_types import JsonObject
 from flows.artifacts import publish_block_table
 from flows.city_options import CityOptions, next_time_of_day
 from flows.console import print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
+from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.city.block_process import DEADLINE_EXIT_CODE, run_block
 from tasks.city.city_log import (
     BlockResult,
@@ -43,9 +42,6 @@ MAX_CONCURRENT_BLOCKS = 64
 # Share of the time for updates of the city's products while blocks run, whose cost grows with the city; the end of the run
 # updates them in any case.
 MAX_PRODUCT_TIME_SHARE = 0.05
-
-# Starts the run of a block and returns its future.
-Submit = Callable[..., Any]
 
 
 def city_run_name() -> str:
@@ -68,7 +64,7 @@ def city(
     until: str | None = None,
     keep: int | None = None,
     tiles: bool = True,
-) -> dict[str, Any] | State:
+) -> JsonObject | State[JsonObject]:
     """Texture the city of `city_file` into `out`; resumable and idempotent.
 
     Parameters
@@ -91,7 +87,7 @@ def city(
     asked = CityOptions(workers, dask, at_once, until, keep, tiles)
     since = flow_run.scheduled_start_time.astimezone().replace(tzinfo=None)
     summary = _run_city(
-        city_file, folder_at(out or Path("out") / city_file.stem), asked, since, _submit_to_prefect, publish_block_table
+        city_file, folder_at(out or Path("out") / city_file.stem), asked, since, submit_to_prefect, publish_block_table
     )
     if summary["failures"] or summary["left"]:
         counts = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
@@ -100,18 +96,10 @@ def city(
     return summary
 
 
-def run_city_without_server(city_file: Path, out: Folder, options: CityOptions) -> dict[str, Any]:
+def run_city_without_server(city_file: Path, out: Folder, options: CityOptions) -> JsonObject:
     """Run `city` without a Prefect server and its record."""
     with ThreadPoolExecutor(MAX_CONCURRENT_BLOCKS, thread_name_prefix="blocks") as pool:
-        return _run_city(city_file, out, options, datetime.now(), partial(_submit_to_pool, pool), lambda account: None)
-
-
-def _submit_to_prefect(task: Task, *arguments: Any) -> PrefectFuture:
-    return task.submit(*arguments)
-
-
-def _submit_to_pool(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future:
-    return pool.submit(task.fn, *arguments)
+        return _run_city(city_file, out, options, datetime.now(), submit_to_pool(pool), lambda account: None)
 
 
 def _run_city(
@@ -121,7 +109,7 @@ def _run_city(
     scheduled: datetime,
     submit: Submit,
     show: Callable[[CityLog], None],
-) -> dict[str, Any]:
+) -> JsonObject:
     started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out):
@@ -130,7 +118,7 @@ def _run_city(
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {estimate['hours']:.2g} h" if due else ""
         print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
-        ended: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]] = SimpleQueue()
         waiting, running, next_update = deque(due), 0, 0.0
         while waiting or running:
             while waiting and running < options.at_once and (ends is None or time.time() < ends):
@@ -148,13 +136,13 @@ def _run_city(
                     ends,
                     options.tiles,
                 )
-                future.add_done_callback(lambda future, name=name: ended.put((name, future)))
+                queue_end(ended, name, future)
                 running += 1
             if not running:
                 break
             name, future = ended.get()
             running -= 1
-            outcome: BlockResult = future.result()
+            outcome = future.result()
             account = account.with_result(name, outcome)
             require_lock(out)
             write_block_result(out, name, outcome)

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from catalogs.printable_text import escape_invisible
+from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import StageProgress, add_listener
 
 console = Console(stderr=True)
@@ -31,7 +31,7 @@ def show_progress(*, quiet: bool = False) -> Iterator[None]:
         finally:
             stop()
         return
-    bars: dict[str, Any] = {}
+    bars: dict[str, TaskID] = {}
     with Progress(
         SpinnerColumn(),
         TextColumn("{task.description:<12}"),
@@ -103,7 +103,7 @@ def _format_duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def print_summary(target: Console, summary: dict[str, Any], *, painted: bool = False) -> None:
+def print_summary(target: Console, summary: JsonObject, *, painted: bool = False) -> None:
     """Print the summary of a run for people.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Mapping
 
 from catalogs.printable_text import escape_invisible
 
@@ -27,6 +27,6 @@ def markdown_code(text: str) -> str:
     return f"{fence} {printable} {fence}" if "`" in printable else f"`{printable}`"
 
 
-def escape_row(row: dict[str, Any]) -> dict[str, Any]:
+def escape_row(row: Mapping[str, object]) -> dict[str, object]:
     """Escape the texts of a table row."""
     return {name: escape_markdown(value) if isinstance(value, str) else value for name, value in row.items()}

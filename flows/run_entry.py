@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from catalogs.block.reader import Block, read_block
 from catalogs.published.folders import Folder, local_folder
 from facade_core.atlas.journal_cache import cache_journals
+from facade_core.core.json_types import JsonObject
 from flows.lock import lock_folder
 from flows.log_file import log_to
 from flows.memory import release_large_allocations
@@ -39,7 +39,7 @@ class OpenRun:
     source: Path
     block: Block
     run: Run
-    summary: dict[str, Any] | None = None
+    summary: JsonObject | None = None
 
 
 # By output folder.

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from facade_core.plan.ingest import place_poses
 from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 # Rows and columns of a picture if the service states none.
 DEFAULT_PANORAMA_SIZE = (2048, 4096)
@@ -209,7 +213,7 @@ def _search(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemoteP
 
 
 def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
-    frames: dict = {}
+    frames: dict[str | None, Transformer] = {}
     poses = [project_pose(offer.pose, _FULL_PANORAMA, block.crs, frames) for offer in offers]
     plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -18,6 +18,7 @@ from flows.cli.paths import EXISTING_FILE, OUT
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
+    from facade_core.core.json_types import JsonObject
 
 
 @click.command("city")
@@ -145,7 +146,7 @@ def _note_default_partition(city_file: Path) -> None:
             )
 
 
-def _city_exit_code(summary: dict[str, Any]) -> int:
+def _city_exit_code(summary: JsonObject) -> int:
     """Return 0 if all blocks are done, 70 after a machine fault, 1 after a failed block, 75 if the time ran out."""
     codes = [failure["code"] for failure in summary["failures"]]
     if any(code == 70 or code > 128 for code in codes):
@@ -155,7 +156,7 @@ def _city_exit_code(summary: dict[str, Any]) -> int:
     return 75 if summary["left"] else 0
 
 
-def _print_city_summary(summary: dict[str, Any]) -> None:
+def _print_city_summary(summary: JsonObject) -> None:
     print_line(
         f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, {summary['facades_done']} facades in "
         f"{summary['seconds']:.0f} s; {summary['blocks_skipped']} blocks were done before"
@@ -173,7 +174,7 @@ def _print_city_summary(summary: dict[str, Any]) -> None:
     print_line(f"  look   streetloom query {summary['out']}")
 
 
-def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> dict[str, Any]:
+def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> JsonObject:
     """Run the city with a record in Prefect's server.
 
     Runs without the server where it is unavailable or nothing is pending.
@@ -195,4 +196,4 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> di
         except ServerDown as error:
             print_notice(f"no Prefect server ({error}); the run does without, and has no record there")
             return run_city_without_server(city_file, out, options)
-        return cast(dict[str, Any], recorded(city_file, str(out), **asdict(options)))
+        return cast("JsonObject", recorded(city_file, str(out), **asdict(options)))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import click
 
@@ -25,16 +26,22 @@ from flows.cli.usage import single_line_errors
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
+    from facade_core.core.json_types import JsonObject
+    from tasks.engine.run import Run
+
+F = TypeVar("F", bound=Callable[..., object])
 
 
 class CommandGroup(click.Group):
     """Group that ends every error with one line on stderr and an exit code."""
 
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
+    ) -> click.Context:
         with single_line_errors():
-            return super().make_context(*args, **kwargs)
+            return super().make_context(info_name, args, parent, **extra)
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def invoke(self, ctx: click.Context) -> object:
         try:
             with single_line_errors(ctx):
                 return super().invoke(ctx)
@@ -82,7 +89,7 @@ def command_line() -> None:
     """
 
 
-def _compute_options(command: Any) -> Any:
+def _compute_options(command: F) -> F:
     for option in (
         click.option(
             "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes."
@@ -203,9 +210,7 @@ def _run_block(
         sys.exit(1)
 
 
-def _texture_recorded(
-    block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None
-) -> dict[str, Any]:
+def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> JsonObject:
     """Run the block with a record in Prefect's server; continue without the server where it fails."""
     from catalogs.published.folders import local_folder
     from facade_core.core.errors import FacadeError, WithheldError
@@ -220,7 +225,7 @@ def _texture_recorded(
 
         try:
             record.wait_until_ready()
-            return cast(dict[str, Any], city_block(block_file, str(out), workers=workers, dask=dask, only=only))
+            return cast("JsonObject", city_block(block_file, str(out), workers=workers, dask=dask, only=only))
         except WithheldError:
             pass  # reported in the summary
         except FacadeError:
@@ -237,7 +242,7 @@ def _texture_recorded(
         return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
 
 
-def _redo_street(run: Any, street: str, only: bool) -> None:
+def _redo_street(run: Run, street: str, only: bool) -> None:
     """Mark a street and its dependants pending and print them."""
     from tasks.stages.streets.redo import redo_street
 

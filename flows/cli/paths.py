@@ -1,16 +1,26 @@
 """Parameter types for paths."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from catalogs.published.folders import Folder
 
-class ExistingPath(click.Path):
+    PathType = click.Path[Path]
+    FolderType = click.ParamType[Folder, str | os.PathLike[str]]
+else:  # releases of click differ in what these classes take as arguments
+    PathType, FolderType = click.Path, click.ParamType
+
+
+class ExistingPath(PathType):
     """Existing file or folder; suggests similar names when the path does not exist."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -28,7 +38,7 @@ EXISTING_FILE = ExistingPath(exists=True, dir_okay=False, path_type=Path)
 EXISTING_FOLDER = ExistingPath(exists=True, file_okay=False, path_type=Path)
 
 
-class OutputFolder(click.ParamType):
+class OutputFolder(FolderType):
     """Folder of this machine, or s3://bucket/prefix.
 
     Parameters
@@ -41,18 +51,20 @@ class OutputFolder(click.ParamType):
     def __init__(self, *, existing: bool = False) -> None:
         self._local = EXISTING_FOLDER if existing else FOLDER
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Folder:
         from catalogs.published.s3 import S3_SCHEME, folder_at
 
         if str(value).lower().startswith(S3_SCHEME):
-            return folder_at(value)
+            return folder_at(str(value))
         return self._local.convert(value, param, ctx)
 
 
-class LocalPath(click.Path):
+class LocalPath(PathType):
     """File or folder to write; rejects addresses with a scheme, which would create a folder of that name."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
         from facade_core.core.errors import InputError
 
         name = param.opts[0] if isinstance(param, click.Option) else param.human_readable_name if param else "path"

@@ -16,11 +16,15 @@ from flows.viewer import VIEWER_HOST, VIEWER_PORT
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
+    TextType = click.ParamType[str, str]
+else:  # releases of click differ in what this class takes as arguments
+    TextType = click.ParamType
+
 # Exported files to list; above this number only the folder is printed.
 MAX_LISTED_FILES = 8
 
 
-class FolderOfRuns(click.ParamType):
+class FolderOfRuns(TextType):
     """Existing folder, or s3://bucket/prefix, as text."""
 
     name = "folder"

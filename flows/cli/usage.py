@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import IO, Any
+from typing import IO
 
 import click
 
@@ -26,7 +26,7 @@ class CommandLineError(click.ClickException):
 
     exit_code = 2
 
-    def show(self, file: IO[Any] | None = None) -> None:
+    def show(self, file: IO[str] | None = None) -> None:
         print_notice(self.message)
 
 
@@ -89,11 +89,13 @@ def _suggest_names(names: Iterable[str] | None) -> str:
 class BboxCommand(click.Command):
     """Command with a one-line error for an invalid --bbox."""
 
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
+    ) -> click.Context:
         from facade_core.core.errors import InputError
 
         try:
-            return super().make_context(*args, **kwargs)
+            return super().make_context(info_name, args, parent, **extra)
         except click.UsageError as error:
             if "--bbox" not in error.format_message():
                 raise

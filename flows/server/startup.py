@@ -78,7 +78,7 @@ class PrefectServer:
 
     url: str
     home: Path
-    guard: subprocess.Popen | None = None
+    guard: subprocess.Popen[bytes] | None = None
     has_database: bool = True
 
     def wait_until_ready(self) -> None:

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Callable, Mapping
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from catalogs.published.folders import Folder
 from facade_core.core.errors import FacadeError, InputError, StoreError
@@ -24,6 +25,7 @@ from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
 from flows.viewer.matching import match_routes
 from flows.viewer.model import find_model_file, model_index
+from tasks.stages.facades.record import FacadeRecord
 from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_picture
 from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
@@ -101,7 +103,7 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     def facade(request: Request) -> Response:
         view = reader.open_newest()
         index = view.find_facade(request.query_params["id"])
-        record: Mapping[str, Any] = view.records[index] or {}
+        record = view.records[index] or cast(FacadeRecord, {})
         return JSONResponse(
             {
                 "stages": [{"stage": stage.name, "title": stage.title} for stage in list_stage_pictures(view, index)],
@@ -171,10 +173,10 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 class _GuardMiddleware:
     """Middleware that rejects foreign requests and adds the security headers to every response."""
 
-    def __init__(self, app: Any, guard: HostGuard) -> None:
+    def __init__(self, app: ASGIApp, guard: HostGuard) -> None:
         self.app, self.guard = app, guard
 
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":  # no route is a socket
             await self.app(scope, receive, send)
             return
@@ -183,7 +185,7 @@ class _GuardMiddleware:
         refused = self.guard.refusal(hosts, asked.getlist("origin"))
         added = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
 
-        async def with_headers(message: Any) -> None:
+        async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message["headers"], *added]
             await send(message)

@@ -9,10 +9,10 @@ import tempfile
 import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from flows.lock import is_locked
 from tasks.engine.compute.child_processes import end_with_parent
 
@@ -41,7 +41,7 @@ class BackgroundRun:
             self._thread = threading.Thread(target=self._run, args=(block,), daemon=True, name="redo")
             self._thread.start()
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> JsonObject:
         """Return whether the run is in progress, its last line, and whether it failed."""
         return {"under_way": self._is_running, "said": self._last_line, "failed": self._failed}
 
@@ -76,7 +76,7 @@ class BackgroundRun:
                 self._last_line = describe_outcome(json.loads(output.read().strip().splitlines()[-1]))
 
 
-def describe_outcome(summary: dict[str, Any]) -> str:
+def describe_outcome(summary: JsonObject) -> str:
     """Return the outcome of a run in one line."""
     counts = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
     failures = summary["failures"]

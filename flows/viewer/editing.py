@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from catalogs.block.corrections import corrections_file, read_corrections
 from facade_core.core.errors import FacadeError, StoreError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from flows.viewer.background_run import BackgroundRun
 from flows.viewer.guard import edit_refusal
@@ -24,6 +25,11 @@ from tasks.corrections.drawable_values import drawable_values
 from tasks.engine.store.status import read_source
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
+
+T = TypeVar("T")
+
+# Answers a request.
+Endpoint = Callable[[Request], Awaitable[Response]]
 
 # Header with the token. A page of another site must send a preflight request for it, which fails.
 TOKEN_HEADER = "X-Streetloom-Token"
@@ -51,7 +57,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
     """Return the routes for corrections; the middleware has rejected requests of other sites."""
     redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
 
-    def state(request: Request) -> dict[str, Any]:
+    def state(request: Request) -> JsonObject:
         block = read_source(reader.out)
         return {
             "who": editor.who,
@@ -62,14 +68,14 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
             "photos": editor.photos is not None,
         }
 
-    def facade_state(id: str) -> dict[str, Any]:
+    def facade_state(id: str) -> JsonObject:
         view = reader.open_newest()
         return read_facade_state(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
 
-    def facade(request: Request) -> dict[str, Any]:
+    def facade(request: Request) -> JsonObject:
         return facade_state(request.query_params.get("id", ""))
 
-    def save(body: Any) -> dict[str, Any]:
+    def save(body: object) -> JsonObject:
         if not isinstance(body, dict) or not isinstance(body.get("corrections"), list):
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
         if "facade" in body and body.get("stood") != facade_state(str(body["facade"]))["corrected"]:
@@ -77,7 +83,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
         result = taker.add(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
         return {"saved": result.facades + result.buildings, "said": result.lines()[0], "notes": result.notes}
 
-    def start(body: Any) -> dict[str, Any]:
+    def start(body: object) -> JsonObject:
         redo.start(find_block_file(reader.out))
         return redo.status()
 
@@ -89,7 +95,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
     ]
 
 
-def authorize_read(editor: Editor, handler: Callable[[Request], dict[str, Any] | Response]) -> Callable[..., Any]:
+def authorize_read(editor: Editor, handler: Callable[[Request], JsonObject | Response]) -> Endpoint:
     """Return an endpoint that answers requests with the editor's token."""
 
     async def endpoint(request: Request) -> Response:
@@ -100,7 +106,7 @@ def authorize_read(editor: Editor, handler: Callable[[Request], dict[str, Any] |
     return endpoint
 
 
-def authorize_write(editor: Editor, handler: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
+def authorize_write(editor: Editor, handler: Callable[[object], JsonObject]) -> Endpoint:
     """Return an endpoint that accepts JSON with the editor's token, from the viewer's own page."""
 
     async def endpoint(request: Request) -> Response:
@@ -127,7 +133,7 @@ def _refusal_response(request: Request, editor: Editor, *, writes: bool) -> Resp
     return JSONResponse({"reason": found[1]}, found[0]) if found else None
 
 
-async def _respond(handler: Callable[[Any], dict[str, Any] | Response], argument: Any) -> Response:
+async def _respond(handler: Callable[[T], JsonObject | Response], argument: T) -> Response:
     try:
         answer = await run_in_threadpool(handler, argument)
         return answer if isinstance(answer, Response) else JSONResponse(answer)

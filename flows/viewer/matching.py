@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -11,6 +11,7 @@ from starlette.routing import Route
 
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from flows.viewer.editing import Editor, authorize_read, authorize_write
 from tasks.corrections.correction_import import find_block_file
 from tasks.matching.match_table import (
@@ -36,7 +37,7 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
     Decisions go into the table in the folder of the block file, then through `streetloom match --take`.
     """
 
-    def all_matches() -> dict[str, Any]:
+    def all_matches() -> JsonObject:
         return {
             "photos": [
                 _match_row(match) for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()
@@ -54,7 +55,7 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
         image = read_picture(photos / name, max_side=MAX_PHOTO_SIDE).rgb
         return Response(encode_picture(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
-    def save(body: Any) -> dict[str, Any]:
+    def save(body: object) -> JsonObject:
         block = find_block_file(reader.out)
         path = block.parent / TABLE
         with lock_match_table(path):
@@ -78,7 +79,7 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
     ]
 
 
-def _match_row(match: PhotoMatch) -> dict[str, Any]:
+def _match_row(match: PhotoMatch) -> JsonObject:
     return {
         "photo": match.photo,
         "facade": match.facade,
@@ -89,7 +90,7 @@ def _match_row(match: PhotoMatch) -> dict[str, Any]:
     }
 
 
-def _parse_decisions(body: Any) -> list[MatchDecision]:
+def _parse_decisions(body: object) -> list[MatchDecision]:
     """Parse the decisions that the page sends. Raises ValueError where they are malformed."""
     try:
         return [
@@ -99,7 +100,7 @@ def _parse_decisions(body: Any) -> list[MatchDecision]:
                 row["decided"] is True,
                 (_require_text(facade), _require_text(by)),
             )
-            for row in body["decisions"]
+            for row in cast(JsonObject, body)["decisions"]
             for facade, by in [row["stood"]]
         ]
     except (KeyError, TypeError, ValueError) as error:
@@ -108,7 +109,7 @@ def _parse_decisions(body: Any) -> list[MatchDecision]:
         ) from error
 
 
-def _require_text(value: Any) -> str:
+def _require_text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(value)
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -9,6 +10,7 @@ import shapely
 
 from catalogs.block.reader import Block
 from facade_core.core.arrays import ObjectArray
+from facade_core.core.types import Building
 from facade_core.geometry.texel_density import FULL_DENSITY_M, HALF_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
 from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
 from facade_core.plan.facades import MIN_FREE_SHARE
@@ -103,10 +105,10 @@ class _TexelDensity:
         halved = 2
         if len(near := self._streets.query(shape, "dwithin", distance=HALF_DENSITY_M)):
             halved = int(shapely.distance(self._streets.geometries[near], shape).min() > FULL_DENSITY_M)
-        return max(self._full / 2**halved, self.coarsest) ** 2
+        return float(max(self._full / 2**halved, self.coarsest)) ** 2
 
 
-def _count_walls(block: Block, mine: list, density: _TexelDensity) -> tuple[int, float]:
+def _count_walls(block: Block, mine: Sequence[Building], density: _TexelDensity) -> tuple[int, float]:
     """Count the free walls of some buildings, and the texels of all their walls."""
     outlines = [building.footprint for building in block.buildings]
     tree, count, texels = shapely.STRtree(outlines), 0, 0.0
@@ -133,7 +135,8 @@ def _count_walls(block: Block, mine: list, density: _TexelDensity) -> tuple[int,
 
 def _edges(ring: shapely.LinearRing) -> ObjectArray:
     points = shapely.get_coordinates(ring)
-    return shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    edges: ObjectArray = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    return edges
 
 
 def _ground_cells(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:

@@ -14,13 +14,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
+from facade_core.core.json_types import JsonObject
 from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset
 from tasks.engine.compute.child_processes import end_with_parent
 
@@ -76,7 +77,7 @@ def _run_and_export(
     command = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
     code, processor = command.code, command.processor_s
     try:
-        summary: dict[str, Any] = json.loads(command.output.strip().splitlines()[-1])
+        summary: JsonObject = json.loads(command.output.strip().splitlines()[-1])
     except (IndexError, ValueError):
         summary = {}
     failures = [f"{one['unit']}: {one['reason']}" for one in summary.get("failures", ())]

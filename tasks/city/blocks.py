@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 import yaml
@@ -20,9 +20,10 @@ from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, PartSelection
 from catalogs.block.reader import build_block, part_values, read_block, set_digest
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.keys import check_city
+from catalogs.city.keys import CityKeys, check_city
 from catalogs.city.partition import CityCell, halo_radius, partition_city
 from facade_core.core.errors import BlockFileError, InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.name_hash import hash_name
 from facade_core.plan.exemplar_inputs import walls_from_outlines
 from facade_core.plan.exemplar_style import choice_order
@@ -142,15 +143,16 @@ def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSel
         yield PartSelection(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
-def _read_city_keys(path: Path) -> tuple[Mapping[str, Any], Any]:
+def _read_city_keys(path: Path) -> tuple[JsonObject, CityKeys | str]:
     try:
         values = read_yaml(path)
-        return values, check_city(values, path)
+        # check_city refuses documents that are no mapping
+        return cast(JsonObject, values), check_city(values, path)
     except ValueError as error:
         raise BlockFileError(f"{path}: {error}") from error
 
 
-def _city_from_files(path: Path, values: Mapping[str, Any], named: str, before: Mapping[str, CityBlock]) -> City:
+def _city_from_files(path: Path, values: JsonObject, named: str, before: Mapping[str, CityBlock]) -> City:
     folder = path.parent / Path(named).expanduser()
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
     if not files:
@@ -171,20 +173,20 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
     return CityBlock(block_file.stem, block_file, block.digest, count_from_map(block), source)
 
 
-def _rebase_paths(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:
+def _rebase_paths(values: Mapping[str, object], before_: Path, now: Path) -> JsonObject:
     """Rewrite relative paths of a block file for another folder."""
 
     def rebase(text: str) -> str:
         return text if text.startswith(("~", "$")) or Path(text).is_absolute() else os.path.relpath(before_ / text, now)
 
-    def walk(value: Any, key: str) -> Any:
+    def walk(value: object, key: str) -> object:
         if isinstance(value, Mapping):
             return {name: walk(one, f"{key}.{name}" if key else name) for name, one in value.items()}
         if key in _PATHS:
-            return [rebase(one) for one in value] if isinstance(value, list) else rebase(value)
+            return [rebase(one) for one in value] if isinstance(value, list) else rebase(cast(str, value))
         return value
 
-    return walk(values, "")
+    return cast(JsonObject, walk(values, ""))
 
 
 def _write_if_changed(path: Path, text: str) -> None:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from catalogs.city.keys import read_city_name
 from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, move_folder, write_atomically
@@ -15,6 +14,7 @@ from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.core.errors import BlockFileError, InputError
+from facade_core.core.json_types import JsonObject
 from tasks.city.block_counts import BlockCounts
 from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import COUNT_NAMES, load_cost_model
@@ -57,7 +57,7 @@ class BlockResult:
     version: str = ""
     snapshot: str = ""
     tiles: str = ""
-    summary: Mapping[str, Any] = field(default_factory=dict)
+    summary: JsonObject = field(default_factory=dict)
     reason: str = ""
     seconds: float = 0.0
     processor: float = 0.0
@@ -126,7 +126,7 @@ class CityLog:
 
     def estimate(
         self, names: Sequence[str], workers: int, at_once: int, planned: Mapping[str, Mapping[str, float]] | None = None
-    ) -> dict[str, Any]:
+    ) -> JsonObject:
         """Predict the cost of some blocks.
 
         Parameters
@@ -156,7 +156,7 @@ class CityLog:
         """Compute the digest of the snapshots that the city's products show when written now."""
         return unit_key([f"{name} {ended.snapshot} {ended.tiles}" for name, ended in sorted(self.blocks.items())])
 
-    def summary(self, out: Folder) -> dict[str, Any]:
+    def summary(self, out: Folder) -> JsonObject:
         """Sum up the results of all blocks."""
         summaries = [ended.summary for ended in self.blocks.values() if ended.summary]
         digests = [f"{name} {ended.summary.get('atlas_digest')}" for name, ended in sorted(self.blocks.items())]
@@ -273,12 +273,12 @@ def write_products_digest(out: Folder, log: CityLog) -> None:
     _write(out / PRODUCTS_FILE, {"snapshots": log.over})
 
 
-def write_city_summary(out: Folder, summary: Mapping[str, Any]) -> None:
+def write_city_summary(out: Folder, summary: JsonObject) -> None:
     """Write the summary of the city."""
     _write(out / SUMMARY_FILE, summary)
 
 
-def _write(path: Folder, value: Any) -> None:
+def _write(path: Folder, value: object) -> None:
     """Write a value as JSON atomically."""
     if isinstance(path, Path):
         path.parent.mkdir(parents=True, exist_ok=True)

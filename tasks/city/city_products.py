@@ -6,7 +6,6 @@ import json
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
 from tasks.city.city_log import BLOCKS_FOLDER, block_tileset
 
@@ -92,15 +92,16 @@ def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
     write_atomically(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
 
 
-def _read_tileset(path: Folder) -> dict[str, Any] | None:
+def _read_tileset(path: Folder) -> JsonObject | None:
     """Load a block's tileset; None if it has none."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        tileset: JsonObject = json.loads(path.read_text(encoding="utf-8"))
+        return tileset
     except FileNotFoundError:
         return None
 
 
-def _bounding_sphere(root: dict[str, Any]) -> Float64Array:
+def _bounding_sphere(root: JsonObject) -> Float64Array:
     """Compute the sphere around a tileset's root from its box and its transform.
 
     Returns
@@ -113,7 +114,7 @@ def _bounding_sphere(root: dict[str, Any]) -> Float64Array:
     return np.append(centre, np.linalg.norm(box[3:].reshape(3, 3).sum(axis=0)))
 
 
-def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[str], None]) -> None:
+def _write_overview(out: Folder, snapshots: Sequence[Snapshot[Folder]], note: Callable[[str], None]) -> None:
     """Merge the blocks' overview models into one, around the first one's origin."""
     sizes = map_concurrently(lambda snapshot: file_size(snapshot.overview), snapshots, out)
     files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
+from facade_core.core.json_types import JsonObject
 from tasks.city.block_counts import NO_COUNTS, BlockCounts
 
 COEFFICIENTS = Path(__file__).with_name("cost.json")
@@ -38,7 +38,7 @@ class CostModel:
     commits : commits for one of each count.
     """
 
-    fitted: Mapping[str, Any]
+    fitted: JsonObject
     counted: BlockCounts
     seconds: BlockCounts
     bytes: BlockCounts
@@ -55,7 +55,8 @@ class CostModel:
         workers : workers of one block.
         """
         spent = counts.multiply(self.seconds)
-        return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) / workers
+        total: float = sum(asdict(spent).values())
+        return spent.blocks + (total - spent.blocks) / workers
 
     def estimate(
         self,
@@ -63,7 +64,7 @@ class CostModel:
         workers: int,
         at_once: int = 1,
         planned: Sequence[Mapping[str, float]] = (),
-    ) -> dict[str, Any]:
+    ) -> JsonObject:
         """Predict counts, hours, gigabytes, commits and the bottleneck of some blocks.
 
         Parameters
@@ -101,7 +102,7 @@ def load_cost_model() -> CostModel:
     return parse_cost_model(json.loads(COEFFICIENTS.read_text(encoding="utf-8")))
 
 
-def parse_cost_model(values: Mapping[str, Any]) -> CostModel:
+def parse_cost_model(values: JsonObject) -> CostModel:
     """Build a model from the content of its file."""
     parts = {name: BlockCounts(**values[name]) for name in ("counted", "seconds", "bytes", "commits")}
     return CostModel(fitted=values["fitted"], **parts)

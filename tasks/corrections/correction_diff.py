@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from catalogs.block.corrections import (
     FACADE_CORRECTION_KINDS,
     Correction,
     Corrections,
+    ElementBox,
     is_number,
     validate_correction,
 )
@@ -27,6 +28,9 @@ from facade_core.core.types import Element
 from facade_core.facade.correction import find_unmatched_elements
 from tasks.corrections.drawable_values import drawable_values
 from tasks.publish.published_run import PublishedBlock
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
 
 # Smaller differences come from rounding in exports and journal.
 MIN_SHIFT_TEXELS = 0.6
@@ -117,7 +121,7 @@ class CorrectionDiff:
         ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
-    def _eaves_from_measured_height(self, named: str, id: str, said: MeasuredHeight) -> float | None:
+    def _eaves_from_measured_height(self, named: str, id: str, said: MeasuredHeight) -> object:
         """Derive the eaves from an edited measured height; the roof keeps its own height.
 
         None if the height was not edited, or if the eaves were edited too.
@@ -135,13 +139,15 @@ class CorrectionDiff:
         moved = said.height - said.exported
         if _is_near(moved, 0.0):
             return None
-        published = float(self._published_value("height", id))
+        published = float(cast(float, self._published_value("height", id)))
         eaves = said.eaves if is_number(said.eaves) else published
         if not (_is_near(eaves, published) or _is_near(eaves + moved, self._current_value(id, "height"))):
             return None
         return round(eaves + moved, 3)
 
-    def _correction_if_changed(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
+    def _correction_if_changed(
+        self, named: str, id: str, what: str, value: object, by: Correction
+    ) -> Correction | None:
         """Return an edited value as a correction; None if it equals the current value."""
         known = self.facades if what in FACADE_CORRECTION_KINDS else self.buildings
         if (
@@ -191,12 +197,14 @@ class CorrectionDiff:
             return f"storeys are whole, not {one.value:g}; give {math.floor(one.value)} or {math.ceil(one.value)}"
         if one.kind in MODEL_SHAPE_KINDS and self._published_value("height_source", one.id) == "model":
             return f"it is a model, whose {one.kind} is as given; correct the model"
-        begins = float(self._published_value("raised", one.id) or 0.0) if one.kind == "height" else 0.0
+        begins = (
+            float(cast(float | None, self._published_value("raised", one.id)) or 0.0) if one.kind == "height" else 0.0
+        )
         if one.kind == "height" and one.value < begins + MIN_WALL_HEIGHT_M:
             return f"it begins {begins:g} m over the ground and cannot end at {one.value:g} m"
         return None
 
-    def _current_value(self, id: str, what: str) -> Any:
+    def _current_value(self, id: str, what: str) -> object:
         """Return the corrected value of a target, or else the published one."""
         corrected = self.before.value_correction(id, what)
         if corrected is not None:
@@ -211,12 +219,12 @@ class CorrectionDiff:
             case "exemplar":
                 return None
             case "levels":
-                return int(self._published_value("levels", id)) or None
+                return int(cast(int, self._published_value("levels", id))) or None
             case _:
                 value = self._published_value(what, id)
                 return None if value is None or value == "" or value != value else value
 
-    def _published_value(self, name: str, building: str) -> Any:
+    def _published_value(self, name: str, building: str) -> object:
         """Return a published value of a building; None if the store is too old to have it."""
         table = self.results.buildings
         return table[name][self.buildings[building]] if name in table else None
@@ -228,11 +236,11 @@ class CorrectionDiff:
 
         return compute_building_heights(self.results)
 
-    def _is_same(self, id: str, what: str, value: Any, stands: Any) -> bool:
+    def _is_same(self, id: str, what: str, value: object, stands: object) -> bool:
         if stands is None:
             return False
         if what == "elements":
-            said, there = (self._to_texels(id, layout) for layout in (value, stands))
+            said, there = (self._to_texels(id, cast(Sequence[ElementBox], layout)) for layout in (value, stands))
             return len(said) == len(there) and not (
                 find_unmatched_elements(said, there, max_shift=MIN_SHIFT_TEXELS)
                 or find_unmatched_elements(there, said, max_shift=MIN_SHIFT_TEXELS)
@@ -241,16 +249,20 @@ class CorrectionDiff:
             return _is_near(value, stands)
         return bool(value == stands)
 
-    def _to_texels(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
+    def _to_texels(self, facade: str, shares: Sequence[ElementBox]) -> list[Element]:
         """Convert elements from shares of a wall to its texels."""
         height, width = self._raster_size(facade)
         return [Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares]
 
-    def _published_elements(self, facade: str) -> list[Any]:
+    def _published_elements(self, facade: str) -> list[ElementBox]:
         height, width = self._raster_size(facade)
         found = self.results.elements(self.facades[facade])
-        shares = [(e.label, e.x0 / width, e.y0 / height, e.x1 / width, e.y1 / height) for e in found]
-        return [(label, *(min(max(v, 0.0), 1.0) for v in box)) for label, *box in shares]
+        shares = []
+        for e in found:
+            box = (e.x0 / width, e.y0 / height, e.x1 / width, e.y1 / height)
+            x0, y0, x1, y1 = (min(max(v, 0.0), 1.0) for v in box)
+            shares.append((e.label, x0, y0, x1, y1))
+        return shares
 
     def _raster_size(self, facade: str) -> tuple[int, int]:
         placement, chart = self.results.plan.scene.placement, int(self.results.plan.facades.chart[self.facades[facade]])
@@ -285,13 +297,13 @@ class CorrectionDiff:
         return replace(one, place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)))
 
     @cached_property
-    def _outlines(self) -> Mapping[int, Any]:
+    def _outlines(self) -> Mapping[int, MultiPolygon]:
         from facade_core.export.bodies.footprints import building_footprints
 
         return building_footprints(self.results.textured_mesh)
 
 
-def _is_near(metres: Any, others: Any) -> bool:
+def _is_near(metres: object, others: object) -> bool:
     return (
         is_number(metres)
         and is_number(others)
@@ -301,7 +313,7 @@ def _is_near(metres: Any, others: Any) -> bool:
 
 def _check_unique(named: str, said: Sequence[Annotation]) -> None:
     """Raise InputError for a target with two different values."""
-    found: dict[tuple[str, str], Any] = {}
+    found: dict[tuple[str, str], object] = {}
     for id, what, value in said:
         before = found.setdefault((id, what), value)
         if before is not value and before != value:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from catalogs.block.corrections import (
     BUILDING_CORRECTION_KINDS,
@@ -99,7 +99,7 @@ class CorrectionImporter:
         self._lock = threading.Lock()
         self._found: PublishedBlock | None = None
 
-    def add(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> ImportResult:
+    def add(self, corrections: Sequence[Mapping[str, object]], named: str, *, who: str, why: str = "") -> ImportResult:
         """Import a list of corrections in streetloom's own JSON form; all or none.
 
         Parameters

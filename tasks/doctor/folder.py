@@ -6,11 +6,10 @@ import os
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import icechunk
 
@@ -21,7 +20,7 @@ from catalogs.published.runs import publish_hint
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
-from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.atlas.store import BRANCH, Repository, open_repository, open_root
 from facade_core.core.errors import FacadeError, FormatError, StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
@@ -69,7 +68,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
 
 
 def _check_units(
-    attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str
+    attrs: Mapping[str, object], records: dict[str, list[Record | None]], group: StoreGroup, again: str
 ) -> Finding:
     # a street without visible walls has no work and no record
     seen = set(group["viewpoints/street"][:].tolist())
@@ -82,7 +81,7 @@ def _check_units(
 
 
 def _check_store(
-    out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str
+    out: Folder, repository: Repository, session: icechunk.Session, group: StoreGroup, again: str
 ) -> Iterator[Finding]:
     """Compare records with arrays: sizes and listings, then every chunk, then a sample of digests."""
     store = out / "store"

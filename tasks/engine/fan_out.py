@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
+import icechunk
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.arrays import clear_rasters
+from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
+from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
 from tasks.engine.outcome import Outcome, failure_record, is_machine_fault, log_units, machine_error
@@ -22,6 +24,8 @@ from tasks.engine.unit import UnitFunction, UnitGroup
 BATCHES_AT_ONCE = 2
 # Pieces in a batch at most, or one for each thread of a large cluster: what is repeated for a lost coordinator stays small.
 MAX_BATCH_PIECES = 24
+# The fork that a unit group was written through, and its records by unit index.
+UnitResult = tuple[icechunk.ForkSession, dict[int, Record]]
 
 
 def make_batches(pieces: Iterable[UnitGroup], compute: Compute) -> Iterator[list[UnitGroup]]:
@@ -59,7 +63,7 @@ def process_batch(
     ------
     MachineError : the machine is at fault, or the cluster is gone; committed units stay.
     """
-    started: dict[Any, tuple[UnitGroup, Any]] = {}
+    started: dict[SubmittedUnit[UnitResult], tuple[UnitGroup, icechunk.Session]] = {}
     for piece in batch:
         session, fork = fork_store(run.store)
         started[compute.submit(function, run, fork, piece, memory=piece_memory(piece))] = (piece, session)
@@ -83,7 +87,7 @@ def process_batch(
     return outcome
 
 
-def _clear_charts(run: Run, stage: str, fork: Any, piece: UnitGroup) -> None:
+def _clear_charts(run: Run, stage: str, fork: icechunk.ForkSession, piece: UnitGroup) -> None:
     """Clear the charts of failed units: their texels belong to earlier inputs."""
     if charts := [chart for unit in piece for chart in unit.charts]:
         scene = plan_of_run(run).scene

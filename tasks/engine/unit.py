@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from facade_core.atlas.journal import Record
+from icechunk import ForkSession
 
-# Does units that go together, and writes what they make through a fork of the store's session: (run, fork, units) -> (fork,
-# records by index).
-UnitFunction = Callable[..., tuple[Any, dict[int, Record]]]
+from facade_core.atlas.journal import Record
+from tasks.engine.run import Run
 
 
 @dataclass(frozen=True)
@@ -44,3 +43,6 @@ class Unit:
 
 # What one worker does in one go.
 UnitGroup = Sequence[Unit]
+# Processes a unit group, and writes its data through a fork of the store's session; returns the fork and the records by
+# index.
+UnitFunction = Callable[[Run, ForkSession, UnitGroup], tuple[ForkSession, dict[int, Record]]]

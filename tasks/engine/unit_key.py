@@ -5,12 +5,10 @@ A key is text ("code:0f3a... photo:77b1..."), so that two keys of a unit show wh
 
 from __future__ import annotations
 
-from typing import Any
-
 from facade_core.atlas.journal import unit_key
 
 
-def join_key_parts(code: str, **parts: Any) -> str:
+def join_key_parts(code: str, **parts: object) -> str:
     """Return the key of a unit from its stage's code and its inputs by kind (strings, numbers, nested lists and dicts)."""
     return " ".join([f"code:{code}", *(f"{kind}:{unit_key(value)[:16]}" for kind, value in parts.items())])
 

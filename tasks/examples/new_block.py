@@ -23,6 +23,7 @@ from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import paint_exemplars
 from tasks.stages.ingest.planning import make_plan
@@ -309,7 +310,7 @@ def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:
     return found
 
 
-def _read_draft(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
+def _read_draft(draft: Path, keys: JsonObject, options: Mapping[str, str]) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
     try:
         return read_block(draft)

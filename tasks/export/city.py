@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.arrays import Float64Array, IntArray
+from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.models import add_ground
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
-    from facade_core.export.bodies.building_models import BuildingModel
+    from facade_core.export.bodies.building_models import BuildingModel, ModelPart
+    from facade_core.export.bodies.model_face import ModelFace
+    from facade_core.export.city_models.cityjson import VertexPool
+    from facade_core.export.models.textured_mesh import PackedCharts
 
 TEXTURE_FOLDER = "textures"
 # Columns of building materials and colours by attribute name.
@@ -112,13 +116,13 @@ def _write_document(
     return [name], notes
 
 
-def _json_line(value: dict[str, Any]) -> str:
+def _json_line(value: JsonObject) -> str:
     return escape_invisible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _list_features(
     results: PublishedBlock, buildings: IntArray, folder: Path, *, openings: bool
-) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
+) -> tuple[list[str], Iterator[tuple[str, Callable[[VertexPool], JsonObject]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
@@ -139,15 +143,15 @@ def _list_features(
     triangles = group_rows(source.charts.building[source.mesh.chart])
     taken = set(results.names.values())
 
-    def building(index: int, pool: Any) -> dict[str, Any]:
+    def building(index: int, pool: VertexPool) -> JsonObject:
         made = city_objects(results, drawn, triangles[index], index, layouts, pool, taken)
         report_progress("export", 1)
         return made
 
-    def terrain(id: str, faces: Any, pool: Any) -> dict[str, Any]:
+    def terrain(id: str, faces: Sequence[ModelFace], pool: VertexPool) -> JsonObject:
         return {id: {"type": "TINRelief", "geometry": [build_geometry(faces, (), pool, "2", "CompositeSurface")]}}
 
-    def features() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
+    def features() -> Iterator[tuple[str, Callable[[VertexPool], JsonObject]]]:
         for index in buildings.tolist():
             yield results.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
@@ -161,13 +165,13 @@ def _list_features(
 
 def city_objects(
     results: PublishedBlock,
-    drawn: Any,
+    drawn: PackedCharts,
     triangles: IntArray,
     index: int,
     layouts: Mapping[int, list[Element]],
-    pool: Any,
+    pool: VertexPool,
     taken: set[str],
-) -> dict[str, Any]:
+) -> JsonObject:
     """Build the city objects of a building and of its installations by id.
 
     The building is a Solid if its surfaces close.
@@ -188,7 +192,7 @@ def city_objects(
     has_openings = any(surface["type"] in ("Window", "Door") for surface in model.body.surfaces)
     name, lod = results.names[index], "3" if has_openings else "2"
 
-    def geometry(part: Any) -> list[dict[str, Any]]:
+    def geometry(part: ModelPart) -> list[JsonObject]:
         return [build_geometry(part.faces, part.surfaces, pool, lod, "Solid" if part.is_solid else "MultiSurface")]
 
     attributes = building_attributes(results, index, model.body)
@@ -197,11 +201,11 @@ def city_objects(
         if "facade" in surface:
             surface["isFacade"] = is_facade(results, surface["facade"])
     body = {"type": "Building", "attributes": attributes, "geometry": geometry(model.body)}
-    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in model.attachments]
+    wanted: list[tuple[str, JsonObject, ModelPart]] = [("roof", {}, part) for part in model.attachments]
     if layouts:
         wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in model.balconies]
         wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in model.ledges]
-    installations: dict[str, Any] = {}
+    installations: JsonObject = {}
     for number, (kind, attributes, part) in enumerate(wanted):
         installations[_unused_id(f"{name}-{kind}-{number}", taken)] = {
             "type": "BuildingInstallation",
@@ -220,7 +224,7 @@ def is_facade(results: PublishedBlock, facade: str) -> bool:
 
 def building_model(
     results: PublishedBlock,
-    drawn: Any,
+    drawn: PackedCharts,
     triangles: IntArray,
     index: int,
     layouts: Mapping[int, list[Element]],
@@ -253,7 +257,7 @@ def _unused_id(id: str, taken: set[str]) -> str:
     return id
 
 
-def building_attributes(results: PublishedBlock, building: int, body: Any) -> dict[str, Any]:
+def building_attributes(results: PublishedBlock, building: int, body: ModelPart) -> JsonObject:
     """Collect a building's attributes from the plan and the finished facades, with CityJSON names.
 
     The measured height ends at the highest point of the roof, without chimneys and other attachments.
@@ -288,13 +292,13 @@ def compute_building_heights(results: PublishedBlock) -> dict[str, float]:
     return {results.names[b]: round(_height_range(body), 3) for b, body in bodies.items()}
 
 
-def _height_range(body: Any) -> float:
+def _height_range(body: ModelPart) -> float:
     """Compute the metres between the lowest and the highest corner of a building's faces."""
     heights = np.concatenate([ring[:, 2] for face in body.faces for ring in face.rings])
     return float(np.ptp(heights))
 
 
-def _roof_attributes(row: Mapping[str, Any]) -> dict[str, Any]:
+def _roof_attributes(row: JsonObject) -> JsonObject:
     """Collect the attributes of a building's roof; older stores have none."""
     if not row.get("roof_shape"):
         return {}
@@ -326,7 +330,8 @@ def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, li
 
 def model_origin(results: PublishedBlock) -> Float64Array:
     """Return the origin (3,) of a model's local frame, world metres."""
-    return np.floor(results.plan.scene.mesh.vertices.min(axis=0))
+    origin: Float64Array = np.floor(results.plan.scene.mesh.vertices.min(axis=0))
+    return origin
 
 
 def _reference_system(results: PublishedBlock) -> tuple[str | None, list[str]]:

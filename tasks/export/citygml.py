@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
+
+    from facade_core.core.types import Element as FacadeElement
+    from facade_core.export.bodies.building_models import ModelPart
+    from facade_core.export.models.textured_mesh import PackedCharts
 
 # Attributes with a CityGML element of their own; all others become generic attributes.
 CITYGML_ATTRIBUTES = ("name", "roofType", "measuredHeight", "storeysAboveGround")
@@ -69,11 +73,11 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
 
 def _building(
     results: PublishedBlock,
-    drawn: Any,
+    drawn: PackedCharts,
     triangles: IntArray,
     index: int,
     id: str,
-    layouts: Mapping[int, Any],
+    layouts: Mapping[int, list[FacadeElement]],
     images: list[str],
 ) -> Element:
     from facade_core.export.city_models.citygml import (
@@ -91,7 +95,7 @@ def _building(
     textured = PolygonWriter(id, VertexPool(origin))
     bounds, ids = boundary_surfaces(textured, model.body.faces, model.body.surfaces, lod)
     installations = []
-    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in model.attachments]
+    wanted: list[tuple[str, dict[str, str], ModelPart]] = [("roof", {}, part) for part in model.attachments]
     wanted += [("balcony", {"facade": facade}, part) for facade, part in model.balconies]
     wanted += [("ledge", {"facade": facade}, part) for facade, part in model.ledges]
     for number, (kind, said, part) in enumerate(wanted):
@@ -131,7 +135,7 @@ def _building(
 
 
 def _terrain(
-    results: PublishedBlock, drawn: Any, triangles: IntArray, taken: set[str], images: list[str]
+    results: PublishedBlock, drawn: PackedCharts, triangles: IntArray, taken: set[str], images: list[str]
 ) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.arrays import Float64Array
 from tasks.publish.published_run import PublishedBlock
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from facade_core.export.tiles.earth import EarthFrame
 
 
-def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[EarthFrame, dict[str, Any], list[str]]:
+def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[EarthFrame, dict[str, object], list[str]]:
     """Compute the earth frame of a block's tiles.
 
     Parameters
@@ -28,7 +28,7 @@ def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[Earth
     from facade_core.export.tiles.earth import earth_frame
 
     separation = results.group.attrs.get("geoid_separation")
-    extras: dict[str, Any] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
+    extras: dict[str, object] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
     if separation is None:
         extras["heights"] = (
             "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -181,7 +181,7 @@ def _height_columns(results: PublishedBlock, triangles: IntArray) -> dict[str, f
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
-def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[dict[str, Any]]:
+def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[dict[str, object]]:
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
     from facade_core.export.bodies.map_surfaces import surface_polygons
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -198,7 +198,7 @@ def write_factored_tiles(
     return ["tileset.json"], [*notes, *walls.notes]
 
 
-def _texture_statistics(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, Any]:
+def _texture_statistics(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, object]:
     """Summarise graphics memory by kind of picture, and the texel density of elements."""
     from facade_core.export.factored.texture_packing import texture_memory_bytes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from tasks.stages.shared.images import read_exemplar_picture
 if TYPE_CHECKING:
     from facade_core.export.factored.library import FacadeLibrary
     from facade_core.export.factored.wall_decomposition import FactoredFacade
-    from facade_core.export.factored.wall_geometry import WallDetail, WallPieces
+    from facade_core.export.factored.wall_geometry import WallDetail, WallPieces, WallPolygon
 
 # Maximum 99.5th percentile difference between an original and its stored picture, grey levels.
 MAX_GREY_DIFFERENCE = 4.0
@@ -85,7 +85,7 @@ def build_factored_walls(
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Any]]:
+def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines

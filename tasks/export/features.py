@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from catalogs.published.items import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.geometry.charts import CHART_KINDS
 from tasks.publish.published_run import PublishedBlock
@@ -42,16 +42,16 @@ SUMMED_COLUMNS = (
 def build_feature_table(results: PublishedBlock) -> FeatureTable:
     """Build a row for each facade, other building surface, ground tile and building."""
     charts, plan = results.plan.scene.charts, results.plan
-    rows: list[dict[str, Any]] = []
+    rows: list[JsonObject] = []
     catalogue = _read_facade_rows(results)
     facade_at = dict(zip(plan.facades.chart.tolist(), plan.facades.id, strict=True))
     of_chart, of_owner = (np.full(len(charts), -1, np.int64) for _ in range(2))
 
-    def add(row: Mapping[str, Any]) -> int:
+    def add(row: Mapping[str, object]) -> int:
         rows.append({"kind": None, "status": "done", **row})
         return len(rows) - 1
 
-    facades_of: dict[str, list[dict[str, Any]]] = {}
+    facades_of: dict[str, list[JsonObject]] = {}
     for row in catalogue.values():
         facades_of.setdefault(row["building"], []).append(row)
     building_rows: dict[int, int] = {}
@@ -85,7 +85,7 @@ def build_feature_table(results: PublishedBlock) -> FeatureTable:
     )
 
 
-def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: PublishedBlock) -> dict[str, JsonObject]:
     """Read the rows of facades by id; columns that an older version did not publish are None."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -103,9 +103,9 @@ def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows}
 
 
-def list_building_rows(results: PublishedBlock) -> dict[int, dict[str, Any]]:
+def list_building_rows(results: PublishedBlock) -> dict[int, JsonObject]:
     """Return the row of each building by index, with the catalogue's columns."""
-    rows_by_building: dict[str, list[dict[str, Any]]] = {}
+    rows_by_building: dict[str, list[JsonObject]] = {}
     for row in _read_facade_rows(results).values():
         rows_by_building.setdefault(row["building"], []).append(row)
     return {
@@ -120,7 +120,7 @@ def _property(column: ItemColumn) -> MetadataProperty:
     return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)
 
 
-def _building_row(results: PublishedBlock, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
+def _building_row(results: PublishedBlock, building: int, facades: list[JsonObject]) -> JsonObject:
     """Compose the row of a building from the plan and from sums over its facades."""
     table = {name: column[building] for name, column in results.buildings.items()}
     qualities = sorted({quality for row in facades for quality in str(row["quality"] or "").split(", ") if quality})

@@ -9,7 +9,6 @@ import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from catalogs.published import object_store
 from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, remove_path
@@ -145,7 +144,7 @@ def _export(
     to: Path | None,
     buildings: Sequence[str],
     as_file: bool,
-    options: Mapping[str, Any],
+    options: Mapping[str, object],
 ) -> ExportResult:
     chosen = results.select_buildings(buildings)
     target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
@@ -158,7 +157,7 @@ def _export(
         if as_file:
             os.replace(temporary / main[0], target)
             return ExportResult(target, (target,), tuple(notes))
-        about: dict[str, Any] = {
+        about: dict[str, object] = {
             "format": format,
             "block": results.block,
             "snapshot": results.snapshot.id,
@@ -176,7 +175,7 @@ def _export(
     return ExportResult(target, tuple(target / name for name in main), tuple(notes))
 
 
-def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> ExportResult:
+def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, object]) -> ExportResult:
     here = local_folder(place) / "exports" / format
     try:
         with open_published_run(place) as results:

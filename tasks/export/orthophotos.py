@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, cast
 
 import numpy as np
 
@@ -17,12 +17,27 @@ from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
+    from pandas import Timestamp
     from pystac import Item
+    from shapely import LineString
 
     from facade_core.export.bodies.wall_plane import WallPlane
 
 # Side of a tile of the file, texels; small, because facades are small.
 TILE_TEXELS = 256
+
+
+class _FacadeRow(TypedDict):
+    """The columns of the catalogue that are read here.
+
+    Attributes
+    ----------
+    geometry : foot line in WGS 84.
+    """
+
+    id: str
+    geometry: LineString | None
+    updated: Timestamp
 
 
 def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
@@ -62,7 +77,7 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     return names, []
 
 
-def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
+def _read_facade_rows(results: PublishedBlock) -> dict[str, _FacadeRow]:
     """Read the catalogue's rows of facades by id, with foot lines in WGS 84."""
     import geopandas as gpd
 
@@ -70,7 +85,8 @@ def _read_facade_rows(results: PublishedBlock) -> dict[str, dict[str, Any]]:
         rows = gpd.read_parquet(io.BytesIO(results.snapshot.items.read_bytes()))
     except (OSError, ValueError) as error:
         raise InputError(f"{results.snapshot.items}: {results.snapshot.remedy}") from error
-    return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
+    found = cast("list[_FacadeRow]", rows[rows.kind == "facade"].to_dict("records"))
+    return {row["id"]: row for row in found}
 
 
 def _write_cog(
@@ -89,7 +105,7 @@ def _write_cog(
     ]
     # a texel that the wall touches counts as its own
     wall = rasterize(polygons, out_shape=(height, width), default_value=255, dtype="uint8", all_touched=True)
-    profile: dict[str, Any] = {
+    profile: dict[str, object] = {
         "driver": "COG",
         "width": width,
         "height": height,
@@ -117,7 +133,7 @@ def _write_cog(
 
 
 def _item(
-    results: PublishedBlock, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
+    results: PublishedBlock, name: str, row: _FacadeRow, plane: WallPlane, shape: tuple[int, ...], file: str
 ) -> Item:
     """Build the facade's STAC Item: foot line in WGS 84, raster frame by the projection extension, pose."""
     import pystac
@@ -130,11 +146,11 @@ def _item(
 
     sources = [SourceFact(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
-    placed = line is not None and not line.is_empty
+    placed = None if line is None or line.is_empty else line
     item = pystac.Item(
         name,
-        shapely.geometry.mapping(line) if placed else None,
-        list(line.bounds) if placed else None,
+        shapely.geometry.mapping(placed) if placed is not None else None,
+        list(placed.bounds) if placed is not None else None,
         row["updated"].to_pydatetime(),
         {
             "title": f"Orthophoto of the facade {name}",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any
 
 from catalogs.features import file_stem
 from facade_core.core.arrays import IntArray
@@ -84,7 +83,7 @@ def write_usd(
         write_usd_building(folder / parts[node.name], node, pages, about, time)
         report_progress("export", 1)
     stem = file_stem(results.block)
-    metadata: dict[str, Any] = {
+    metadata: dict[str, str] = {
         "block": results.block,
         "crs": results.crs,
         "origin": json.dumps(frame.origin.tolist()),

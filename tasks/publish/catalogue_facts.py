@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
 
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
+from facade_core.atlas.journal import Record
 from facade_core.core.grouping import RowIndex
 from facade_core.export.bodies.footprints import building_footprints
 from facade_core.export.models.textured_mesh import build_textured_mesh
@@ -25,8 +25,9 @@ from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR a
 from tasks.engine.run import Run
 from tasks.publish.item_rows import ItemRows, record_time
 from tasks.publish.stored_block import StoredBlock
+from tasks.stages.streets.record import StreetRecord
 
-Records = Sequence[Mapping[str, Any] | None]
+Records = Sequence[Record | None]
 # Tolerance of footprint outlines in the catalogue, metres.
 OUTLINE_TOLERANCE_M = 0.1
 _ROOT = Path(__file__).resolve().parent.parent.parent
@@ -135,7 +136,7 @@ def block_facts(
     )
 
 
-def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[StreetFacts]:
+def street_facts(plan: Plan, streets: Sequence[StreetRecord | None], viewpoints: Records) -> list[StreetFacts]:
     """Collect the catalogue facts of all streets of a block.
 
     Parameters
@@ -151,20 +152,21 @@ def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[Stre
         on_street = viewpoints_of.rows_with(index).tolist()
         done = [seen for viewpoint in on_street if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
         state = record["status"] if record else "waiting" if on_street else "unseen"
-        texels = (record or {}).get("texels")
+        texels = record.get("texels") if record else None
         found.append(
             StreetFacts(
                 id=street.id,
                 name=street.name,
                 line=street.line,
                 state=state,
-                reason=(record or {}).get("reason") or ("no wall is seen from it" if state == "unseen" else None),
+                reason=(record.get("reason") if record else None)
+                or ("no wall is seen from it" if state == "unseen" else None),
                 viewpoints=len(on_street),
                 viewpoints_done=len(done),
                 wave=int(plan.wave[index]),
                 texels=texels,
                 coverage=round(texels / writable[index], 4) if texels is not None and writable[index] else None,
-                key=(record or {}).get("key"),
+                key=record.get("key") if record else None,
                 seconds=round(sum(map(_work_seconds, [record, *done])), 2) if record else None,
                 updated=record_time(record),
             )
@@ -232,11 +234,11 @@ def _custom_model(path: Path, shipped: CataloguedModel) -> CataloguedModel:
     return CataloguedModel(path, f"{shipped.title} of the block", record.get("trained_on", {}))
 
 
-def _work_seconds(record: Mapping[str, Any] | None) -> float:
-    return sum((record or {}).get("seconds", {}).values())
+def _work_seconds(record: Record | None) -> float:
+    return sum(record.get("seconds", {}).values()) if record else 0
 
 
-def _block_outline(footprints: Sequence[Any]) -> Any:
+def _block_outline(footprints: Sequence[shapely.MultiPolygon]) -> shapely.Polygon | shapely.MultiPolygon:
     """Merge footprints without the cracks between neighbours; exterior rings are anticlockwise, as in GeoJSON."""
     closed = (
         shapely.union_all(footprints)

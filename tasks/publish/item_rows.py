@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
+from catalogs.published.item_row import ItemRow
 from catalogs.published.items import ASSUMED_HEIGHT, ROW_KEYS
-from facade_core.atlas.journal import atlas_digest
+from facade_core.atlas.journal import Record, atlas_digest
+from facade_core.atlas.table_schema import TableValues
+from facade_core.core.json_types import JsonObject
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
 from facade_core.geometry.walls import WALL_ROLES, WallRole
@@ -22,6 +25,7 @@ from tasks.engine.run import Run
 from tasks.publish.stored_block import StoredBlock
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.order import FACADES, STAGES_IN_ORDER
+from tasks.stages.poses.record import PoseRecord
 
 # A facade with a larger hidden share needs review.
 MAX_GOOD_HIDDEN_SHARE = 0.5
@@ -41,11 +45,11 @@ class ItemRows:
     set_aside : rows of other units that could not be used.
     """
 
-    facades: list[dict[str, Any]]
-    set_aside: list[dict[str, Any]]
+    facades: list[ItemRow]
+    set_aside: list[ItemRow]
 
     @property
-    def every(self) -> list[dict[str, Any]]:
+    def every(self) -> list[ItemRow]:
         """Return all rows."""
         return self.facades + self.set_aside
 
@@ -75,9 +79,9 @@ def write_masked_regions(path: Path, records: Sequence[FacadeRecord | None]) -> 
     path.write_text(json.dumps(regions, indent=1))
 
 
-def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> dict[str, Any]:
+def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> JsonObject:
     """Write the summary of a block as JSON, and return it."""
-    summary = {
+    summary: JsonObject = {
         "block": block.group.attrs["block"],
         "facades_done": rows.finished_count,
         "facades_failed": rows.unfinished_count,
@@ -95,7 +99,7 @@ def _count_unchecked(block: StoredBlock) -> int:
     return sum(record.get("looked") is False for record in records if record)
 
 
-def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
+def _facade_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
     """Build a row per facade; a facade without a record counts as failed at ingestion."""
     from shapely import LineString
 
@@ -109,41 +113,39 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normals()[chart]
         building = int(facades.building[index])
-        record = block.records[index] or {"status": "failed", "reason": "not processed"}
+        record = block.records[index] or FacadeRecord(unit=name, key="", status="failed", reason="not processed")  # type: ignore[typeddict-item]
         street = plan.streets[int(facades.street[index])]
-        rows.append(
-            {
-                "id": name,
-                "kind": "facade",
-                "block": run.block,
-                "building": buildings["id"][building],
-                "part_of": (buildings["part_of"][building] or None) if "part_of" in buildings else None,
-                "geometry": LineString([start, end]),
-                "street": street.name or street.id,
-                **_roof_columns(buildings, building),
-                "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-                **facade_facts(facades, index, record, buildings["height_source"][building]),
-                **_facade_pose_columns(record, posed),
-                "corrected": int(
-                    bool(record.get("corrected")) or buildings["id"][building] in block.hand_corrected_ids
-                ),
-                "parents": _parent_ids(run.block, buildings["id"][building], street.id, record),
-                "updated": record_time(record) or block.ingest_time,
-                "status": record["status"],
-                "reason": record.get("reason"),
-                "code_version": block.version,
-                "config_digest": run.key,
-            }
-        )
+        # write_items checks every key and type
+        row: dict[str, object] = {
+            "id": name,
+            "kind": "facade",
+            "block": run.block,
+            "building": buildings["id"][building],
+            "part_of": (buildings["part_of"][building] or None) if "part_of" in buildings else None,
+            "geometry": LineString([start, end]),
+            "street": street.name or street.id,
+            **_roof_columns(buildings, building),
+            "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
+            **facade_facts(facades, index, record, buildings["height_source"][building]),
+            **_facade_pose_columns(record, posed),
+            "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.hand_corrected_ids),
+            "parents": _parent_ids(run.block, buildings["id"][building], street.id, record),
+            "updated": record_time(record) or block.ingest_time,
+            "status": record["status"],
+            "reason": record.get("reason"),
+            "code_version": block.version,
+            "config_digest": run.key,
+        }
+        rows.append(cast(ItemRow, row))
     return rows
 
 
-def pose_height_change(record: Mapping[str, Any], stated: Pose) -> float:
+def pose_height_change(record: PoseRecord, stated: Pose) -> float:
     """Return the refined minus the stated height of a panorama, metres."""
     return round(record["pose"][2] - cast(float, stated.z), 3)
 
 
-def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, Any]]:
+def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, float | None]]:
     """Return the pose columns of refined panoramas by name."""
     return {
         record["unit"]: {
@@ -156,19 +158,22 @@ def _panorama_pose_columns(block: StoredBlock) -> dict[str, dict[str, Any]]:
     }
 
 
-def _facade_pose_columns(record: Mapping[str, Any], posed: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
+def _facade_pose_columns(
+    record: FacadeRecord, posed: Mapping[str, Mapping[str, float | None]]
+) -> dict[str, float | None]:
     """Return per pose column the value of largest magnitude among the panoramas of a facade; None if none has it."""
     parts = (record.get("source") or "").split(", ")
     # the name of a panorama may contain a comma
     runs = (", ".join(parts[i:j]) for i, j in combinations(range(len(parts) + 1), 2))
     sources = [posed[name] for name in runs if name in posed]
-    found = {}
+    found: dict[str, float | None] = {}
     for column in ("pose_residual_deg", "pose_apart_m", "pose_raised_m"):
-        found[column] = max((source[column] for source in sources if source[column] is not None), key=abs, default=None)
+        known = (value for source in sources if (value := source[column]) is not None)
+        found[column] = max(known, key=abs, default=None)
     return found
 
 
-def _roof_columns(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
+def _roof_columns(buildings: TableValues, building: int) -> dict[str, object]:
     """Return the roof columns of a building; None for one with a roof from a model."""
     shape = buildings["roof_shape"][building]
     if not shape:
@@ -177,17 +182,19 @@ def _roof_columns(buildings: Mapping[str, Any], building: int) -> dict[str, Any]
     return {"roof_shape": shape, "roof_height_m": height, "roof_confidence": confidence}
 
 
-def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
+def facade_facts(facades: Facades, index: int, record: FacadeRecord | None, height_source: str) -> dict[str, object]:
     """Return the columns of a facade that come from its plan and journal record.
 
     Parameters
     ----------
     facades : facades of the plan.
     index : index of the facade.
-    record : journal record of the facade; its missing values become None.
+    record : journal record of the facade, None without one; missing values become None.
     height_source : source of the height of its building.
     """
+    record = record or cast(FacadeRecord, {})
     lattice, levels = record.get("lattice", {}), int(facades.floors[index])
+    shares: Sequence[float | None] = record.get("provenance") or [None] * len(PROVENANCE)
     return {
         "role": WALL_ROLES[int(facades.role[index])],
         "height_m": round(float(facades.height[index]), 3),
@@ -197,13 +204,7 @@ def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height
         "levels": levels,
         **{key: record.get(key) for key in _RECORD_COLUMNS},
         "masked": record.get("masked_share"),
-        **dict(
-            zip(
-                _SHARE_COLUMNS,
-                (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARE_COLUMNS) :],
-                strict=True,
-            )
-        ),
+        **dict(zip(_SHARE_COLUMNS, shares[-len(_SHARE_COLUMNS) :], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
         "quality": _quality_flags(record, levels, height_source, int(facades.role[index]))
@@ -213,7 +214,7 @@ def facade_facts(facades: Facades, index: int, record: Mapping[str, Any], height
     }
 
 
-def _quality_flags(record: Mapping[str, Any], levels: int, height_source: str, role: int) -> str:
+def _quality_flags(record: FacadeRecord, levels: int, height_source: str, role: int) -> str:
     """Return comma-separated reasons to review a facade; "good" if there are none."""
     elements, floors = record["elements"], record.get("floors", 0)
     # bounds of the estimate from pictures
@@ -231,20 +232,20 @@ def _quality_flags(record: Mapping[str, Any], levels: int, height_source: str, r
     return ", ".join(name for name, raised in flags.items() if raised) or "good"
 
 
-def _parent_ids(block: str, building: str, street: str, record: Mapping[str, Any]) -> str:
+def _parent_ids(block: str, building: str, street: str, record: FacadeRecord) -> str:
     images = [f"image/{name}" for name in (record.get("source") or "").split(", ") if name]
     return ", ".join([f"block/{block}", f"building/{building}", f"street/{street}", *images])
 
 
-def record_time(record: Mapping[str, Any] | None) -> datetime | None:
+def record_time(record: Record | None) -> datetime | None:
     """Return when the unit of a journal record was finished; None if unknown."""
     if record is None or "started" not in record:
         return None
     return datetime.fromtimestamp(record["started"] + sum(record.get("seconds", {}).values()), UTC)
 
 
-def _unusable_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
-    known = {
+def _unusable_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
+    known: dict[str, object] = {
         "block": run.block,
         "status": "failed",
         "code_version": block.version,
@@ -252,7 +253,7 @@ def _unusable_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
         "updated": block.ingest_time,
     }
     return [
-        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason}
+        cast(ItemRow, dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason})
         for kind, unit, reason in _unusable_units(block)
     ]
 

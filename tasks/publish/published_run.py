@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class PublishedBlock(StoredBlock):
     """Block as a published snapshot holds it, with the files of that snapshot."""
 
-    snapshot: Snapshot
+    snapshot: Snapshot[Folder]
 
     @property
     def block(self) -> str:
@@ -129,7 +129,7 @@ def open_published_run(out: Folder) -> Iterator[PublishedBlock]:
         yield open_published_snapshot(snapshot)
 
 
-def open_published_snapshot(snapshot: Snapshot) -> PublishedBlock:
+def open_published_snapshot(snapshot: Snapshot[Folder]) -> PublishedBlock:
     """Open a snapshot that the caller keeps from being pruned.
 
     Raises

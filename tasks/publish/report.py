@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from catalogs.published.report import ReportContent, write_report
+from catalogs.published.item_row import ReportRow
+from catalogs.published.report import ReportContent, ReportExemplar, write_report
+from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
@@ -25,7 +26,7 @@ def write_block_report(
     run: Run,
     block: StoredBlock,
     rows: ItemRows,
-    summary: Mapping[str, Any],
+    summary: Mapping[str, object],
     images: ReportImages,
     models: Sequence[str],
 ) -> None:
@@ -45,8 +46,8 @@ def write_block_report(
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades
-    reviewed = [
-        {**row, "look_first": review_priority(facades, index, record or {}, row["quality"])}
+    reviewed: list[ReportRow] = [
+        {**row, "look_first": review_priority(facades, index, record, row["quality"])}
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
         if row["role"] == WALL_ROLES[WallRole.STREET] or row["status"] == "failed"
     ]
@@ -56,7 +57,7 @@ def write_block_report(
             summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
             rows=reviewed,
             set_aside=rows.set_aside,
-            records={record["unit"]: record for record in journals["facades"]},
+            records={record["unit"]: record for record in block.records if record},
             streets=journals["streets"],
             viewpoints=journals["viewpoints"],
             poses=[
@@ -70,12 +71,11 @@ def write_block_report(
             sheets=images.sheets,
             textures_only=images.textures_only,
             exemplars=[
-                {
-                    **record,
-                    "pictures": images.exemplars.get(record["unit"], ()),
-                    "used": used[record["unit"]],
-                    "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
-                }
+                ReportExemplar(
+                    {**record, "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0},
+                    pictures=images.exemplars.get(record["unit"], ()),
+                    used=used[record["unit"]],
+                )
                 for record in block.journals["exemplars"]
                 if record and record["status"] == "done"
             ],
@@ -86,7 +86,7 @@ def write_block_report(
     )
 
 
-def _count_height_sources(buildings: Mapping[str, Any]) -> Counter:
+def _count_height_sources(buildings: TableValues) -> Counter[str]:
     """Count buildings by the source of their height; parts count in place of their whole."""
     sources = zip(buildings["height_source"], buildings["part_of"], strict=True)
     return Counter(source for source, whole in sources if not whole)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from facade_core.plan.facades import Facades
+from tasks.stages.facades.record import FacadeRecord
 
 # Facades above this change score count as changed. The largest score of an unchanged facade is 0.065
 # (`python -m benchmarks.changes`).
 MIN_CHANGE = 0.07
 
 
-def review_priority(facades: Facades, index: int, record: Mapping[str, Any], quality: str | None) -> float:
+def review_priority(facades: Facades, index: int, record: FacadeRecord | None, quality: str | None) -> float:
     """Compute the review priority of a facade, square metres: visible area times doubt.
 
     Doubt adds the number of flags in `quality`, the hidden share, and the mean uncertainty of elements, 0 to 1. A
@@ -24,10 +22,10 @@ def review_priority(facades: Facades, index: int, record: Mapping[str, Any], qua
     ----------
     facades : facades of the plan.
     index : index of the facade.
-    record : journal record of the facade.
+    record : journal record of the facade; None without one.
     quality : comma-separated quality flags, or "good"; None for a facade without a layout.
     """
-    if quality is None or record.get("corrected"):
+    if quality is None or record is None or record.get("corrected"):
         return 0.0
     elements = record.get("elements", ())
     unsure = 1 - float(np.mean([element[5] for element in elements])) if elements else 0.0

@@ -8,7 +8,6 @@ import shutil
 from contextlib import nullcontext
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 import icechunk
 from prefect import task
@@ -29,8 +28,10 @@ from catalogs.published.snapshot import (
 )
 from catalogs.published.upload import upload_snapshot
 from catalogs.stac.catalog import write_catalog
+from catalogs.stac.facts import SnapshotFacts
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.store import BRANCH, commit, expire_snapshots, open_repository, open_root
+from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
@@ -55,7 +56,7 @@ STEP_COUNT = 8
 
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
-def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
+def publish_block(run: Run, block_file: Path | None = None) -> JsonObject:
     """Write published/<snapshot>/ from the newest snapshot, unless it is current and complete.
 
     If too many units failed, `current` stays, and the summary contains `withheld`. The summary lists unpublished parts
@@ -130,7 +131,7 @@ def _record_publishing_code(run: Run) -> None:
         commit(session, "published by other code")
 
 
-def _expire_history(run: Run, last: Snapshot | None) -> None:
+def _expire_history(run: Run, last: Snapshot[Folder] | None) -> None:
     """Expire history that no unit needs; left to the next run while somebody reads the previous snapshot."""
     try:
         with last.lock_exclusively() if last else nullcontext(True) as nobody:
@@ -191,10 +192,12 @@ def _write_snapshot(
         write_stac(
             snapshot.folder,
             rows=rows.every,
-            block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
-            streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
-            run=work,
-            models=models_used(run, block.records, block.journals["viewpoints"]),
+            facts=SnapshotFacts(
+                block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
+                streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
+                run=work,
+                models=models_used(run, block.records, block.journals["viewpoints"]),
+            ),
             predecessor=predecessor,
             published=published,
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from dataclasses import replace as replaced
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def _read_attributed_glb(block: StoredBlock, path: str, digest: str, attribution
     return replace_copyright(read_stored_file(block.group, path, digest), attribution.line)
 
 
-def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
+def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, object]:
     return {
         "crs": str(block.group.attrs["crs"]),
         "attribution": attribution.to_json(),
@@ -151,7 +151,19 @@ def write_block_model(
     return True
 
 
-def _model_extras(block: StoredBlock) -> dict[str, Any]:
+class _ModelExtras(TypedDict):
+    """Facts in the scene of a model of the block.
+
+    Attributes
+    ----------
+    origin : (3,) origin of the model, world metres.
+    """
+
+    origin: list[float]
+    crs: str
+
+
+def _model_extras(block: StoredBlock) -> _ModelExtras:
     return {"origin": local_frame(block.plan.scene.mesh).origin.tolist(), "crs": str(block.group.attrs["crs"])}
 
 

@@ -16,6 +16,25 @@ from tasks.stages.textures.stage import TEXTURES
 from tasks.stages.tiles.stage import TILES
 from tasks.stages.walls.stage import WALLS
 
+__all__ = [
+    "BUNDLES",
+    "CODE_STAGES",
+    "EXEMPLARS",
+    "FACADES",
+    "GROUNDS",
+    "PAGES",
+    "PICTURES",
+    "POSES",
+    "STAGES_IN_ORDER",
+    "STAGE_NAMES",
+    "STREETS",
+    "SURFACES",
+    "TEXTURES",
+    "TILES",
+    "VIEWPOINTS",
+    "WALLS",
+]
+
 STAGES_IN_ORDER: tuple[Stage, ...] = (
     POSES,
     BUNDLES,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import cast
 
 import numpy as np
 
 from catalogs.block.corrections import Corrections
+from facade_core.core.json_types import JsonObject
+from tasks.stages.facades.record import FacadeRecord
 from tasks.viewing.run_view import APPEARANCE_COLUMNS, RunView
 
 
-def read_facade_state(view: RunView, index: int, corrections: Corrections) -> dict[str, Any]:
+def read_facade_state(view: RunView, index: int, corrections: Corrections) -> JsonObject:
     """Return the current state of a facade, corrected or published, as JSON values.
 
     Targets with a new id keep their corrections.
@@ -38,7 +39,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     facade, building = tables.facades.id[index], tables.buildings[row]
     chart = int(tables.facades.chart[index])
     width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
-    record: Mapping[str, Any] = view.records[index] or {}
+    record = view.records[index] or cast(FacadeRecord, {})
     elements = corrections.value_correction(facade, "elements")
     if elements is None:
         current_elements = [list(element[:5]) for element in record.get("elements", [])]
@@ -85,5 +86,5 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> di
     }
 
 
-def _to_json_value(value: Any) -> Any:
+def _to_json_value(value: object) -> float | str:
     return round(float(value), 2) if isinstance(value, float | np.floating) else str(value)

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
 import icechunk
 import numpy as np
@@ -19,6 +19,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.arrays import Float64Array, FloatArray, IntArray
 from facade_core.core.errors import InputError, StoreError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import PARSE_COLOURS
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.stage_pictures import StoredFacade
@@ -40,6 +41,14 @@ SHOWN_COLUMNS = tuple(column for column in COLUMNS if column.name not in _HIDDEN
 APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
 
 
+class _StreetLine(TypedDict):
+    """Street of the plan; `line` holds its corners, metres."""
+
+    id: str
+    name: str
+    line: list[list[float]]
+
+
 @dataclass(frozen=True)
 class _PlanTables:
     """Tables of the ingest stage, the same for every snapshot of a run.
@@ -59,8 +68,8 @@ class _PlanTables:
     buildings: tuple[str, ...]
     height: FloatArray
     height_source: tuple[str, ...]
-    appearance: Mapping[str, Sequence[Any]]
-    streets: tuple[dict[str, Any], ...]
+    appearance: Mapping[str, Sequence[object]]
+    streets: tuple[_StreetLine, ...]
     position: Float64Array
     forward: Float64Array
     street: IntArray
@@ -132,7 +141,7 @@ class RunView:
         exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
         return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
 
-    def block_map(self) -> dict[str, Any]:
+    def block_map(self) -> JsonObject:
         """Return the block as a map: facades with catalogue columns, streets, viewpoints and review hints.
 
         Lines are in metres from `origin`, y up.
@@ -166,23 +175,23 @@ class RunView:
             "seen": self._visible_facades(),
         }
 
-    def _facade_row(self, index: int, corner: Float64Array) -> dict[str, Any]:
+    def _facade_row(self, index: int, corner: Float64Array) -> JsonObject:
         tables, facades = self.tables, self.tables.facades
         record = self.records[index]
         street = tables.streets[int(facades.street[index])]
-        row = {
+        row: dict[str, object] = {
             "id": facades.id[index],
             "line": _round_to_list(tables.line[index] - corner),
             "building": tables.buildings[int(facades.building[index])],
             "street": street["name"] or street["id"],
             "azimuth_deg": round(float(tables.azimuth[index]), 1),
             "status": "waiting",
-            **facade_facts(facades, index, record or {}, tables.height_source[int(facades.building[index])]),
+            **facade_facts(facades, index, record, tables.height_source[int(facades.building[index])]),
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
             row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.buildings_with_corrections)
-            row["look_first"] = review_priority(facades, index, record, row["quality"])
+            row["look_first"] = review_priority(facades, index, record, cast(str | None, row["quality"]))
         return {name: _to_python(value) for name, value in row.items() if value is not None}
 
     def _visible_facades(self) -> list[list[int]]:
@@ -195,7 +204,7 @@ class RunView:
                 seen[viewpoint].append(int(facade[chart]))
         return seen
 
-    def run_progress(self) -> dict[str, Any]:
+    def run_progress(self) -> JsonObject:
         """Return unit counts, failures and stale units by stage, finished viewpoints and publication state."""
         stages = []
         failures = [
@@ -292,9 +301,10 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
     )
 
 
-def _round_to_list(values: FloatArray) -> list:
-    return np.round(values, 2).tolist()
+def _round_to_list(values: FloatArray) -> list[Any]:
+    rounded: list[Any] = np.round(values, 2).tolist()
+    return rounded
 
 
-def _to_python(value: Any) -> Any:
+def _to_python(value: object) -> object:
     return value.item() if isinstance(value, np.generic) else value

@@ -6,15 +6,26 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import Future as Answer
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from distributed import Future
 
     from tasks.engine.compute.cluster import Cluster
 
+R = TypeVar("R")
+R_co = TypeVar("R_co", covariant=True)
+
 # Seconds for a result to come from the worker that has it.
 FETCH_S = 60.0
+
+
+class SubmittedUnit(Protocol[R_co]):
+    """Protocol of a unit that was submitted to any kind of compute."""
+
+    def result(self) -> R_co:
+        """Return the result of the unit, or raise its error."""
+        ...
 
 
 @dataclass(eq=False)
@@ -28,7 +39,7 @@ class UnitCopy:
     running_seconds : seconds that it was seen running.
     """
 
-    future: Future
+    future: Future[tuple[float, object]]
     allowed_workers: frozenset[str] | None
     running_seconds: float = 0.0
     overdue: bool = False
@@ -36,7 +47,7 @@ class UnitCopy:
 
 
 @dataclass(eq=False)
-class UnitAttempt:
+class UnitAttempt(Generic[R_co]):
     """A unit on a cluster, and the bytes that it declares.
 
     Attributes
@@ -45,19 +56,19 @@ class UnitAttempt:
     """
 
     cluster: Cluster
-    call: tuple[Callable[..., Any], *tuple[Any, ...]]
+    call: tuple[Callable[..., R_co], *tuple[object, ...]]
     memory: int
     lease: str | None
     copies: dict[str, UnitCopy] = field(default_factory=dict)
     deaths: int = 0
     alone: bool = False
-    answer: Answer[Future | None] = field(default_factory=Answer)
+    answer: Answer[Future[tuple[float, R_co]] | None] = field(default_factory=Answer)
 
     @property
     def stage(self) -> str:
         return getattr(self.call[0], "__name__", "unit")
 
-    def result(self) -> Any:
+    def result(self) -> R_co:
         """Return the result of the unit.
 
         Raises
@@ -69,13 +80,14 @@ class UnitAttempt:
         return self.cluster.result(self)
 
 
-def fetch_result(future: Future) -> tuple[float, Any] | None:
+def fetch_result(future: Future[tuple[float, R]]) -> tuple[float, R] | None:
     """Return the result of a future, or raise its error; None if its worker does not deliver it."""
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
 
     for _ in range(3):
         try:
-            return future.result(timeout=FETCH_S)
+            result: tuple[float, R] = future.result(timeout=FETCH_S)
+            return result
         except CancelledError:  # of this one, or of another that was asked for in the same message
             if future.status != "finished":
                 return None

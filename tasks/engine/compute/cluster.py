@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future as Answer
 from concurrent.futures import as_completed
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar, cast
 from uuid import uuid4
 
 from facade_core.core.errors import FacadeError, MachineError
-from tasks.engine.compute.attempts import UnitAttempt, UnitCopy, fetch_result
+from tasks.engine.compute.attempts import SubmittedUnit, UnitAttempt, UnitCopy, fetch_result
 from tasks.engine.compute.deadlines import Deadlines
 from tasks.engine.compute.leases import ForgetCall, Lease, Leases
 from tasks.engine.compute.scheduler_view import SchedulerView, Worker, WorkerRegistry, poll_scheduler, restart_workers
@@ -28,6 +28,8 @@ from tasks.engine.compute.worker_setup import run_timed_unit
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+R = TypeVar("R")
 
 # Workers that may go away under a unit until it is suspected.
 MAX_WORKER_DEATHS = 1
@@ -79,9 +81,9 @@ class Cluster:
         self._look, self._timeouts = poll, timeouts
         self._changed = threading.Condition()  # holds for all that follows
         self._registry = WorkerRegistry(poll(client, timeouts.answer), timeouts)
-        self._units: set[UnitAttempt] = set()
+        self._units: set[UnitAttempt[object]] = set()
         self._leases, self._names = Leases(), itertools.count(1)
-        self._forget_calls: list[Future] = []
+        self._forget_calls: list[Future[tuple[float, object]]] = []
         self._over: FacadeError | None = None
         self._suspects = threading.Lock()
         self._deadlines = Deadlines(timeouts)
@@ -105,20 +107,21 @@ class Cluster:
             return sum(worker.threads for worker in self._registry.usable.values())
 
     def submit(
-        self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None
-    ) -> UnitAttempt:
+        self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
+    ) -> UnitAttempt[R]:
         """Submit a unit that takes `memory` bytes; if `worker` is a lease, to the worker that keeps its state."""
         with self._changed:
             unit = UnitAttempt(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
             self._begin(unit)
         return unit
 
-    def iterate_completed(self, started: Iterable[UnitAttempt]) -> Iterator[UnitAttempt]:
+    def iterate_completed(self, started: Iterable[SubmittedUnit[R]]) -> Iterator[SubmittedUnit[R]]:
         """Iterate over units as they complete, those whose workers died last.
 
         A result leaves the cluster with the last reference to its unit.
         """
-        waiting = {unit.answer: unit for unit in started}
+        # a cluster submits no other units than attempts
+        waiting = {unit.answer: unit for unit in cast(Iterable[UnitAttempt[R]], started)}
         suspects = []
         del started
         for answer in as_completed(list(waiting)):
@@ -132,7 +135,7 @@ class Cluster:
             del unit
         yield from suspects
 
-    def result(self, unit: UnitAttempt) -> Any:
+    def result(self, unit: UnitAttempt[R]) -> R:
         with ExitStack() as alone:
             while True:
                 future = unit.answer.result()
@@ -184,13 +187,13 @@ class Cluster:
         if self._over is not None:
             raise type(self._over)(*self._over.args)
 
-    def _begin(self, unit: UnitAttempt) -> None:
+    def _begin(self, unit: UnitAttempt[object]) -> None:
         self._check()
         unit.deaths = 0
         self._units.add(unit)
         self._place(unit)
 
-    def _place(self, unit: UnitAttempt) -> bool:
+    def _place(self, unit: UnitAttempt[object]) -> bool:
         """Submit a unit to Dask; False if no worker has room until a later poll."""
         usable = self._registry.usable
         places = None if len(usable) == len(self._registry.view.workers) else frozenset(usable)
@@ -208,7 +211,9 @@ class Cluster:
         future.add_done_callback(lambda ended: self._finish_copy(unit, ended))
         return True
 
-    def _submit_call(self, call: tuple[Any, ...], places: frozenset[str] | None, name: str) -> Future | None:
+    def _submit_call(
+        self, call: ForgetCall, places: frozenset[str] | None, name: str
+    ) -> Future[tuple[float, object]] | None:
         place = {} if places is None else {"workers": sorted(places)}
         try:
             return self._client.submit(run_timed_unit, *call, key=f"{name}-{uuid4()}", pure=False, **place)
@@ -232,7 +237,12 @@ class Cluster:
             future = self._submit_call(lease.forget, frozenset([lease.address]), "forget")
             self._forget_calls += [future] if future is not None else []
 
-    def _settle(self, unit: UnitAttempt, answer: Future | None = None, error: FacadeError | None = None) -> None:
+    def _settle(
+        self,
+        unit: UnitAttempt[object],
+        answer: Future[tuple[float, object]] | None = None,
+        error: FacadeError | None = None,
+    ) -> None:
         """Set the answer of a unit and cancel its other copies; workers that run an overdue copy are restarted."""
         self._units.discard(unit)
         others, unit.copies = list(unit.copies.values()), {}
@@ -256,7 +266,7 @@ class Cluster:
                 unit.answer.set_exception(type(error)(*error.args))
             self._changed.notify_all()
 
-    def _finish_copy(self, unit: UnitAttempt, future: Future) -> None:
+    def _finish_copy(self, unit: UnitAttempt[object], future: Future[tuple[float, object]]) -> None:
         """Handle the end of a copy; called by Dask in a thread of its own, without locks."""
         from distributed import KilledWorker
 
@@ -309,7 +319,7 @@ class Cluster:
         for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
             self._reconsider(unit, awake)
 
-    def _reconsider(self, unit: UnitAttempt, awake: float) -> None:
+    def _reconsider(self, unit: UnitAttempt[object], awake: float) -> None:
         """Submit a unit again if its workers are gone or silent; try it elsewhere too if it is overdue."""
         usable = self._registry.usable
         limit = self._deadlines.limit(unit.stage)
@@ -339,7 +349,7 @@ class Cluster:
         elif all(copy.overdue for copy in unit.copies.values()):
             self._handle_overdue(unit, limit)
 
-    def _handle_overdue(self, unit: UnitAttempt, limit: float) -> None:
+    def _handle_overdue(self, unit: UnitAttempt[object], limit: float) -> None:
         longest = max(copy.running_seconds for copy in unit.copies.values())
         if len(unit.copies) == 1 and longest < 2 * limit:
             if self._place(unit):

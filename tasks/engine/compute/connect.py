@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import Empty, Queue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError, MachineError
+from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.cluster import OVERRUN_MESSAGE, Cluster, ClusterGone, RunOverran
 from tasks.engine.compute.leases import ForgetCall
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+R = TypeVar("R")
+R_co = TypeVar("R_co", covariant=True)
+
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
 START_SCHEDULER = (
@@ -44,14 +48,14 @@ START_SCHEDULER = (
 
 
 @dataclass(frozen=True, eq=False)
-class DeferredUnit:
+class DeferredUnit(Generic[R_co]):
     """A unit that runs when its result is asked for."""
 
-    function: Callable[..., Any]
-    arguments: tuple
+    function: Callable[..., R_co]
+    arguments: tuple[object, ...]
     serial: SerialCompute
 
-    def result(self) -> Any:
+    def result(self) -> R_co:
         with self.serial.lock:
             self.serial.require_open()
             return run_unit(self.function, *self.arguments)
@@ -72,13 +76,13 @@ class SerialCompute:
         self._open = True
 
     def submit(
-        self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None
-    ) -> DeferredUnit:
+        self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
+    ) -> DeferredUnit[R]:
         if self._until is not None and time.monotonic() > self._until:
             raise RunOverran(OVERRUN_MESSAGE)
         return DeferredUnit(function, args, self)
 
-    def iterate_completed(self, started: Iterable[Any]) -> Iterator[Any]:
+    def iterate_completed(self, started: Iterable[SubmittedUnit[R]]) -> Iterator[SubmittedUnit[R]]:
         """Iterate over the units in order.
 
         No other starts until the next is requested: each is committed before the next one.
@@ -245,12 +249,12 @@ def require_scheduler(address: str, within: float = DEFAULT_TIMEOUTS.connect) ->
         raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
 
 
-def _greet(address: str, arguments: dict[str, Any], answer: Queue[Exception | None], within: float) -> None:
+def _greet(address: str, arguments: dict[str, object], answer: Queue[Exception | None], within: float) -> None:
     import asyncio
     import socket
 
-    from distributed.comm import connect as greet
     from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.core import connect as greet
 
     async def hello() -> None:
         (await greet(address, **arguments)).abort()
@@ -281,7 +285,7 @@ def _connect_client(address: str, patience: Timeouts) -> Iterator[Client]:
 
 def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, str]) -> None:
     """Check that workers share the environment `wanted` and see the folder."""
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
 
     try:
         # elsewhere a folder may have the same name

@@ -7,8 +7,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import TypeVar
 
+from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import current_worker
 
@@ -26,7 +27,7 @@ def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], l
     workers = compute.result()
     length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
     waiting = deque(range(0, len(items), length))
-    runs: deque[Any] = deque()
+    runs: deque[SubmittedUnit[tuple[list[R], dict[str, object]]]] = deque()
     found: list[R] = []
     while waiting or runs:
         # each takes the block's geometry along: no more on their way than keep the workers busy
@@ -39,7 +40,7 @@ def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], l
     return found
 
 
-def _timed_call(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
+def _timed_call(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, object]]:
     """Call a function, and return its result with the worker and the duration."""
     start = time.time()
     found = function(items)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from tasks.engine.compute.scheduler_view import Worker
 
 # A function and its arguments.
-ForgetCall = tuple[Callable[..., Any], *tuple[Any, ...]]
+ForgetCall = tuple[Callable[..., object], *tuple[object, ...]]
 
 
 @dataclass

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tasks.engine.compute.timeouts import Timeouts
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Scheduler
 
 # Of the memory that workers have, what units may declare together; the rest is for libraries and a run's plan.
 UNITS_SHARE = 0.6
@@ -18,6 +18,11 @@ UNITS_SHARE = 0.6
 DEFAULT_WORKER_MEMORY = 2**33
 
 log = logging.getLogger(__name__)
+
+# The fields of a `Worker`, in their order.
+WorkerFields = tuple[str, int, int, bool, bool, float]
+# Fields of the workers by address, address of the worker of each unit by the unit's key, keys of running units.
+QueryAnswer = tuple[dict[str, WorkerFields], dict[str, str], list[str]]
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,8 @@ class WorkerRegistry:
 
 def poll_scheduler(client: Client, timeout: float) -> SchedulerView:
     """Poll a scheduler. Raises TimeoutError if it does not answer in time, OSError if it is gone."""
-    workers, given, executing = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
+    answer: QueryAnswer = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
+    workers, given, executing = answer
     return SchedulerView({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
 
 
@@ -124,9 +130,11 @@ def restart_workers(client: Client, workers: dict[str, Worker]) -> None:
             log.warning("workers cannot be started anew: %s", error)
 
 
-def scheduler_query() -> Callable[..., Any]:
-    def ask(dask_scheduler: Any) -> Any:  # sent by value, being local: a scheduler need not have this code
-        workers: dict[str, tuple] = {}
+def scheduler_query() -> Callable[[Scheduler], QueryAnswer]:
+    def ask(
+        dask_scheduler: Scheduler,
+    ) -> QueryAnswer:  # sent by value, being local: a scheduler need not have this code
+        workers: dict[str, WorkerFields] = {}
         given: dict[str, str] = {}
         executing: list[str] = []
         for address, worker in dask_scheduler.workers.items():
@@ -138,8 +146,8 @@ def scheduler_query() -> Callable[..., Any]:
                 worker.status.name == "running",
                 worker.last_seen,
             )
-            given.update({unit.key: address for unit in worker.processing})
-            executing.extend(unit.key for unit in worker.executing)
+            given.update({str(unit.key): address for unit in worker.processing})
+            executing.extend(str(unit.key) for unit in worker.executing)
         return workers, given, executing
 
     return ask

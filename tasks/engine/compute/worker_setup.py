@@ -14,12 +14,15 @@ from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import FacadeError
 from tasks.engine.outcome import is_machine_fault, machine_error
+
+if TYPE_CHECKING:
+    from distributed import Scheduler, SchedulerPlugin, Worker, WorkerPlugin
 
 # Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
@@ -40,8 +43,10 @@ LOG_TOPIC = "streetloom"
 
 _thread = threading.local()
 
+R = TypeVar("R")
 
-def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
+
+def run_unit(function: Callable[..., R], *arguments: object) -> R:
     """Run a unit in this thread, with libraries limited to it.
 
     Raises
@@ -59,7 +64,7 @@ def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
         raise
 
 
-def run_timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+def run_timed_unit(function: Callable[..., R], *arguments: object) -> tuple[float, R]:
     """Run a unit and return its duration in seconds with its result."""
     start = time.perf_counter()
     result = run_unit(function, *arguments)
@@ -80,7 +85,7 @@ def limit_threads() -> None:
     threadpool_limits(1)
 
 
-def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
+def worker_setup_plugin(asked: dict[str, str] | None = None) -> WorkerPlugin:
     """Return a Dask plugin that prepares every worker, late ones too.
 
     Parameters
@@ -90,7 +95,7 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
     from distributed import Status, WorkerPlugin
 
     class Prepared(WorkerPlugin):
-        async def setup(self, worker: Any) -> None:
+        async def setup(self, worker: Worker) -> None:
             if (
                 asked is None
             ):  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
@@ -110,7 +115,7 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
     return Prepared()
 
 
-def plugin_removal(client: str, name: str) -> Any:
+def plugin_removal(client: str, name: str) -> SchedulerPlugin:
     """Return a scheduler plugin that removes the worker plugin `name` when a client leaves.
 
     Otherwise newer workers that join after the run would close.
@@ -118,7 +123,7 @@ def plugin_removal(client: str, name: str) -> Any:
     from distributed import SchedulerPlugin
 
     class Forgotten(SchedulerPlugin):  # sent by value, being local: a scheduler need not have this code
-        def remove_client(self, scheduler: Any, client: str) -> None:
+        def remove_client(self, scheduler: Scheduler, client: str) -> None:
             if client == gone:
                 scheduler.loop.add_callback(scheduler.remove_plugin, name)
                 if name in scheduler.worker_plugins:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import icechunk
 import numpy as np
@@ -41,7 +40,7 @@ class LastIngest:
         return PreviousPlacement(self.plan.ids, self.plan.scene.placement)
 
 
-def store_settings(run: Run) -> dict[str, Any]:
+def store_settings(run: Run) -> dict[str, object]:
     """Return the settings of a store; nothing is taken over from a store with other settings."""
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import icechunk
 
@@ -14,13 +13,15 @@ from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.run import Run
 
 
-def fork_store(store: StoreLocation) -> tuple[icechunk.Session, Any]:
+def fork_store(store: StoreLocation) -> tuple[icechunk.Session, icechunk.ForkSession]:
     """Open a session on the newest snapshot, and fork it for one worker."""
     session = open_repository(store).writable_session(BRANCH)
     return session, session.fork()
 
 
-def commit_units(session: icechunk.Session, fork: Any, stage: str, records: Mapping[int, Record], message: str) -> str:
+def commit_units(
+    session: icechunk.Session, fork: icechunk.ForkSession, stage: str, records: Mapping[int, Record], message: str
+) -> str:
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
     session.merge(fork)
     group = open_root(session)

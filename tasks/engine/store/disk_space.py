@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from facade_core.core.errors import MachineError
-from facade_core.plan.ingest import Plan
+from facade_core.plan.plan import Plan
 
 # Free at every stage: the run's own server, its log, and commits that are being made.
 RESERVED_BYTES = 50_000_000

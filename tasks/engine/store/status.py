@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from catalogs.published.file_list import find_damage
 from catalogs.published.folders import Folder
@@ -17,6 +16,7 @@ from facade_core.atlas.integrity import DAMAGE_ERRORS, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.outcome import list_rejected_pictures
 from tasks.engine.run import Run
@@ -73,7 +73,7 @@ def _read_source(out: Folder) -> Path | None:
         return None
 
 
-def completion_summary(run: Run) -> dict[str, Any] | None:
+def completion_summary(run: Run) -> JsonObject | None:
     """Return the summary of a run whose units are all done and published; None if work is left.
 
     The run's key covers everything that unit keys digest besides the code of their stages.

@@ -2,9 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypedDict
 
 from facade_core.atlas.journal import Record
+
+
+class BundleFields(TypedDict, total=False):
+    """Fields of a panorama's record that its bundle replaces; without a new pose how far the others are off."""
+
+    shared: int
+    apart_before_m: float | None
+    apart_m: float | None
+    kept_alone: str
+    pose: list[float]
+    moved_m: float | None
+    turned_deg: float | None
+    residual_deg: float | None
+    over_ground_m: float | None
+    squares: list[list[int]]
+
+
+class BundledPose(TypedDict):
+    """Result of a bundle for one panorama.
+
+    Attributes
+    ----------
+    alone : pose refined alone.
+    found : fields of the panorama's own record that the bundle replaces.
+    """
+
+    alone: list[float]
+    found: BundleFields
 
 
 class BundleRecord(Record, total=False):
@@ -12,7 +40,7 @@ class BundleRecord(Record, total=False):
 
     Attributes
     ----------
-    together : by panorama, its pose refined alone and the fields of its own record that the bundle replaces.
+    together : result by name of the panorama.
     """
 
-    together: Any
+    together: dict[str, BundledPose]

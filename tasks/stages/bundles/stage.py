@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
@@ -125,7 +124,7 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: 
     )
 
 
-def estimate_parts(one: PriorPose) -> list[Any]:
+def estimate_parts(one: PriorPose) -> list[object]:
     return [pose_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
+from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.exposure import sample_ground
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.bundles.record import BundleRecord
+from tasks.stages.bundles.record import BundledPose, BundleFields, BundleRecord
 from tasks.stages.shared.images import read_panorama
 
 
@@ -36,13 +38,13 @@ class BundleMember(NamedTuple):
     alone: PriorPose
 
 
-def process_bundle(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Refine the poses of one bundle together; returns the unchanged fork and the record."""
     start = time.time()
     (unit,) = units
     members, surfaces = unit.arguments
     scene = plan_of_run(run).scene
-    together: dict[str, Any] = {}
+    together: dict[str, BundledPose] = {}
     if len(members) > 1:
         images = (read_panorama(one.path) for one in members)
         found = refine_jointly(scene, surfaces, images, [one.alone for one in members])
@@ -62,9 +64,9 @@ def process_bundle(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int
     return fork, {unit.index: record}
 
 
-def _refined_fields(scene: Any, one: BundleMember, found: JointPose) -> dict[str, Any]:
+def _refined_fields(scene: Scene, one: BundleMember, found: JointPose) -> BundleFields:
     """Return the fields of a panorama's record that the bundle replaces; without a new pose how far the others are off."""
-    told: dict[str, Any] = {
+    told: BundleFields = {
         "shared": found.surfaces,
         "apart_before_m": _round_finite(found.distance_before),
         "apart_m": _round_finite(found.distance_after),
@@ -84,8 +86,9 @@ def _refined_fields(scene: Any, one: BundleMember, found: JointPose) -> dict[str
     }
 
 
-def _pose_values(pose: Pose) -> list[Any]:
-    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll]
+def _pose_values(pose: Pose) -> list[float]:
+    # a refined pose has a height
+    return [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll]
 
 
 def _round_finite(value: float) -> float | None:

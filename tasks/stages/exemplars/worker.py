@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
@@ -37,7 +37,7 @@ PREVIEW = ArraySpec(
 LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
-def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Prepare one exemplar and write its image and labels through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import unit_key
@@ -47,7 +46,7 @@ def facade_keys(
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
     low, high = bounding_box(plan, table.chart[table.run_members(facade)].tolist())
-    house: list[Any] = [
+    house: list[object] = [
         float(table.foot[facade]),
         float(table.eaves[facade]),
         int(table.storeys[facade]),
@@ -55,7 +54,7 @@ def facade_keys(
     ]
     house += [bool(table.raised[facade]), int(table.house[facade])]
     house += [turns_corner(plan.scene.charts, table, facade), has_back_door(table, facade)]
-    parts: dict[str, Any] = {
+    parts: dict[str, object] = {
         "entrances": [float(table.along[facade]), *imagery.entrances] if imagery.entrances else [],
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 from facade_core.atlas.journal import Record
 
@@ -53,7 +53,7 @@ class FacadeRecord(Record, total=False):
     before_digest: str
     floors: int
     columns: int
-    elements: list[list[Any]]
+    elements: list[tuple[str, float, float, float, float, float]]
     lattice: dict[str, list[int]]
     windows: int
     doors: int

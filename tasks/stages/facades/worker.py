@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
@@ -85,7 +86,7 @@ class _TexturedFacade(NamedTuple):
     before: EarlierCapture | None = None
 
 
-def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Texture the pending facades of one building, which may share chunks; returns the fork and the records.
 
     If a picture is rejected the next source is taken, and the record names the reason. A facade that cannot be made is recorded
@@ -104,7 +105,7 @@ def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[in
     def done(unit: Unit, make: Callable[[], _TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
-        about: dict[str, Any] = {"worker": current_worker(), "started": start}
+        about: dict[str, object] = {"worker": current_worker(), "started": start}
         try:
             made = make()
         except Exception as error:
@@ -141,10 +142,10 @@ def _write_facade(
     refused: Sequence[Exception],
     start: float,
     prepared: float,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Write a facade; returns the fields of its record."""
     facade, imagery, result = unit.index, unit.arguments[0], made.facade
-    about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
+    about: dict[str, object] = {"source": made.source, "capture_date": made.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
         about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
     about |= describe_rejections(refused, _describe_source(imagery, made.depth, made.source))
@@ -171,11 +172,15 @@ def _write_facade(
     return about
 
 
-def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, Any]:
+def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, object]:
     """Return the fields of a record on a change, and store the picture of the facade before."""
     from PIL import Image
 
-    told: dict[str, Any] = {"changed": before.changed, "compared": before.compared, "capture_date_before": before.day}
+    told: dict[str, object] = {
+        "changed": before.changed,
+        "compared": before.compared,
+        "capture_date_before": before.day,
+    }
     if before.cells:
         told["change_map"] = list(before.cells)
     if before.picture is not None:
@@ -335,15 +340,15 @@ def _write_rasters(
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
 
 
-def _summarize(result: Facade) -> dict[str, Any]:
+def _summarize(result: Facade) -> dict[str, object]:
     """What the catalogue and the report say of a facade."""
     pictured = result.provenance == Provenance.PHOTO
-    counts: dict[str, Any] = {}
+    counts: dict[str, int] = {}
     for name, plural in _COUNT_NAMES.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
         counts[f"{plural}_seen"] = sum(box_coverage(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)
-    told: dict[str, Any] = {
+    told: dict[str, object] = {
         "window_to_wall": round(float((result.labels == FacadeClass.WINDOW).mean()), 4),
         "floors": result.floors,
     }

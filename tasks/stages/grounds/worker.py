@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from typing import Any, cast
+from typing import cast
+
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
@@ -17,7 +19,7 @@ from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.shared.panorama_cameras import open_cameras, write_views
 
 
-def process_ground(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_ground(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write one piece of ground from panoramas through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import io
 import time
-from typing import Any
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
@@ -21,7 +21,7 @@ from tasks.stages.pages.record import PageRecord
 JPEG_QUALITY = 95
 
 
-def process_page(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_page(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write the JPEG of one page through the fork; returns the fork and the record."""
     from PIL import Image
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.stored_files import picture_path
@@ -21,7 +21,7 @@ class PictureRecord(Record, total=False):
     """
 
     file: str
-    pictures: list[list[Any]]
+    pictures: list[tuple[str, str, int, int]]
     bytes: int
     digest: str
     unread: bool

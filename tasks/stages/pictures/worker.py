@@ -6,9 +6,10 @@ import time
 from collections.abc import Iterator
 from io import BytesIO
 from itertools import chain
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_journal, read_records
 from facade_core.atlas.store import open_root
@@ -48,7 +49,7 @@ MAX_DECODED_PAGES = 32
 CONTEXT_GREY = np.full((1, 1, 3), 176, np.uint8)
 
 
-def process_pictures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_pictures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write a view, or the pictures of some facades, through the fork: one file per unit.
 
     A picture that cannot be drawn, also from an unreadable store, is recorded as failed: the block is published without it.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from facade_core.atlas.journal import Record
 
 
@@ -23,7 +21,7 @@ class PoseRecord(Record, total=False):
     squares : colours of squares of ground around it.
     """
 
-    pose: list[Any]
+    pose: list[float]
     moved_m: float
     turned_deg: float
     given_deg: float | None

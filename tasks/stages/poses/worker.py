@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import cast
+
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
@@ -23,7 +25,7 @@ from tasks.stages.shared.images import read_panorama
 MIN_TRUSTED_FIT = 0.5
 
 
-def process_pose(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Refine the pose of one panorama against the block; returns the unchanged fork and the record.
 
     Raises
@@ -48,7 +50,7 @@ def process_pose(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
-        "pose": [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll],
+        "pose": [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll],
         "moved_m": round(found.moved_m, 3),
         "turned_deg": round(found.turned_deg, 3),
         # degrees between lines and axes on the rectified walls; None where there are no lines

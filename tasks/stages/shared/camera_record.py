@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from facade_core.atlas.journal import Record
 
 
@@ -15,4 +13,4 @@ class CameraRecord(Record, total=False):
     cameras : of each panorama that shows some: its name, its share of the texels, its mean distance, metres.
     """
 
-    cameras: list[list[Any]]
+    cameras: list[tuple[str, float, float]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
-if TYPE_CHECKING:
-    pass
-
 # What of a block a panorama may be matched with, metres from where it was taken.
 POSE_SURROUNDINGS_M = 150.0
 # Geometry lies this far off the planes of its charts at most.
@@ -29,17 +25,17 @@ OFF_PLANE_M = 1.0
 MIN_OCCLUDER_RISE_M = 0.01
 
 
-def material_digests(run: Run) -> list[Any]:
+def material_digests(run: Run) -> list[object]:
     """Return digests of a block's own material pictures."""
     return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
 
 
-def model_parts(models: ModelFiles) -> dict[str, Any]:
+def model_parts(models: ModelFiles) -> dict[str, object]:
     """Return the key part of a block's own models, if it has some."""
     return {"models": model_digests(models)} if models.files else {}
 
 
-def panorama_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, Any]:
+def panorama_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, object]:
     """Return the key parts of panoramas: the pictures, the charts taken from each, and the objects between."""
     return {
         "panoramas": [
@@ -61,7 +57,7 @@ def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
     return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
-def pose_parts(pose: Pose) -> list[Any]:
+def pose_parts(pose: Pose) -> list[object]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
 
@@ -80,10 +76,10 @@ def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[Float64Array, Float
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
+def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[object]:
     """Return the key part of the textures that some charts carry: the place of each corner on its picture."""
     mesh = plan.scene.mesh
-    found = []
+    found: list[object] = []
     for chart in charts:
         mine = mesh.chart_triangles(chart)
         pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]

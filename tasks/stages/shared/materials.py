@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -73,8 +73,8 @@ def read_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
     """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None
-    roofs = cast(Sequence[Any] | None, group.attrs["roof_material"])
-    pictures = cast(Sequence[Any], group.attrs.get("materials", []))
+    roofs = cast(tuple[str, float] | None, group.attrs["roof_material"])
+    pictures = cast(Sequence[tuple[str, str, float]], group.attrs.get("materials", []))
     return material_field(
         plan,
         cast(int, group.attrs["seed"]),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -75,7 +74,7 @@ def collect_views(
 
 def write_views(
     group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[SurfacePanorama]]
-) -> tuple[dict[str, str], list[list[Any]]]:
+) -> tuple[dict[str, str], list[tuple[str, float, float]]]:
     """Write the views of charts to the base layer.
 
     Parameters
@@ -117,7 +116,7 @@ def write_views(
     told = []
     for one, number in numbers.items():
         own = {chart: shown.camera == used[chart].index(one) for chart, shown in found.items() if one in used[chart]}
-        told.append([one.path.name, round(float((camera == number).mean()), 4), _mean_distance(scene, own, one)])
+        told.append((one.path.name, round(float((camera == number).mean()), 4), _mean_distance(scene, own, one)))
     return chart_digests(seed, evidence, placement, rasters, plan.ids), told
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -99,8 +99,8 @@ def street_keys(
     )
 
 
-def _settings(run: Run, plan: Plan) -> dict[str, Any]:
-    settings: dict[str, Any] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in KEY_SETTINGS}
+def _settings(run: Run, plan: Plan) -> dict[str, object]:
+    settings: dict[str, object] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in KEY_SETTINGS}
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings["roof_material"] = [file_digest(path), metres_per_pixel]

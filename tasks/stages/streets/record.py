@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 from facade_core.atlas.journal import Record, WaveRecord
 
 
@@ -18,6 +20,27 @@ class ViewpointRecord(Record, total=False):
     panorama: str
     passes: str
     textured: float
+
+
+class ViewpointResult(TypedDict):
+    """Fields of a viewpoint's record that its worker knows."""
+
+    textured: float
+    passes: str
+    panorama: str
+    worker: str
+    started: float
+    seconds: dict[str, float]
+
+
+class StreetResult(TypedDict):
+    """Fields of a street's record that its worker knows."""
+
+    digests: dict[str, str]
+    texels: int
+    worker: str
+    started: float
+    seconds: dict[str, float]
 
 
 class StreetRecord(WaveRecord, total=False):

@@ -25,9 +25,8 @@ def _match_streets(change: Change) -> dict[int, int]:
     names = {street.id: i for i, street in enumerate(before)}
     again: dict[int, int] = {}
     taken: set[int] = set()
-    for by in (lambda s: lines.get(s.line.wkb), lambda s: names.get(s.id)):
-        for index, street in enumerate(after):
-            match = by(street)
+    for matches in ([lines.get(street.line.wkb) for street in after], [names.get(street.id) for street in after]):
+        for index, match in enumerate(matches):
             if index not in again and match is not None and match not in taken:
                 again[index] = match
                 taken.add(match)

@@ -28,7 +28,7 @@ from tasks.engine.store.carry_over import delete_units
 from tasks.engine.store.commits import commit_units, fork_store
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
-from tasks.stages.streets.record import StreetRecord
+from tasks.stages.streets.record import StreetRecord, ViewpointRecord
 from tasks.stages.streets.redo import street_chunks
 from tasks.stages.streets.tags import street_tag
 from tasks.stages.streets.worker import forget_street, process_street, process_viewpoints
@@ -109,7 +109,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
                     process_viewpoints, run, fork, street, due, street_key, worker=worker
                 ).result()
                 records = {
-                    own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
+                    own[k]: cast(ViewpointRecord, {**record, "unit": f"{name}/{k}", "key": keys[k], "status": "done"})
                     for k, record in zip(due, made, strict=False)
                 }
                 started = time.perf_counter()
@@ -123,11 +123,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
                 return outcome
             at = "end of the street"
             session, fork = fork_store(run.store)
-            fork, record = compute.submit(
+            fork, result = compute.submit(
                 process_street, run, fork, street, len(own), street_key, worker=worker
             ).result()
-            record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
-            record["chain"] = found.chain
+            own_fields = {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
+            record = cast(StreetRecord, {**result, **own_fields, "chain": found.chain})
             snapshot = commit_units(session, fork, "streets", {street: record}, f"street {name}")
     except Exception as error:
         if is_machine_fault(error):

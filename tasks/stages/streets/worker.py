@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import Lock
-from typing import Any
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters, write_rasters
@@ -30,7 +30,7 @@ from facade_core.street.translator.translators import MaterialFieldTranslator, T
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import own_grains, roof_material
-from tasks.stages.streets.record import StreetRecord
+from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,15 @@ _taking = Lock()
 
 
 def process_viewpoints(
-    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
-) -> tuple[Any, list[dict[str, Any]]]:
+    run: Run, fork: ForkSession, street: int, steps: Sequence[int], street_key: str
+) -> tuple[ForkSession, list[ViewpointResult]]:
     """Texture viewpoints of a street: the first of `steps`, and those after it that begin within COMMIT_INTERVAL_S.
 
     Returns the fork with their panoramas and a record of each. A viewpoint that fails after others is left to the next unit, so
     that earlier results are kept.
     """
     begun = time.time()
-    records: list[dict[str, Any]] = []
+    records: list[ViewpointResult] = []
     for step in steps:
         if records and time.time() - begun > COMMIT_INTERVAL_S:
             break
@@ -104,7 +104,7 @@ def process_viewpoints(
     return fork, records
 
 
-def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
+def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> ViewpointResult:
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
     here = street_context(run)
@@ -148,7 +148,9 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
     }
 
 
-def process_street(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
+def process_street(
+    run: Run, fork: ForkSession, street: int, steps: int, street_key: str
+) -> tuple[ForkSession, StreetResult]:
     """Write the colour and view count of a street's charts after its `steps` viewpoints."""
     start = time.time()
     here = street_context(run)

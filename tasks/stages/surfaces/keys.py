@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -39,7 +38,7 @@ def surface_key(
     corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     reach = MAX_OCCLUDER_M if run.texture.sun is None else SHADOWS_M
-    parts: dict[str, Any] = {
+    parts: dict[str, object] = {
         "settings": _settings(run),
         "geometry": [known[: len(charts)], sorted(known[len(charts) :])],
         "around": plan.scene_objects.digests_in_box(low - reach, high + reach),
@@ -56,9 +55,9 @@ def surface_key(
     return join_key_parts(stage_code("surfaces"), **parts)
 
 
-def _settings(run: Run) -> list[Any]:
+def _settings(run: Run) -> list[object]:
     texture = run.texture
-    settings: list[Any] = [run.seed, texture.texels_per_metre, texture.levelling, texture.translator]
+    settings: list[object] = [run.seed, texture.texels_per_metre, texture.levelling, texture.translator]
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings += [file_digest(path), metres_per_pixel]

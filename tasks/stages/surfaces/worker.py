@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
@@ -33,7 +33,7 @@ def _run_material_field(run: Run) -> MaterialField:
     return material_field(plan_of_run(run), run.seed, run.roof_material, run.materials)
 
 
-def process_surface(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write colour and provenance of the charts of one building or piece of ground through the fork.
 
     Unit arguments: its charts; charts with a base layer of facades or textures; charts with street texels; and charts of walls

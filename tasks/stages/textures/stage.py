@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -74,7 +73,10 @@ def _match_previous(change: Change) -> dict[int, int]:
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
     """Return the key of a building's charts that have textures of their own or are seen from above, without its facades."""
     charts = plan.list_textured_charts(building)
-    parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
+    parts: dict[str, object] = {
+        "settings": run.texture.texels_per_metre,
+        "own": own_texture_parts(plan, charts, textures),
+    }
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = bounding_box(plan, charts)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
@@ -22,7 +23,7 @@ from tasks.stages.shared.materials import aerial_sampler
 from tasks.stages.textures.record import TextureRecord
 
 
-def process_textures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_textures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write the textured charts of one building through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
@@ -29,7 +29,7 @@ from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.tiles.record import TileRecord
 
 
-def process_tile(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write the model of one tile and its coarse rasters through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units

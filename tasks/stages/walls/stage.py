@@ -109,7 +109,8 @@ def wall_memory(texels: IntArray, pictures: Sequence[Sequence[Path]]) -> int:
         count * (GROUND_TEXEL + len(of_chart) * VIEW_TEXEL) + sum(pixels[path] for path in of_chart) * CAMERA_PIXEL
         for count, of_chart in zip(texels.tolist(), pictures, strict=True)
     )
-    return LIBRARY_BYTES + detection_bytes() + int(texels.sum()) * FINISHED_TEXEL + max(taken)
+    largest: int = max(taken)
+    return LIBRARY_BYTES + detection_bytes() + int(texels.sum()) * FINISHED_TEXEL + largest
 
 
 WALLS = Stage(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
+from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
@@ -25,7 +26,7 @@ from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.record import WallRecord
 
 
-def process_walls(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
     """Write the walls and roofs of one building from panoramas through the fork; returns the fork and the record."""
     start = time.time()
     (unit,) = units
