@@ -233,7 +233,8 @@ class Centrelines:
 
 
 def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> Float64Array:
-    return shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
+    boxes: Float64Array = shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
+    return boxes
 
 
 def file_stem(identifier: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import unicodedata
-from typing import Any
 
 # Control and format characters, surrogates, line and paragraph separators.
 _INVISIBLE_CATEGORIES = {"Cc", "Cf", "Cs", "Zl", "Zp"}
@@ -33,7 +32,7 @@ def _is_invisible(character: str) -> bool:
     return unicodedata.category(character) in _INVISIBLE_CATEGORIES and character not in _JOINERS
 
 
-def short_repr(value: Any, max_length: int = 60) -> str:
+def short_repr(value: object, max_length: int = 60) -> str:
     """Return the repr of a value on one line of at most `max_length` characters."""
     text = " ".join(repr(value).split()) if value is not None else "nothing"
     return text if len(text) <= max_length else text[: max_length - 3] + "..."

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
@@ -67,11 +67,19 @@ class BlockGeometry:
     buildings: BlockBuildings
     streets: tuple[Street, ...]
     ground: Ground
-    extent: tuple[float, float, float, float]
+    extent: Bounds
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     shops: tuple[tuple[float, float], ...] | None = None
     entrances: tuple[tuple[float, float], ...] = ()
+
+
+class _BlockArea(NamedTuple):
+    """Place of a block: metric frame, its area as a polygon in it if stated, and the extent of its surroundings."""
+
+    frame: CRS
+    area: Polygon | None
+    extent: Bounds
 
 
 def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockGeometry:
@@ -110,7 +118,7 @@ def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockG
     ground = file.call_reader("streets.path", block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
         shops += tuple(likely_shops(built.items, ground.ways, shops))
-    streets, cut, broken = _read_streets(keys, files, centrelines, frame, area, extent, file)
+    streets, cut, broken = _read_streets(keys, files, centrelines, _BlockArea(frame, area, extent), file)
     faults = (*built.faults, *broken)
     return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
@@ -194,12 +202,11 @@ def _read_streets(
     keys: BlockKeys,
     files: NamedFiles,
     centrelines: Centrelines,
-    frame: CRS,
-    area: Polygon | None,
-    extent: tuple[float, float, float, float],
+    place: _BlockArea,
     file: BlockFile,
 ) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
     """Return the streets, notes about remarks and cut-off streets, and broken streets."""
+    frame, area, extent = place
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
     near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
     streets, faults = block_streets(near, frame, area=area)
@@ -219,7 +226,7 @@ def _read_streets(
 
 
 def _shops_and_entrances(
-    files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float]
+    files: NamedFiles, frame: CRS, extent: Bounds
 ) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
     """Return mapped shops and entrances as (x, y) in the frame; shops are None if no source is a map."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
@@ -277,7 +284,7 @@ def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile
     return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
 
 
-def buildings_extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
+def buildings_extent(buildings: Iterable[Building]) -> Bounds:
     """Return (xmin, ymin, xmax, ymax) of the buildings and their surroundings."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
     return (

@@ -323,7 +323,10 @@ def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | N
 def _project(outlines: Sequence[BaseGeometry | None], source: str, crs: CRS) -> ObjectArray:
     flat = np.empty(len(outlines), dtype=object)
     flat[:] = outlines
-    return shapely.transform(shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False)
+    projected: ObjectArray = shapely.transform(
+        shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False
+    )
+    return projected
 
 
 def _may_intersect(outline: BaseGeometry | None, area: Polygon | None) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 
@@ -30,6 +30,7 @@ _AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
 MAX_AREA_SPAN_M = 200_000.0  # limit of a search area
 
 BuildingSource = Footprints | BuildingModels
+SourceT = TypeVar("SourceT", Footprints, BuildingModels)
 Bounds = tuple[float, float, float, float]
 
 
@@ -202,7 +203,11 @@ def reject_stray_buildings(
     return left, every.lonlat_bounds(kept) if kept.any() else spanned
 
 
-def _without_items(source: Any, reasons: dict[int, str]) -> Any:
+@overload
+def _without_items(source: Footprints, reasons: dict[int, str]) -> Footprints: ...
+@overload
+def _without_items(source: BuildingModels, reasons: dict[int, str]) -> BuildingModels: ...
+def _without_items(source: SourceT, reasons: dict[int, str]) -> SourceT:
     if not reasons:
         return source
     faults = [
@@ -219,8 +224,9 @@ def _intersects_area(corners: Float64Array, area: Sequence[float] | None) -> Boo
         return np.ones(len(corners), bool)
     west, south, east, north = area
     longitude = (corners[..., 0] - west + 180.0) % 360.0 - 180.0 + west
-    inside = (longitude.max(axis=1) >= west) & (longitude.min(axis=1) <= east)
-    return inside & (corners[..., 1].max(axis=1) >= south) & (corners[..., 1].min(axis=1) <= north)
+    inside: BoolArray = (longitude.max(axis=1) >= west) & (longitude.min(axis=1) <= east)
+    inside &= (corners[..., 1].max(axis=1) >= south) & (corners[..., 1].min(axis=1) <= north)
+    return inside
 
 
 def _neighbour_groups(points: Float64Array) -> Int32Array:
@@ -236,7 +242,8 @@ def _neighbour_groups(points: Float64Array) -> Int32Array:
     )
     pairs = cKDTree(cells).query_pairs(_CELLS_PER_DISTANCE, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
-    return connected_components(graph, directed=False)[1][cell]
+    groups: Int32Array = connected_components(graph, directed=False)[1][cell]
+    return groups
 
 
 def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelines | None) -> Int64Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -31,6 +32,21 @@ FALLBACK_HEIGHT_M = 12.0
 # Share of buildings one floor below the median, and the same share above, estimated by eye from tagged buildings. The variation
 # avoids blocks of one height; the mean error grows by it (the same command).
 VARIATION_SHARE = 0.23
+
+
+class KnownFloors(NamedTuple):
+    """Buildings with known heights.
+
+    Attributes
+    ----------
+    centre : (k, 2) centroids, metres.
+    area : (k,) m2.
+    levels : (k,) floors, also in parts of one.
+    """
+
+    centre: Float64Array
+    area: Float64Array
+    levels: Float64Array
 
 
 def assume_heights(
@@ -60,9 +76,7 @@ def assume_heights(
         centre[asked],
         area[asked],
         chance[asked],
-        centre[known],
-        area[known],
-        levels[known],
+        KnownFloors(centre[known], area[known], levels[known]),
         FALLBACK_HEIGHT_M / floor_height,
     )
     return tuple(
@@ -73,7 +87,7 @@ def assume_heights(
 
 def _is_single_floor(outlines: ObjectArray, area: Float64Array, stated: Sequence[Footprint | None]) -> BoolArray:
     """Return a mask (n,) of the buildings that have one floor by use or size."""
-    low = (area < MAX_LOW_AREA_M2) | np.array(
+    low: BoolArray = (area < MAX_LOW_AREA_M2) | np.array(
         [source is not None and source.use in ONE_FLOOR_USES for source in stated], bool
     )
     small = np.flatnonzero(~low & (area < MAX_DETACHED_LOW_AREA_M2))
@@ -86,9 +100,7 @@ def _estimate_floors(
     centre: Float64Array,
     area: Float64Array,
     chance: Float64Array,
-    known_centre: Float64Array,
-    known_area: Float64Array,
-    known_levels: Float64Array,
+    known: KnownFloors,
     default_floors: float,
 ) -> Float64Array:
     """Return whole floor counts (n,): the weighted median of the known ones, varied by `chance`.
@@ -98,22 +110,24 @@ def _estimate_floors(
     centre : (n, 2) centroids, metres.
     area : (n,) m2.
     chance : (n,) from 0 to 1.
-    known_centre, known_area, known_levels : (k, 2), (k,) and (k,) of the buildings with known heights.
+    known : buildings with known heights.
     default_floors : count where no height is known.
     """
     from scipy.spatial import cKDTree
 
     step = (chance > 1 - VARIATION_SHARE).astype(int) - (chance < VARIATION_SHARE).astype(int)
-    if not len(known_levels) or not len(centre):
-        return np.maximum(1.0, np.round(default_floors) + step)
-    distance, index = cKDTree(known_centre).query(centre, k=min(MAX_NEIGHBOURS, len(known_levels)))
+    if not len(known.levels) or not len(centre):
+        assumed: Float64Array = np.maximum(1.0, np.round(default_floors) + step)
+        return assumed
+    distance, index = cKDTree(known.centre).query(centre, k=min(MAX_NEIGHBOURS, len(known.levels)))
     distance, index = distance.reshape(len(centre), -1), index.reshape(len(centre), -1)
-    unlike = np.log(known_area[index] / area[:, None])
+    unlike = np.log(known.area[index] / area[:, None])
     weight = (np.exp(-distance / DISTANCE_SCALE_M) + FAR_WEIGHT) * np.maximum(
         np.exp(-0.5 * (unlike / LOG_AREA_SCALE) ** 2), 1e-6
     )
-    order = np.argsort(known_levels[index], axis=1, kind="stable")
-    levels = np.take_along_axis(known_levels[index], order, axis=1)
+    order = np.argsort(known.levels[index], axis=1, kind="stable")
+    levels = np.take_along_axis(known.levels[index], order, axis=1)
     share = np.cumsum(np.take_along_axis(weight, order, axis=1), axis=1)
     middle = np.argmax(share >= 0.5 * share[:, -1:], axis=1)
-    return np.maximum(1.0, np.round(np.take_along_axis(levels, middle[:, None], axis=1)[:, 0]) + step)
+    floors: Float64Array = np.maximum(1.0, np.round(np.take_along_axis(levels, middle[:, None], axis=1)[:, 0]) + step)
+    return floors

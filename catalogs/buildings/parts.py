@@ -139,8 +139,7 @@ def _extrude_part(
     levels = stated.levels
     finish, name = building.finish, building.name
     if whole is not None:
-        pairs = zip(_finish_values(finish), _finish_values(whole.finish), strict=True)
-        finish = Finish(*(its if own is None else own for own, its in pairs))
+        finish = _complete_finish(finish, whole.finish)
         name = name or whole.name
     return [
         replace(
@@ -158,8 +157,14 @@ def _extrude_part(
     ]
 
 
-def _finish_values(finish: Finish) -> tuple:
-    return finish.wall_colour, finish.roof_colour, finish.wall_material, finish.roof_material
+def _complete_finish(own: Finish, whole: Finish) -> Finish:
+    """Return the finish of a part, whose unknown values are those of the whole building."""
+    return Finish(
+        whole.wall_colour if own.wall_colour is None else own.wall_colour,
+        whole.roof_colour if own.roof_colour is None else own.roof_colour,
+        whole.wall_material if own.wall_material is None else own.wall_material,
+        whole.roof_material if own.roof_material is None else own.roof_material,
+    )
 
 
 def _split_building(

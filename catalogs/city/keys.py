@@ -6,12 +6,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from catalogs.block.keys import BlockKeys, check_keys
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tile_index import tile_files
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 # Side of a block.
 DEFAULT_BLOCK_SIZE_M = 400.0
@@ -37,7 +37,7 @@ class CityKeys:
     """
 
     block_keys: BlockKeys
-    values: Mapping[str, Any]
+    values: JsonObject
     block_size: float
     tile_indexes: tuple[Path, ...] = ()
 
@@ -54,7 +54,7 @@ def read_city_name(path: Path) -> str:
     return str(values.get("name", path.stem)) if isinstance(values, Mapping) else path.stem
 
 
-def check_city(values: Any, path: Path) -> CityKeys | str:
+def check_city(values: object, path: Path) -> CityKeys | str:
     """Validate the content of a city file.
 
     Returns
@@ -75,7 +75,7 @@ def check_city(values: Any, path: Path) -> CityKeys | str:
             )
         if not isinstance(folder["path"], str) or not folder["path"]:
             raise ValueError(f"{BLOCKS_KEY}.path: is no folder; write {BLOCKS_KEY}: {{path: FOLDER}}")
-        return folder["path"]
+        return str(folder["path"])
     if "part" in values:
         raise ValueError(
             f"part: this is a block of a city that was cut; `streetloom run {path}` textures it alone; a city is run by the "
@@ -102,7 +102,7 @@ def check_city(values: Any, path: Path) -> CityKeys | str:
     return CityKeys(keys, rest, float(metres), indexes)
 
 
-def _resolve_tile_index(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tuple[Path, ...]]:
     """Replace an index of tiles with the files that it names, relative to the city file.
 
     Returns the new values, and the index.

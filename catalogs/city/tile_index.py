@@ -8,11 +8,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     import pystac
@@ -63,7 +64,7 @@ def _is_stac(index: Path) -> bool:
     )
 
 
-def _feature_list(content: dict[str, Any]) -> list[dict[str, Any]]:
+def _feature_list(content: JsonObject) -> list[JsonObject]:
     found = content.get("features")
     return [feature for feature in found if isinstance(feature, dict)] if isinstance(found, list) else []
 
@@ -82,7 +83,8 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
         if "features" in json.loads(index.read_text(encoding="utf-8")):
             items = list(pystac.ItemCollection.from_file(str(index), stac_io=reader))
         else:
-            root: Any = pystac.read_file(str(index), stac_io=reader)
+            root = pystac.read_file(str(index), stac_io=reader)
+            assert isinstance(root, pystac.Catalog | pystac.Item)
             items = list(root.get_items(recursive=True)) if isinstance(root, pystac.Catalog) else [root]
     except InputError:
         raise

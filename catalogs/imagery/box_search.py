@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import Any
 
 from catalogs.features import Fault
 from catalogs.imagery.remote_panorama import LonLatBox, panorama_fault
+from facade_core.core.json_types import JsonObject
 
 # An answer with a multiple of this many pictures may be cut off at the service's own limit.
 LIMIT_MULTIPLE = 100
@@ -16,8 +16,8 @@ MAX_QUARTERING_DEPTH = 8
 
 
 def search_quarters(
-    boxes: Iterable[LonLatBox], search: Callable[[LonLatBox], Iterator[Mapping[str, Any] | Fault]]
-) -> Iterator[Mapping[str, Any] | Fault]:
+    boxes: Iterable[LonLatBox], search: Callable[[LonLatBox], Iterator[JsonObject | Fault]]
+) -> Iterator[JsonObject | Fault]:
     """Yield all results of a search in boxes, each id once.
 
     If an answer has a multiple of LIMIT_MULTIPLE records, it may be incomplete: the quarters of its box are searched
@@ -38,8 +38,8 @@ def search_quarters(
 
 
 def _search_box(
-    box: LonLatBox, search: Callable[[LonLatBox], Iterator[Mapping[str, Any] | Fault]], depth: int
-) -> Iterator[Mapping[str, Any] | Fault]:
+    box: LonLatBox, search: Callable[[LonLatBox], Iterator[JsonObject | Fault]], depth: int
+) -> Iterator[JsonObject | Fault]:
     count, faulty = 0, False
     for one in search(box):
         count += not isinstance(one, Fault)

@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
+from catalogs.crs import LONLAT
 from catalogs.features import file_stem
 from catalogs.imagery.remote_panorama import RemotePanorama
-from catalogs.readers.pictures.poses import LONLAT
 from facade_core.core.errors import InputError
 
 FETCH_LOG_NAME = "fetched.jsonl"
@@ -138,7 +137,7 @@ class FetchLog:
         return path
 
 
-def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, Any]:
+def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, object]:
     """Return the values of a picture by key; a value that is None has no key."""
     values = {key: getattr(picture, FETCH_LOG_KEYS[key]) for key in keys}
     return {key: value for key, value in values.items() if value is not None}

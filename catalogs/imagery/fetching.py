@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.features import Fault
@@ -61,6 +61,7 @@ def fetch_panoramas(
     arriving = fetch_log.folder / PARTIAL_FOLDER
     shutil.rmtree(arriving, ignore_errors=True)
     arriving.mkdir()
+    fetcher = _PanoramaFetcher(source, fetch_log, download, check)
     lost: list[ServiceUnavailable] = []
 
     def fetch_one(offer: RemotePanorama) -> Fault | None:
@@ -70,9 +71,7 @@ def fetch_panoramas(
         problem = found.refused if found else None
         if found is None:
             try:
-                problem = _fetch_panorama(
-                    source, offer, stems[offer.id], fetch_log, arriving / stems[offer.id], download, check
-                )
+                problem = fetcher.fetch(offer, stems[offer.id], arriving / stems[offer.id])
                 lost.clear()
             except ServiceUnavailable as error:
                 lost.append(error)
@@ -127,62 +126,75 @@ def _file_stems(source: str, panoramas: Sequence[RemotePanorama], fetch_log: Fet
     return stems
 
 
-def _fetch_panorama(
-    source: str,
-    panorama: RemotePanorama,
-    stem: str,
-    fetch_log: FetchLog,
-    part: Path,
-    download: Downloader,
-    check: PictureCheck,
-) -> str | None:
-    """Download one panorama, or adopt a file whose log line was lost.
+@dataclass(frozen=True)
+class _PanoramaFetcher:
+    """Download of panoramas of one service into the folder of a fetch log.
 
-    Returns why it is rejected, or None. Raises RequestRejected, ServiceUnavailable and InputError for problems that a
-    later run may not have.
+    Attributes
+    ----------
+    source : name of the service, as logged.
+    download : writes a panorama's bytes into a file and returns their sha256.
+    check : raises InputError if a complete picture is no panorama.
     """
-    there = next(
-        (path for path in (fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values()) if path.is_file()), None
-    )
-    if there is not None:
-        os.replace(there, part)
-    try:
-        digest = file_digest(part) if there is not None else download(panorama, part)
-        if panorama.sha256 not in (None, digest):
-            raise RequestRejected("is not what its service says (checksum differs); run again, or tell its service")
-        try:
-            check_picture(part)
-        except InputError as error:  # its message starts with the folder
-            raise RequestRejected(str(error).removeprefix(f"{part.parent}: ")) from error
-        suffix, problem = _check_format(part, check)
-        pose = panorama.pose
-        name = "" if problem else f"{stem}{suffix}"
-        size = part.stat().st_size
-        if not problem:
-            os.replace(part, fetch_log.folder / name)
-        fetch_log.append(
-            FetchedPicture(
-                source=source,
-                id=panorama.id,
-                file=name,
-                sha256=digest,
-                bytes=size,
-                lon=pose.x,
-                lat=pose.y,
-                z=pose.z,
-                heading=pose.heading or 0.0,
-                pitch=pose.pitch,
-                roll=pose.roll,
-                captured=panorama.captured,
-                author=panorama.author,
-                licence=panorama.licence,
-                licence_url=panorama.licence_url,
-                refused=problem,
-            )
+
+    source: str
+    fetch_log: FetchLog
+    download: Downloader
+    check: PictureCheck
+
+    def fetch(self, panorama: RemotePanorama, stem: str, part: Path) -> str | None:
+        """Download one panorama, or adopt a file whose log line was lost.
+
+        Returns why it is rejected, or None. Raises RequestRejected, ServiceUnavailable and InputError for problems that a
+        later run may not have.
+        """
+        there = next(
+            (
+                path
+                for path in (self.fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values())
+                if path.is_file()
+            ),
+            None,
         )
-        return problem
-    finally:
-        part.unlink(missing_ok=True)
+        if there is not None:
+            os.replace(there, part)
+        try:
+            digest = file_digest(part) if there is not None else self.download(panorama, part)
+            if panorama.sha256 not in (None, digest):
+                raise RequestRejected("is not what its service says (checksum differs); run again, or tell its service")
+            try:
+                check_picture(part)
+            except InputError as error:  # its message starts with the folder
+                raise RequestRejected(str(error).removeprefix(f"{part.parent}: ")) from error
+            suffix, problem = _check_format(part, self.check)
+            pose = panorama.pose
+            name = "" if problem else f"{stem}{suffix}"
+            size = part.stat().st_size
+            if not problem:
+                os.replace(part, self.fetch_log.folder / name)
+            self.fetch_log.append(
+                FetchedPicture(
+                    source=self.source,
+                    id=panorama.id,
+                    file=name,
+                    sha256=digest,
+                    bytes=size,
+                    lon=pose.x,
+                    lat=pose.y,
+                    z=pose.z,
+                    heading=pose.heading or 0.0,
+                    pitch=pose.pitch,
+                    roll=pose.roll,
+                    captured=panorama.captured,
+                    author=panorama.author,
+                    licence=panorama.licence,
+                    licence_url=panorama.licence_url,
+                    refused=problem,
+                )
+            )
+            return problem
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _check_format(part: Path, check: PictureCheck) -> tuple[str, str | None]:

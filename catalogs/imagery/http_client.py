@@ -11,13 +11,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlsplit
 
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     from requests import PreparedRequest, Response, Session
+
+T = TypeVar("T")
 
 CONNECT_TIMEOUT_S = 10.0
 # Time between two pieces of an answer.
@@ -69,7 +72,7 @@ class HttpClient:
     _not_before: float = 0.0
     _lock: Lock = field(default_factory=Lock)
 
-    def fetch_text(self, url: str, *, params: Mapping[str, Any] | None = None, body: Any = None) -> str:
+    def fetch_text(self, url: str, *, params: Mapping[str, str] | None = None, body: JsonObject | None = None) -> str:
         """Return the text of an answer to GET, or to POST if there is a JSON body.
 
         Raises
@@ -80,7 +83,7 @@ class HttpClient:
         def read(response: Response) -> str:
             return b"".join(_read_pieces(response, MAX_PAGE_BYTES, url)).decode("utf-8", "replace")
 
-        return self._request(url, read, params=params, json=body)
+        return self._request(url, read, params=params, body=body)
 
     def download(self, url: str, path: Path) -> str:
         """Write a picture to `path` atomically, and return its sha256.
@@ -106,7 +109,14 @@ class HttpClient:
         finally:
             part.unlink(missing_ok=True)
 
-    def _request(self, url: str, use: Callable[[Response], Any], **options: Any) -> Any:
+    def _request(
+        self,
+        url: str,
+        use: Callable[[Response], T],
+        *,
+        params: Mapping[str, str] | None = None,
+        body: JsonObject | None = None,
+    ) -> T:
         import requests
 
         where = display_url(url)
@@ -116,7 +126,7 @@ class HttpClient:
         for attempt in range(MAX_ATTEMPTS):
             self._wait_until_allowed()
             try:
-                with self._open_response(url, options) as response:
+                with self._open_response(url, params, body) as response:
                     if response.ok:
                         return use(response)
                     problem = f"answers {response.status_code}"
@@ -137,10 +147,15 @@ class HttpClient:
         raise ServiceUnavailable(f"{where} {problem}, {MAX_ATTEMPTS} times; run again later, what is here stays")
 
     @contextmanager
-    def _open_response(self, url: str, options: Mapping[str, Any]) -> Iterator[Response]:
-        method = "GET" if options.get("json") is None else "POST"
+    def _open_response(self, url: str, params: Mapping[str, str] | None, body: JsonObject | None) -> Iterator[Response]:
         response = self._get_session().request(
-            method, url, auth=self.token, timeout=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S), stream=True, **options
+            "GET" if body is None else "POST",
+            url,
+            params=params,
+            json=body,
+            auth=self.token,
+            timeout=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S),
+            stream=True,
         )
         try:
             yield response

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
-from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
@@ -22,6 +21,7 @@ from catalogs.imagery.remote_panorama import (
 )
 from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 MAPILLARY_API = "https://graph.mapillary.com"
 # Licence of all pictures by Mapillary's terms of use; answers do not state it.
@@ -68,9 +68,7 @@ def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
             )
 
 
-def _search_pages(
-    client: HttpClient, api: str, box: LonLatBox, dates: str | None
-) -> Iterator[Mapping[str, Any] | Fault]:
+def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | None) -> Iterator[JsonObject | Fault]:
     first, last = _time_span(dates)
     asked = {
         "bbox": ",".join(f"{value:.7f}" for value in box),
@@ -85,7 +83,7 @@ def _search_pages(
     while url:
         page += 1
         content = _parse_answer(client.fetch_text(url, params=params), api)
-        records = [one for one in content["data"] if isinstance(one, Mapping)]
+        records = [one for one in content["data"] if isinstance(one, dict)]
         fresh = [one for one in records if str(one.get("id")) not in known]
         if page > MAX_MAPILLARY_PAGES or (records and not fresh):
             yield panorama_fault(
@@ -106,7 +104,7 @@ def _strip_token(url: str) -> str:
     return urlunsplit(parts._replace(query=urlencode(asked)))
 
 
-def _parse_answer(text: str, api: str) -> dict[str, Any]:
+def _parse_answer(text: str, api: str) -> JsonObject:
     try:
         content = json.loads(text)
     except ValueError:
@@ -122,7 +120,7 @@ def _time_span(dates: str | None) -> tuple[str | None, str | None]:
     return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 
 
-def _parse_record(record: Mapping[str, Any]) -> RemotePanorama | Fault | None:
+def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
     identifier = str(record.get("id") or "")
     kind = str(record.get("camera_type") or "")
     if record.get("is_pano") is False or kind in ("perspective", "brown"):

@@ -6,11 +6,11 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from catalogs.crs import LONLAT
 from catalogs.features import Fault
 from catalogs.reader_errors import single_line
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, find_implausible_value, parse_day
+from catalogs.readers.pictures.poses import SourcePose, find_implausible_value, parse_day
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
@@ -88,14 +88,14 @@ def panorama_fault(identifier: str, reason: str) -> Fault:
     return Fault(single_line(identifier)[:80] or "unnamed", "panorama", single_line(reason)[:200])
 
 
-def finite_number(value: Any) -> float | None:
+def finite_number(value: object) -> float | None:
     """Return a value as float if it is a finite number, otherwise None."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
 
 
-def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None) -> SourcePose:
+def parse_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:
     """Parse a GeoJSON point and angles in degrees into a pose.
 
     Raises
@@ -119,7 +119,7 @@ def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None)
     return pose
 
 
-def resolve_licence(stated: Any, text_url: str | None, user_licence: str | None) -> str:
+def resolve_licence(stated: object, text_url: str | None, user_licence: str | None) -> str:
     """Return the stated licence, or the address of its text, or the one the user knows.
 
     Raises

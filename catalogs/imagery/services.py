@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from catalogs.crs import LONLAT
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import POSES_NAME, is_fetched, read_fetch_log
@@ -20,7 +21,7 @@ from catalogs.imagery.mapillary import search_mapillary
 from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
 from catalogs.imagery.stac import search_stac
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
-from catalogs.readers.pictures.poses import LONLAT, SourcePose
+from catalogs.readers.pictures.poses import SourcePose
 from facade_core.core.errors import InputError
 
 # Federated search over the instances of Panoramax.

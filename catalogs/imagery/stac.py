@@ -6,9 +6,9 @@ Items have a point, view:azimuth and the field of view of the perspective imager
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_quarters
@@ -26,6 +26,12 @@ from catalogs.imagery.remote_panorama import (
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
+
+if TYPE_CHECKING:
+    from pystac.link import HREF
+    from pystac_client import Client
+    from pystac_client.stac_api_io import StacApiIO
 
 # Items of a page.
 PAGE_SIZE = 1000
@@ -63,15 +69,15 @@ def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[R
         ) from error
 
 
-def _box_search(client: Any, dates: str | None) -> Any:
+def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iterator[JsonObject | Fault]]:
     """Return a function that searches a box page by page; endless paging ends with a fault."""
 
-    def search(box: LonLatBox) -> Iterator[Mapping[str, Any] | Fault]:
+    def search(box: LonLatBox) -> Iterator[JsonObject | Fault]:
         known: set[str] = set()
         # GET: services differ in their answers to POST
         pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE_SIZE).pages_as_dicts()
         for number_of_page, page in enumerate(pages, 1):
-            items = [item for item in page.get("features") or () if isinstance(item, Mapping)]
+            items = [item for item in page.get("features") or () if isinstance(item, dict)]
             fresh = [item for item in items if str(item.get("id")) not in known]
             if number_of_page > MAX_STAC_PAGES or (items and not fresh):
                 reason = (
@@ -90,14 +96,14 @@ def _box_search(client: Any, dates: str | None) -> Any:
     return search
 
 
-def _parse_item(item: Mapping[str, Any] | Fault, licence: str | None) -> RemotePanorama | Fault | None:
+def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama | Fault | None:
     """Parse an item; a fault if the panorama cannot be used, None if the picture is no panorama."""
     if isinstance(item, Fault):
         return item
     properties = item.get("properties")
-    properties = properties if isinstance(properties, Mapping) else {}
+    properties = properties if isinstance(properties, dict) else {}
     inner = properties.get("pers:interior_orientation")
-    inner = inner if isinstance(inner, Mapping) else {}
+    inner = inner if isinstance(inner, dict) else {}
     if (finite_number(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
         return None
     identifier = str(item.get("id") or "")
@@ -126,7 +132,7 @@ def _parse_item(item: Mapping[str, Any] | Fault, licence: str | None) -> RemoteP
     )
 
 
-def _parse_heading(properties: Mapping[str, Any]) -> Any:
+def _parse_heading(properties: JsonObject) -> object:
     """Return view:azimuth, which GeoVisio rounds to degrees, or the exact EXIF tag if both agree."""
     heading, exif = properties.get("view:azimuth"), properties.get("exif")
     tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
@@ -140,7 +146,7 @@ def _parse_heading(properties: Mapping[str, Any]) -> Any:
     return exact if abs((exact - stated + 180.0) % 360.0 - 180.0) <= 0.5 else heading
 
 
-def _image_size(dimensions: Any) -> tuple[int, int] | None:
+def _image_size(dimensions: object) -> tuple[int, int] | None:
     """Return (rows, columns) from [columns, rows]."""
     found = [finite_number(value) for value in dimensions] if isinstance(dimensions, list) else []
     if len(found) != 2 or not found[0] or not found[1]:
@@ -148,10 +154,10 @@ def _image_size(dimensions: Any) -> tuple[int, int] | None:
     return int(found[1]), int(found[0])
 
 
-def _picture_asset(assets: Any) -> Mapping[str, Any]:
+def _picture_asset(assets: object) -> JsonObject:
     """Return the asset of the picture at full size. Raises ValueError if there is none."""
     all_of = assets.items() if isinstance(assets, Mapping) else ()
-    named = [(name, asset) for name, asset in all_of if isinstance(asset, Mapping) and asset.get("href")]
+    named = [(name, asset) for name, asset in all_of if isinstance(asset, dict) and asset.get("href")]
     pictures = [(n, a) for n, a in named if str(a.get("type", "image/")).startswith("image/")]
     of_data = [(n, a) for n, a in pictures if "data" in (a.get("roles") or ())] or pictures
     jpeg = [(n, a) for n, a in of_data if a.get("type") == "image/jpeg"] or of_data
@@ -164,30 +170,36 @@ def _asset_rank(name: str) -> tuple[int, str]:
     return (_FULL_SIZE_ASSETS.index(name) if name in _FULL_SIZE_ASSETS else len(_FULL_SIZE_ASSETS), name)
 
 
-def _provider_names(item: Mapping[str, Any], properties: Mapping[str, Any]) -> str | None:
+def _provider_names(item: JsonObject, properties: JsonObject) -> str | None:
     providers = item.get("providers") or properties.get("providers") or ()
     names = [str(one["name"]) for one in providers if isinstance(one, Mapping) and one.get("name")]
     return "; ".join(dict.fromkeys(names))[:200] or None
 
 
-def _checksum_sha256(checksum: Any) -> str | None:
+def _checksum_sha256(checksum: object) -> str | None:
     """Return the digest of a hexadecimal sha2-256 multihash; None for other hashes."""
     found = re.fullmatch(r"1220([0-9a-f]{64})", checksum) if isinstance(checksum, str) else None
     return found[1] if found else None
 
 
-def _stac_io(client: HttpClient) -> Any:
+def _stac_io(client: HttpClient) -> StacApiIO:
     from pystac_client.stac_api_io import StacApiIO
 
     class Io(StacApiIO):
         """Requests by `HttpClient`: pystac-client's own log the token, open local files, and have no limits."""
 
-        def read_text(self, source: Any, *args: Any, **kwargs: Any) -> str:
+        def read_text(self, source: HREF, *args: object, **kwargs: object) -> str:
             if isinstance(source, str) and "://" not in source:
                 raise RequestRejected(f"{source[:80]} is no address; tell its service")
             return super().read_text(source, *args, **kwargs)
 
-        def request(self, href: str, method: str | None = None, headers: Any = None, parameters: Any = None) -> str:
+        def request(
+            self,
+            href: str,
+            method: str | None = None,
+            headers: dict[str, str] | None = None,
+            parameters: JsonObject | None = None,
+        ) -> str:
             if (method or "GET").upper() == "POST":
                 return client.fetch_text(href, body=parameters or {})
             return client.fetch_text(href, params=parameters or None)

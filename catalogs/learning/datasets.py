@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
 
@@ -227,7 +227,7 @@ def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         meaning = {category["id"]: _SWISS_CATEGORIES[category["name"]] for category in record["categories"]}
-        polygons: dict[int, list[dict[str, Any]]] = {photo["id"]: [] for photo in record["images"]}
+        polygons: dict[int, list[JsonObject]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
             polygons[polygon["image_id"]].append(polygon)
     except (OSError, ValueError, KeyError, TypeError) as error:
@@ -293,7 +293,7 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: AnyArray, size: tu
 
 
 def _draw_polygons(
-    path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, LabelMeaning], size: tuple[int, ...]
+    path: Path, polygons: Sequence[JsonObject], meaning: Mapping[int, LabelMeaning], size: tuple[int, ...]
 ) -> list[UInt8Array]:
     import cv2
 

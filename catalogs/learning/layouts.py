@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Element
 
 # Labels of layout files -> classes of facade_core.core.labels; other labels are dropped and counted.
@@ -73,7 +73,7 @@ def split_layouts(
     return [layout for index, layout in enumerate(layouts) if index % every != fold], held_out
 
 
-def _parse_record(record: Mapping[str, Any], number: int) -> LayoutRecord:
+def _parse_record(record: JsonObject, number: int) -> LayoutRecord:
     width, height = float(record["width"]), float(record["height"])
     things = [
         (str(o["label"]), (float(o["x0"]), float(o["y0"]), float(o["x1"]), float(o["y1"]))) for o in record["objects"]

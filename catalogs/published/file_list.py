@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypedDict
 
 from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
 
@@ -16,6 +16,25 @@ HASHED_FILES = ("items.parquet", "summary.json")
 
 # Size of a file in bytes, and its digest.
 SizeAndDigest: TypeAlias = tuple[int, str]
+
+
+class FileList(TypedDict):
+    """Content of the list.
+
+    Attributes
+    ----------
+    predecessor : snapshot that was published before.
+    tags : tags of the streets in the snapshot.
+    files : path -> size and digest.
+    made : path -> digest of what a file is made from.
+    failed : what could not be published -> why.
+    """
+
+    predecessor: str | None
+    tags: list[str]
+    files: dict[str, SizeAndDigest]
+    made: dict[str, str]
+    failed: dict[str, str]
 
 
 def write_file_list(
@@ -39,11 +58,16 @@ def write_file_list(
     """
     paths = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     listed = {
-        name: list((known or {}).get(name) or (path.stat().st_size, content_digest(path)))
-        for name, path in paths.items()
+        name: (known or {}).get(name) or (path.stat().st_size, content_digest(path)) for name, path in paths.items()
     }
-    content: dict[str, Any] = {"predecessor": predecessor, "tags": sorted(tags), "files": listed}
-    _write_json(folder, content | {"made": dict(source_digests or {}), "failed": dict(failures or {})})
+    content: FileList = {
+        "predecessor": predecessor,
+        "tags": sorted(tags),
+        "files": listed,
+        "made": dict(source_digests or {}),
+        "failed": dict(failures or {}),
+    }
+    _write_json(folder, content)
 
 
 def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
@@ -81,7 +105,7 @@ def update_file_list(folder: Folder, names: Iterable[str]) -> None:
         return
     sizes = file_sizes(folder)
     for name in names:
-        content["files"][name] = [sizes[name], content_digest(join_path(folder, name))]
+        content["files"][name] = (sizes[name], content_digest(join_path(folder, name)))
     _write_json(folder, content)
 
 
@@ -97,11 +121,8 @@ def read_predecessor(folder: Folder) -> str | None:
     return content["predecessor"] if content else None
 
 
-def read_file_list(folder: Folder) -> dict[str, Any] | None:
-    """Read the list of a published folder; None if it cannot be read.
-
-    `files` is path -> size and digest.
-    """
+def read_file_list(folder: Folder) -> FileList | None:
+    """Read the list of a published folder; None if it cannot be read."""
     try:
         content = json.loads((folder / FILE_LIST_NAME).read_text())
         return {
@@ -109,13 +130,14 @@ def read_file_list(folder: Folder) -> dict[str, Any] | None:
             "tags": list(map(str, content["tags"])),
             "files": {str(name): (int(size), str(digest)) for name, (size, digest) in content["files"].items()},
             # missing in snapshots of older versions
-            **{name: {str(k): str(v) for k, v in content.get(name, {}).items()} for name in ("made", "failed")},
+            "made": {str(name): str(digest) for name, digest in content.get("made", {}).items()},
+            "failed": {str(what): str(why) for what, why in content.get("failed", {}).items()},
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def _write_json(folder: Folder, content: dict[str, Any]) -> None:
+def _write_json(folder: Folder, content: FileList) -> None:
     write_atomically(folder / FILE_LIST_NAME, json.dumps(content, indent=1).encode())
 
 

@@ -6,7 +6,7 @@ import io
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder
 from catalogs.readers.annotations import IS_FACADE_COLUMN
@@ -33,10 +33,10 @@ class LayerContent:
     items: Folder
     crs: str
     walls: Mapping[str, Polygon]
-    buildings: Sequence[Mapping[str, Any]]
-    roofs: Sequence[Mapping[str, Any]]
-    ground: Sequence[Mapping[str, Any]]
-    streets: Sequence[Mapping[str, Any]]
+    buildings: Sequence[Mapping[str, object]]
+    roofs: Sequence[Mapping[str, object]]
+    ground: Sequence[Mapping[str, object]]
+    streets: Sequence[Mapping[str, object]]
     chosen: Collection[str]
     no_facades: Collection[str]
     attribution: Mapping[str, str]

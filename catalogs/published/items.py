@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +20,11 @@ from catalogs.crs import LONLAT
 from catalogs.features import natural_sort_key
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from pyproj import CRS
     from shapely import LineString
 
 
@@ -234,7 +236,7 @@ _PYTHON_TYPES: dict[str, type] = {
 }
 
 
-def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -> None:
+def write_items(path: Path | str, rows: Sequence[Mapping[str, object]], crs: CRS | str) -> None:
     """Write the catalogue as GeoParquet, ordered by id, atomically.
 
     Parameters
@@ -253,7 +255,7 @@ def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -
     path = Path(path)
     for row in rows:
         _check_row(row, path)
-    rows = sorted(rows, key=lambda row: (ITEM_KINDS.index(row["kind"]), natural_sort_key(row["id"])))
+    rows = sorted(rows, key=lambda row: (ITEM_KINDS.index(str(row["kind"])), natural_sort_key(str(row["id"]))))
     for one, two in zip(rows, rows[1:], strict=False):
         if one["kind"] == two["kind"] == "facade" and one["id"] == two["id"]:
             raise InputError(f"{path.name}: facade {one['id']} has two rows; give each facade one")
@@ -268,7 +270,7 @@ def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -
         temporary.unlink(missing_ok=True)
 
 
-def _check_row(row: Mapping[str, Any], path: Path) -> None:
+def _check_row(row: Mapping[str, object], path: Path) -> None:
     facade = f"{path.name}: facade {row.get('id')}"
     if unknown := sorted(row.keys() - set(ROW_KEYS)):
         raise InputError(
@@ -284,7 +286,8 @@ def _check_row(row: Mapping[str, Any], path: Path) -> None:
         if row["geometry"] is not None or row["status"] != "failed" or not row["reason"]:
             raise InputError(f"{facade}: a {row['kind']} has a row only when it is set aside, with a reason")
         return
-    if getattr(row["geometry"], "geom_type", None) != "LineString" or row["geometry"].is_empty:
+    geometry = row["geometry"]
+    if getattr(geometry, "geom_type", None) != "LineString" or getattr(geometry, "is_empty", True):
         raise InputError(f"{facade}: geometry is no LineString; give the facade's foot line")
     if row["status"] not in STATUSES:
         raise InputError(f"{facade}: status is {row['status']!r}; give {' or '.join(STATUSES)}")
@@ -292,7 +295,7 @@ def _check_row(row: Mapping[str, Any], path: Path) -> None:
         raise InputError(f"{facade}: failed without a reason; say why")
 
 
-def transform_foot_lines(foot_lines: Sequence[LineString | None], crs: Any, target: Any) -> ObjectArray:
+def transform_foot_lines(foot_lines: Sequence[LineString | None], crs: CRS | str, target: CRS | str) -> ObjectArray:
     """Transform foot lines from one CRS to another, without heights.
 
     Parameters
@@ -306,25 +309,29 @@ def transform_foot_lines(foot_lines: Sequence[LineString | None], crs: Any, targ
     import shapely
     from pyproj import Transformer
 
-    lines = np.empty(len(foot_lines), dtype=object)
-    lines[:] = foot_lines
-    lines = shapely.force_2d(lines)
-    lines = shapely.transform(lines, Transformer.from_crs(crs, target, always_xy=True).transform, interleaved=False)
+    stated = np.empty(len(foot_lines), dtype=object)
+    stated[:] = foot_lines
+    flat = shapely.force_2d(stated)
+    lines: ObjectArray = shapely.transform(
+        flat, Transformer.from_crs(crs, target, always_xy=True).transform, interleaved=False
+    )
     ends, line = shapely.get_coordinates(lines, return_index=True)
     lines[line[~np.isfinite(ends).all(axis=1)]] = None
     return lines
 
 
-def _column_values(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[Any]]:
+def _column_values(rows: Sequence[Mapping[str, object]], crs: CRS | str) -> dict[str, Sequence[object]]:
     import shapely
 
     feet = transform_foot_lines([row["geometry"] for row in rows], crs, LONLAT)
-    values: dict[str, Sequence[Any]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
+    values: dict[str, Sequence[object]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
     values["geometry"] = [None if foot is None else shapely.to_wkb(foot) for foot in feet]
     return values | dict(zip(BBOX, shapely.bounds(feet).reshape(-1, 4).T.tolist(), strict=True))
 
 
-def _arrow_array(column: ItemColumn, values: Sequence[Any], rows: Sequence[Mapping[str, Any]], path: Path) -> pa.Array:
+def _arrow_array(
+    column: ItemColumn, values: Sequence[object], rows: Sequence[Mapping[str, object]], path: Path
+) -> pa.Array:
     import pyarrow as pa
 
     values = [None if value is None or value != value else value for value in values]  # NaN is unknown too
@@ -344,12 +351,12 @@ def arrow_type(column: ItemColumn) -> pa.DataType:
     return pa.timestamp("us", "UTC") if column.type.startswith("timestamp") else pa.type_for_alias(column.type)
 
 
-def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
+def _schema(values: Mapping[str, Sequence[object]]) -> pa.Schema:
     """Return the Arrow schema with the GeoParquet 1.1 header (no crs means OGC:CRS84)."""
     import pyarrow as pa
 
-    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
-    found = {name: [value for value in values[name] if value == value] for name in BBOX}
+    geometry: JsonObject = {"encoding": "WKB", "geometry_types": ["LineString"]}
+    found = {name: [value for value in values[name] if isinstance(value, float) and value == value] for name in BBOX}
     if found["xmin"]:
         ends = zip(BBOX, (min, min, max, max), strict=True)
         geometry["bbox"] = [extreme(found[name]) for name, extreme in ends]

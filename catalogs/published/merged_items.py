@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published.folders import Folder, map_concurrently, remove_path, write_atomically
+from catalogs.published.folders import F, Folder, map_concurrently, remove_path, write_atomically
 from catalogs.published.runs import PublishedRun
 from catalogs.published.s3 import S3Folder, s3_filesystem
 
@@ -71,7 +71,7 @@ def _merged_files(out: Folder) -> list[Folder]:
     return sorted((one for one in found if one.name.endswith(".parquet") and one.name[0] != "."), key=str)
 
 
-def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
+def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun[F], str]]) -> None:
     """Merge the catalogues of runs, each given with its current snapshot.
 
     Only files with a changed run are rewritten. A run whose catalogue is unreadable, or does not fit the others, is
@@ -81,7 +81,7 @@ def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> No
         (out / ITEMS_FOLDER).mkdir(exist_ok=True)
     before = {member.path.name: member.runs for member in read_merged_items(out)}
     assigned = {run: file for file, members in before.items() for run in members}
-    by_file: dict[str, list[tuple[PublishedRun, str]]] = {file: [] for file in before}
+    by_file: dict[str, list[tuple[PublishedRun[F], str]]] = {file: [] for file in before}
     for member in runs:
         if member[0].name in assigned:
             by_file[assigned[member[0].name]].append(member)
@@ -99,7 +99,7 @@ def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> No
             remove_path(path)
 
 
-def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
+def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun[F], str]]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -125,7 +125,7 @@ def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
     write_atomically(path, written.getvalue().to_pybytes())
 
 
-def _read_rows(one: tuple[PublishedRun, str]) -> pa.Table | None:
+def _read_rows(one: tuple[PublishedRun[F], str]) -> pa.Table | None:
     """Read the rows of a run's catalogue; None if it cannot be read."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -11,23 +11,63 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, SupportsFloat, TypedDict, TypeVar
 from urllib.parse import quote
 
 from markupsafe import Markup
 
 from catalogs.features import file_stem, natural_sort_key
 from catalogs.printable_text import escape_invisible
+from catalogs.published.item_row import ItemRow, ReportRow
 from catalogs.published.items import ASSUMED_HEIGHT
 from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+RowT = TypeVar("RowT", bound=Mapping[str, object])
+
 MAX_FACADES_PER_PAGE = 40
 MAX_REVIEW_FACADES = 60
 # Changed facades with pictures in the index.
 MAX_CHANGES = 24
+
+
+class UnitTimings(TypedDict, total=False):
+    """Part of a unit's record that a report shows.
+
+    Attributes
+    ----------
+    seconds : duration of each step.
+    """
+
+    seconds: dict[str, float]
+
+
+class FacadeTimings(UnitTimings, total=False):
+    """Part of a facade's record that a report shows.
+
+    Attributes
+    ----------
+    change_map : a line per row of cells; a digit is the changed tenths of a cell, - a hidden one.
+    """
+
+    change_map: list[str]
+
+
+class ReportExemplar(NamedTuple):
+    """Exemplar in a report.
+
+    Attributes
+    ----------
+    record : its record.
+    pictures : (name, title) of its pictures.
+    used : number of facades made from it.
+    """
+
+    record: Mapping[str, object]
+    pictures: Sequence[tuple[str, str]]
+    used: int
 
 
 class StreetPages(NamedTuple):
@@ -41,11 +81,11 @@ class StreetPages(NamedTuple):
     """
 
     name: str
-    rows: tuple[Sequence[Mapping[str, Any]], ...]
+    rows: tuple[Sequence[ReportRow], ...]
     paths: tuple[str, ...]
 
     @property
-    def all_rows(self) -> list[Mapping[str, Any]]:
+    def all_rows(self) -> list[ReportRow]:
         """Return the rows of all pages."""
         return [row for rows in self.rows for row in rows]
 
@@ -65,7 +105,7 @@ class ReportContent:
     panoramas : (name, title) of translated panoramas.
     sheets : facade -> (name, title) of its pictures.
     textures_only : facades of which only the texture is shown.
-    exemplars : records, with `pictures` (name, title) and the number of facades made from each, `used`.
+    exemplars : prepared exemplars.
     poses : records of posed panoramas.
     heights : source of the height -> number of buildings.
     models : files of the snapshot, relative to its folder.
@@ -73,18 +113,18 @@ class ReportContent:
     before : facade -> picture at an earlier capture.
     """
 
-    summary: Mapping[str, Any]
-    rows: Sequence[Mapping[str, Any]]
-    set_aside: Sequence[Mapping[str, Any]]
-    records: Mapping[str, Mapping[str, Any]]
-    streets: Sequence[Mapping[str, Any]]
-    viewpoints: Sequence[Mapping[str, Any]]
+    summary: Mapping[str, object]
+    rows: Sequence[ReportRow]
+    set_aside: Sequence[ItemRow]
+    records: Mapping[str, FacadeTimings]
+    streets: Sequence[Mapping[str, object]]
+    viewpoints: Sequence[UnitTimings]
     views: Sequence[str]
     panoramas: Sequence[tuple[str, str]]
     sheets: Mapping[str, Sequence[tuple[str, str]]]
     textures_only: frozenset[str]
-    exemplars: Sequence[Mapping[str, Any]]
-    poses: Sequence[Mapping[str, Any]]
+    exemplars: Sequence[ReportExemplar]
+    poses: Sequence[Mapping[str, object]]
     heights: Mapping[str, int]
     models: Sequence[str]
     min_change: float
@@ -100,7 +140,10 @@ def write_report(folder: Path, content: ReportContent) -> None:
     if content.exemplars:
         page = environment.get_template("report_exemplars.html.j2").render(
             summary=content.summary,
-            exemplars=[{**one, "pictures": _picture_links("images", one["pictures"])} for one in content.exemplars],
+            exemplars=[
+                {**one.record, "pictures": _picture_links("images", one.pictures), "used": one.used}
+                for one in content.exemplars
+            ],
         )
         (folder / "exemplars.html").write_text(page, encoding="utf-8")
     _write_index(folder, pages, content, environment)
@@ -134,7 +177,7 @@ def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportCont
     doubtful = facades_to_review(rows)
     changed = sorted(
         (row for row in rows if (row["changed"] or 0) >= content.min_change),
-        key=lambda row: (-row["changed"], row["id"]),
+        key=lambda row: (-(row["changed"] or 0), row["id"]),
     )
     page = environment.get_template("report.html.j2").render(
         summary=content.summary,
@@ -163,19 +206,21 @@ def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportCont
     (folder / "index.html").write_text(page, encoding="utf-8")
 
 
-def facades_to_review(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def facades_to_review(rows: Iterable[RowT]) -> list[RowT]:
     """Return facades with a doubt other than an assumed height, most urgent first (`look_first`)."""
-    return sorted(
-        (row for row in rows if row.get("quality") not in (None, "good", ASSUMED_HEIGHT)),
-        key=lambda row: (-row.get("look_first", 0.0), row["id"]),
-    )
+    return sorted((row for row in rows if row.get("quality") not in (None, "good", ASSUMED_HEIGHT)), key=_review_order)
 
 
-def street_pages(rows: Sequence[Mapping[str, Any]]) -> list[StreetPages]:
+def _review_order(row: Mapping[str, object]) -> tuple[float, str]:
+    urgency = row.get("look_first", 0.0)
+    return -float(urgency) if isinstance(urgency, SupportsFloat) else 0.0, str(row["id"])
+
+
+def street_pages(rows: Sequence[ReportRow]) -> list[StreetPages]:
     """Group facades by the street that sees them, in natural order, MAX_FACADES_PER_PAGE to a page."""
-    by_street: dict[str, list[Mapping[str, Any]]] = {}
+    by_street: dict[str, list[ReportRow]] = {}
     for row in rows:
-        by_street.setdefault(row["street"], []).append(row)
+        by_street.setdefault(row["street"] or "", []).append(row)
     found = []
     for name in sorted(by_street, key=natural_sort_key):
         own = by_street[name]
@@ -200,12 +245,12 @@ def _environment() -> Environment:
     return environment
 
 
-def _escape_invisible(value: Any) -> Any:
+def _escape_invisible(value: object) -> object:
     """Return a value as it is shown, before HTML escaping."""
     return escape_invisible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _index_entry(street: StreetPages) -> dict[str, Any]:
+def _index_entry(street: StreetPages) -> dict[str, object]:
     """Return a street's entry in the index."""
     every = street.all_rows
     return {
@@ -217,19 +262,17 @@ def _index_entry(street: StreetPages) -> dict[str, Any]:
     }
 
 
-def _facade_entry(
-    row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]
-) -> dict[str, Any]:
+def _facade_entry(row: ReportRow, record: FacadeTimings, sheets: Sequence[tuple[str, str]]) -> dict[str, object]:
     return {"row": row, "pictures": _picture_links("../../images", sheets), "seconds": record.get("seconds", {})}
 
 
 def _change_entry(
-    row: Mapping[str, Any],
-    record: Mapping[str, Any],
+    row: ReportRow,
+    record: FacadeTimings,
     sheets: Mapping[str, Sequence[tuple[str, str]]],
     before: Mapping[str, str],
     links: Mapping[str, str],
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return a changed facade: row, pictures before and after, and cells (x, y, tenths).
 
     Tenths are None where the facade is hidden.
@@ -253,7 +296,7 @@ def _picture_links(folder: str, pictures: Sequence[tuple[str, str]]) -> list[dic
     return [{"path": f"{folder}/{quote(name)}", "title": title} for name, title in pictures]
 
 
-def _timings(kind: str, records: Any) -> Iterator[dict[str, Any]]:
+def _timings(kind: str, records: Iterable[UnitTimings]) -> Iterator[dict[str, object]]:
     """Yield median and total seconds of every stage over the records of one kind of unit."""
     by_stage: dict[str, list[float]] = {}
     for record in records:

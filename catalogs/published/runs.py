@@ -76,7 +76,7 @@ def find_stores(folder: F) -> dict[str, F]:
     while waiting:
         with_store = map_concurrently(lambda one: (one / "store").is_dir(), waiting, folder)
         found |= {
-            str(one)[len(str(folder)) :].strip("/"): cast(F, one)
+            str(one)[len(str(folder)) :].strip("/"): one
             for one, is_run in zip(waiting, with_store, strict=True)
             if is_run
         }

@@ -104,7 +104,8 @@ class S3Folder:
     def size(self) -> int | None:
         """Return the size of this object in bytes, or None if it does not exist."""
         with translate_errors(self):
-            return s3_filesystem().get_file_info(self.path).size
+            size: int | None = s3_filesystem().get_file_info(self.path).size
+        return size
 
     def remove(self) -> None:
         """Remove all objects below this folder."""
@@ -112,7 +113,8 @@ class S3Folder:
 
     def _kind(self) -> str:
         with translate_errors(self):
-            return s3_filesystem().get_file_info(self.path).type.name
+            kind: str = s3_filesystem().get_file_info(self.path).type.name
+        return kind
 
     def icechunk_storage(self) -> icechunk.Storage:
         """Return this folder as the storage of an Icechunk repository."""

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from catalogs.published.object_store import MAX_CONCURRENT_REQUESTS
 from catalogs.published.s3 import S3Folder, s3_filesystem, translate_errors
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyarrow.fs import FileInfo
 
 # References to other files; they are copied last.
 _REFERENCES = "store/refs"
@@ -80,7 +84,7 @@ def _object_sizes(target: S3Folder) -> dict[str, int]:
 
     with translate_errors(target):
         selector = FileSelector(target.path, allow_not_found=True, recursive=True)
-        found: Iterable = s3_filesystem().get_file_info(selector)
+        found: Iterable[FileInfo] = s3_filesystem().get_file_info(selector)
     return {one.path[len(target.path) + 1 :]: one.size for one in found if one.type == FileType.File}
 
 

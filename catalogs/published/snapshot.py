@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, cast
+from typing import TYPE_CHECKING, Generic, cast
 
 from catalogs.published import object_store
 from catalogs.published.folders import F, Folder
 from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Folder
 from facade_core.core.errors import InputError, MachineError, StoreError
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     import icechunk
@@ -150,10 +151,11 @@ class Snapshot(Generic[F]):
         """Return the remedy for a damaged folder."""
         return publish_hint(self.out, "publishes again")
 
-    def read_outcome(self) -> dict[str, Any]:
+    def read_outcome(self) -> JsonObject:
         """Return the summary with the paths of the outputs; the small model if the whole one is missing."""
         model = self.overview if self.overview.is_file() and not self.model.is_file() else self.model
-        return json.loads(self.summary.read_text()) | {
+        summary: JsonObject = json.loads(self.summary.read_text())
+        return summary | {
             "outputs": {
                 "glb": [str(model)],
                 "report": str(self.report / "index.html"),
@@ -198,7 +200,7 @@ def current_pointer_tag(out: Folder) -> str | None:
     return found[1] if found else None
 
 
-def set_current_snapshot(snapshot: Snapshot, expected_tag: str | None = None) -> None:
+def set_current_snapshot(snapshot: Snapshot[F], expected_tag: str | None = None) -> None:
     """Set `current` to a snapshot, atomically.
 
     Parameters

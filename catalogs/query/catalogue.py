@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current_snapshot
 from catalogs.query.execution import query
 from catalogs.query.formats import to_geodataframe
+from facade_core.core.arrays import AnyArray
 from facade_core.core.errors import InputError
+from facade_core.core.zarr_types import StoreGroup, get_subgroup
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -91,21 +93,21 @@ class Catalogue:
         return next(found.folder for found in find_runs(self.out)[0] if found.name == names[0])
 
 
-def _read_facade(snapshot: Snapshot, id: str) -> xr.Dataset:
+def _read_facade(snapshot: Snapshot[Folder], id: str) -> xr.Dataset:
     import xarray as xr
     import zarr
 
     store = snapshot.open_session().store
-    group: Any = zarr.open_group(store, mode="r")
+    group = cast(StoreGroup, zarr.open_group(store, mode="r"))
     facades = xr.open_zarr(store, group="facades", consolidated=False, chunks=None).load()
     index = list(map(str, facades.id.values)).index(id)
     charts = xr.open_zarr(store, group="charts", consolidated=False, chunks=None)
     chart = charts.isel(chart=int(facades.chart.values[index])).load()
     y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
     place = int(chart.page), slice(y, y + height), slice(x, x + width)
-    whole = group["atlas"].attrs["texels_per_metre"]
+    whole = get_subgroup(group, "atlas").attrs["texels_per_metre"]
     density = float(chart.texels_per_metre if "texels_per_metre" in chart else whole)
-    variables: dict[str, Any] = {}
+    variables: dict[str, tuple[tuple[str, ...], AnyArray, dict[str, object]]] = {}
     for name, path in RASTERS.items():
         array = group[path]
         dimensions = ("y", "x", "band") if array.ndim == 4 else ("y", "x")
@@ -119,7 +121,7 @@ def _read_facade(snapshot: Snapshot, id: str) -> xr.Dataset:
         },
         attrs={
             "id": id,
-            "crs": group["atlas"].attrs["crs"],
+            "crs": get_subgroup(group, "atlas").attrs["crs"],
             "origin": chart.origin.values.tolist(),
             "axis_x": chart.axis_u.values.tolist(),
             "axis_y": chart.axis_v.values.tolist(),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.items import COLUMNS, arrow_type
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import duckdb
     import pandas as pd
     import pyarrow as pa
+    from pyarrow.dataset import Dataset
 
 _DUCKDB_SETTINGS: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
@@ -113,7 +114,7 @@ MergedFiles = list[tuple[MergedItems, list[str]]]
 
 def _find_catalogues(
     out: Folder | str, note: Callable[[str], None] | None, holds: ExitStack
-) -> tuple[MergedFiles, list[tuple[PublishedRun, Folder, pa.Schema]], pa.Schema]:
+) -> tuple[MergedFiles, list[tuple[PublishedRun[Folder], Folder, pa.Schema]], pa.Schema]:
     """Return the merged files, the catalogues of other runs, and the union of their columns.
 
     Of several runs, unreadable ones are left out. `holds` keeps their folders from being pruned.
@@ -149,7 +150,9 @@ def _find_catalogues(
     return files, readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
 
 
-def _match_merged_files(out: Folder, runs: Sequence[PublishedRun]) -> tuple[MergedFiles, list[PublishedRun]]:
+def _match_merged_files(
+    out: Folder, runs: Sequence[PublishedRun[Folder]]
+) -> tuple[MergedFiles, list[PublishedRun[Folder]]]:
     """Return the merged files with their outdated runs, and the runs that must be read themselves."""
     files: MergedFiles = []
     found = read_merged_items(out)
@@ -175,7 +178,7 @@ def _current_id(folder: Folder) -> str | None:
         return None
 
 
-def _unreadable_message(run: PublishedRun, path: Folder, error: Exception) -> str:
+def _unreadable_message(run: PublishedRun[Folder], path: Folder, error: Exception) -> str:
     import pyarrow as pa
 
     if isinstance(error, pa.ArrowTypeError):
@@ -183,7 +186,7 @@ def _unreadable_message(run: PublishedRun, path: Folder, error: Exception) -> st
     return f"{path} cannot be read as Parquet; `streetloom run` publishes again"
 
 
-def _select_sql(run: PublishedRun | None, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
+def _select_sql(run: PublishedRun[Folder] | None, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
     """Return SQL for the rows of one run or merged file, with all columns."""
     return f"SELECT {', '.join(_column_sql(name, run, columns) for name in schema.names)} FROM {source}"
 
@@ -201,7 +204,7 @@ def _where_sql(columns: pa.Schema, box: Sequence[float], start: datetime | None,
     return f" WHERE {' AND '.join(conditions)}" if conditions else ""
 
 
-def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
+def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Dataset:
     """Return the file in a bucket as an Arrow dataset with filters on box and time.
 
     Row groups without matching rows are not fetched.
@@ -222,7 +225,7 @@ def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], 
     return rows
 
 
-def _column_sql(name: str, run: PublishedRun | None, columns: pa.Schema) -> str:
+def _column_sql(name: str, run: PublishedRun[Folder] | None, columns: pa.Schema) -> str:
     if name == "run" and run is not None:
         return f"{_quote_text(run.name)} AS run"
     return _quote_name(name) if name in columns.names else f"NULL AS {_quote_name(name)}"
@@ -254,4 +257,5 @@ def _to_pandas(table: pa.Table) -> pd.DataFrame:
     import pyarrow as pa
 
     nullable = {pa.int32(): pd.Int32Dtype(), pa.int64(): pd.Int64Dtype()}
-    return table.to_pandas(types_mapper=nullable.get)
+    items: pd.DataFrame = table.to_pandas(types_mapper=nullable.get)
+    return items

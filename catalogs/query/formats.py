@@ -8,13 +8,14 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.published.items import BBOX
 from catalogs.query.where import condition_columns
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -78,13 +79,13 @@ def to_parquet_bytes(items: pd.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-def _records(items: pd.DataFrame) -> list[dict[str, Any]]:
+def _records(items: pd.DataFrame) -> list[JsonObject]:
     """Return rows without geometry; values that JSON lacks (missing, infinite) are None."""
     records = items.drop(columns="geometry").astype(object).to_dict("records")
     return [{str(name): _json_value(value) for name, value in record.items()} for record in records]
 
 
-def _json_value(value: Any) -> Any:
+def _json_value(value: str | float | datetime | None) -> str | float | None:
     import pandas as pd
 
     if pd.isna(value) or (isinstance(value, float) and math.isinf(value)):
@@ -92,7 +93,7 @@ def _json_value(value: Any) -> Any:
     return value.isoformat().replace("+00:00", "Z") if isinstance(value, datetime) else value
 
 
-def _feature_collection(items: pd.DataFrame) -> dict[str, Any]:
+def _feature_collection(items: pd.DataFrame) -> JsonObject:
     import shapely
 
     feet = shapely.transform(shapely.from_wkb(items["geometry"].to_numpy(dtype=object)), lambda ends: ends.round(7))
@@ -137,7 +138,7 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
     )
 
 
-def _format_cell(name: str, value: Any) -> str:
+def _format_cell(name: str, value: object) -> str:
     if value is None:
         return "-"
     return f"{value:.2f}" if isinstance(value, float) else escape_invisible(str(value))

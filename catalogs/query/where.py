@@ -7,9 +7,10 @@ import json
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject, JsonValue
 
 if TYPE_CHECKING:
     import duckdb
@@ -83,7 +84,7 @@ def combine_conditions(conditions: Sequence[str]) -> str | None:
     return " AND ".join(f"({one}\n)" for one in conditions)  # the line break ends a trailing comment
 
 
-def _parse_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> Any:
+def _parse_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> JsonObject:
     """Parse a text that must be one condition with DuckDB."""
     if not where.strip():
         raise InputError(
@@ -136,30 +137,32 @@ def parse_since(text: str, now: datetime | None = None) -> datetime:
         ) from error
 
 
-def _parse_tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:
+def _parse_tree(connection: duckdb.DuckDBPyConnection, query: str) -> JsonObject:
     import duckdb
 
     try:
         [(text,)] = connection.execute("SELECT json_serialize_sql(?::VARCHAR)", [query]).fetchall()
-        return json.loads(text)
+        tree: JsonObject = json.loads(text)
+        return tree
     except (duckdb.Error, RecursionError) as error:
         raise InputError("--where is nested too deeply; give a simpler condition") from error
 
 
-def _take_condition(tree: dict[str, Any]) -> Any:
+def _take_condition(tree: JsonObject) -> JsonObject | None:
     """Cut the condition out of the first statement; None if the statement cannot have one."""
     node = tree["statements"][0]["node"] if tree.get("statements") else {}
-    return node.pop("where_clause", None)
+    condition: JsonObject | None = node.pop("where_clause", None)
+    return condition
 
 
-def _strip_locations(value: Any) -> Any:
+def _strip_locations(value: JsonValue) -> JsonValue:
     if isinstance(value, dict):
         return {key: _strip_locations(part) for key, part in value.items() if not key.startswith("query_location")}
     return [_strip_locations(part) for part in value] if isinstance(value, list) else value
 
 
-def _check_expressions(condition: Any, where: str, columns: Sequence[str]) -> None:
-    waiting = [condition]
+def _check_expressions(condition: JsonObject, where: str, columns: Sequence[str]) -> None:
+    waiting: list[JsonValue] = [condition]
     while waiting:
         part = waiting.pop()
         if isinstance(part, list):
@@ -170,7 +173,7 @@ def _check_expressions(condition: Any, where: str, columns: Sequence[str]) -> No
             waiting += part.values()
 
 
-def _check_boolean(condition: Any, where: str) -> None:
+def _check_boolean(condition: JsonObject, where: str) -> None:
     """Reject numbers as conditions, which DuckDB accepts: `floors` alone is incomplete."""
     waiting = [condition]
     while waiting:
@@ -192,14 +195,14 @@ def _check_boolean(condition: Any, where: str) -> None:
             raise condition_error(where, problem, 'compare it with a value, such as "length(street) > 8"')
 
 
-def _is_truth(constant: dict[str, Any]) -> bool:
+def _is_truth(constant: JsonObject) -> bool:
     """Return whether a constant is TRUE, FALSE or NULL."""
     if "literal" in constant:  # since DuckDB 2
         return constant["literal"]["kind"] in ("BOOLEAN", "NULL_LITERAL")
     return bool(constant["value"]["is_null"]) or constant["value"]["type"]["id"] == "BOOLEAN"
 
 
-def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) -> None:
+def _check_expression(part: JsonObject, where: str, columns: Sequence[str]) -> None:
     kind = part["class"]
     if kind == "COLUMN_REF":
         name = ".".join(part["column_names"])

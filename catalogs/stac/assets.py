@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.features import file_stem
 
@@ -57,7 +57,7 @@ def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
     }
 
 
-def store_asset(up: str, fields: Mapping[str, Any] | None = None) -> Asset:
+def store_asset(up: str, fields: Mapping[str, object] | None = None) -> Asset:
     """Return the asset of the run's Icechunk store, two folders above the block."""
     from pystac import Asset
 

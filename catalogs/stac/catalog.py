@@ -21,7 +21,7 @@ def write_catalog(
     folder: Folder | str,
     *,
     on_left_out: Callable[[str], None] | None = None,
-    find_snapshot: Callable[[Folder], Snapshot] = current_snapshot,
+    find_snapshot: Callable[[Folder], Snapshot[Folder]] = current_snapshot,
 ) -> Folder:
     """Write catalog.json of a run or of a folder of runs, atomically.
 
@@ -60,7 +60,7 @@ def write_catalog(
     return folder / CATALOG
 
 
-def _write_run_catalog(run: PublishedRun, find_snapshot: Callable[[Folder], Snapshot]) -> None:
+def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folder], Snapshot[Folder]]) -> None:
     """Write the catalog of a run until `current` stays the same.
 
     Of two concurrent writers, the last one then sees the newest snapshot.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.stac.facts import BlockFacts
 from catalogs.stac.items import (
@@ -18,6 +18,7 @@ from catalogs.stac.items import (
     to_json_value,
 )
 from catalogs.stac.licences import common_license, licensors
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     from pystac import Collection, Item
@@ -83,11 +84,12 @@ def build_collection(
     return collection
 
 
-def _summaries(kind: str, items: Sequence[Item]) -> dict[str, Any]:
-    summaries: dict[str, Any] = {}
+def _summaries(kind: str, items: Sequence[Item]) -> JsonObject:
+    summaries: JsonObject = {}
     for key in _RANGE_COLUMNS.get(kind, ()):
         name = f"streetloom:{key}"
-        if known := [value for item in items if (value := to_json_value(item.properties.get(name))) is not None]:
+        values = [to_json_value(item.properties.get(name)) for item in items]
+        if known := [value for value in values if isinstance(value, int | float)]:
             summaries[name] = {"minimum": min(known), "maximum": max(known)}
     if states := {state for item in items if (state := item.properties.get("streetloom:status"))}:
         summaries["streetloom:status"] = sorted(states)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pyproj import CRS
     from shapely import LineString
     from shapely.geometry.base import BaseGeometry
 
@@ -47,14 +48,14 @@ class BlockFacts:
     """
 
     name: str
-    crs: Any
+    crs: CRS | str
     snapshot: str
     code_version: str
     config_digest: str
     updated: datetime
     footprint: BaseGeometry | None
     counts: Mapping[str, int]
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
     sources: tuple[SourceFact, ...]
     notes: tuple[str, ...]
 
@@ -124,3 +125,18 @@ class ModelFacts:
     sha256: str
     card: Path | None
     trained_on: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotFacts:
+    """Facts about a snapshot, of which each kind has Items.
+
+    Attributes
+    ----------
+    run : None where the work is unknown.
+    """
+
+    block: BlockFacts
+    streets: Sequence[StreetFacts] = ()
+    run: RunFacts | None = None
+    models: Sequence[ModelFacts] = ()

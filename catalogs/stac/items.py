@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import shapely
 
 from catalogs.crs import LONLAT
+from catalogs.published.item_row import ItemRow
 from catalogs.published.items import COLUMNS
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
 
@@ -51,7 +52,7 @@ NOWHERE = ItemPlace(None, None)
 class FacadeFoot:
     """Row of a facade, and its foot line in degrees and in the block's frame."""
 
-    row: Mapping[str, Any]
+    row: ItemRow
     lonlat: LineString
     in_frame: LineString
 
@@ -59,11 +60,12 @@ class FacadeFoot:
 def facade_item(foot: FacadeFoot, facts: BlockFacts) -> Item:
     """Build the Item of a facade."""
     row = foot.row
+    columns: Mapping[str, object] = row
     item = _new_item(
         row["id"], "facades", facts, ItemPlace(foot.lonlat, foot.in_frame), row["updated"], row["code_version"]
     )
     item.properties["title"] = " ".join(filter(None, (row["street"], row["id"])))
-    _add_fields(item, {key: row[key] for key in ITEM_PROPERTIES})
+    _add_fields(item, {key: columns[key] for key in ITEM_PROPERTIES})
     if lineage := _lineage_text(row):
         item.properties["processing:lineage"] = lineage
     return item
@@ -171,7 +173,7 @@ def collection_id(block: str, kind: str) -> str:
     return f"{block}-{kind}"
 
 
-def projection_fields(crs: CRS) -> dict[str, Any]:
+def projection_fields(crs: CRS) -> dict[str, str | None]:
     """Return the projection extension's fields for a frame."""
     authority = crs.to_authority(min_confidence=100)
     return {"proj:code": ":".join(authority)} if authority else {"proj:code": None, "proj:wkt2": crs.to_wkt()}
@@ -194,7 +196,7 @@ def project_place(geometry: BaseGeometry | None, crs: CRS) -> ItemPlace:
     return ItemPlace(lonlat, own) if finite else NOWHERE
 
 
-def to_json_value(value: Any) -> Any:
+def to_json_value(value: object) -> object:
     """Return a value as JSON stores it; None if it is unknown or not finite."""
     if isinstance(value, bool):
         return value
@@ -205,7 +207,7 @@ def to_json_value(value: Any) -> Any:
     return value
 
 
-def _add_fields(item: Item, fields: Mapping[str, Any]) -> None:
+def _add_fields(item: Item, fields: Mapping[str, object]) -> None:
     """Add the project's own fields to an Item; unknown values are left out."""
     item.properties |= {
         f"streetloom:{key}": json_value
@@ -248,7 +250,7 @@ def _new_item(
     return item
 
 
-def _lineage_text(row: Mapping[str, Any]) -> str:
+def _lineage_text(row: Mapping[str, object]) -> str:
     """Return where the texels come from, such as "72 % photo, 28 % inpainted; from dam-3.jpg"."""
     shares = [(share, name) for name in _SHARE_COLUMNS if (share := to_json_value(row[name]))]
     parts = [

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import posixpath
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import shapely
+
+from facade_core.core.json_types import JsonObject
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -39,7 +41,7 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     names = dict.fromkeys(name for row in rows for name in row) or {"id": None}
     table = pa.table({name: [row.get(name) for row in rows] for name in names})
     boxes = [row["bbox"] for row in rows]
-    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "geometry")}
+    geometry: JsonObject = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "geometry")}
     if boxes:
         ends = zip(_BOX_SIDES, (min, min, max, max), strict=True)
         geometry |= {
@@ -59,7 +61,7 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     )
 
 
-def remove_links(mirror: bytes, is_dead: Callable[[dict[str, Any]], bool]) -> bytes | None:
+def remove_links(mirror: bytes, is_dead: Callable[[JsonObject], bool]) -> bytes | None:
     """Return a mirror without the dead links of its Items and Collection; None if it has no dead link."""
     import io
 
@@ -70,7 +72,7 @@ def remove_links(mirror: bytes, is_dead: Callable[[dict[str, Any]], bool]) -> by
     header = {key: json.loads(text) for key, text in (table.schema.metadata or {}).items() if key != b"ARROW:schema"}
     found = False
 
-    def keep_living(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    def keep_living(links: list[JsonObject]) -> list[JsonObject]:
         nonlocal found
         kept = [link for link in links if not is_dead(link)]
         found = found or len(kept) < len(links)
@@ -90,10 +92,10 @@ def remove_links(mirror: bytes, is_dead: Callable[[dict[str, Any]], bool]) -> by
     return buffer.getvalue()
 
 
-def _item_row(href: str, item: Item) -> dict[str, Any]:
+def _item_row(href: str, item: Item) -> JsonObject:
     fields = item.to_dict(include_self_link=False, transform_hrefs=False)
     folder = str(PurePosixPath(href).parent)
-    properties: Mapping[str, Any] = fields["properties"]
+    properties: JsonObject = fields["properties"]
     return {
         "id": fields["id"],
         "stac_version": fields["stac_version"],
@@ -109,10 +111,10 @@ def _item_row(href: str, item: Item) -> dict[str, Any]:
     }
 
 
-def _rebase_href(thing: Mapping[str, Any], folder: str) -> dict[str, Any]:
+def _rebase_href(thing: JsonObject, folder: str) -> JsonObject:
     """Return a link or an asset of a file in `folder` as seen from the folder above."""
     return {**thing, "href": posixpath.normpath(posixpath.join(folder, thing["href"]))}
 
 
-def _geometry_types(rows: Sequence[Mapping[str, Any]], column: str) -> list[str]:
+def _geometry_types(rows: Sequence[JsonObject], column: str) -> list[str]:
     return sorted({shapely.from_wkb(row[column]).geom_type for row in rows})

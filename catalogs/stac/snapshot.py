@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import shapely
 
@@ -16,6 +16,7 @@ from catalogs.crs import LONLAT
 from catalogs.features import file_stem, natural_sort_key
 from catalogs.printable_text import escape_invisible_json
 from catalogs.published.folders import F, Folder, file_sizes, join_path
+from catalogs.published.item_row import ItemRow
 from catalogs.published.items import transform_foot_lines
 from catalogs.stac.assets import (
     block_assets,
@@ -27,7 +28,7 @@ from catalogs.stac.assets import (
     tile_assets,
 )
 from catalogs.stac.collections import COLLECTION_KINDS, build_collection, format_counts
-from catalogs.stac.facts import STREET_STATES, BlockFacts, ModelFacts, RunFacts, StreetFacts
+from catalogs.stac.facts import STREET_STATES, BlockFacts, SnapshotFacts, StreetFacts
 from catalogs.stac.items import (
     FacadeFoot,
     ItemPlace,
@@ -42,7 +43,7 @@ from catalogs.stac.licences import license_links
 from catalogs.stac.parquet import MIRROR_NAME, write_mirror
 
 if TYPE_CHECKING:
-    from pystac import Item, Link, STACObject
+    from pystac import Asset, Item, Link, STACObject
 
 # A published snapshot has its Collections at stac/<kind>/collection.json.
 STAC_FOLDER = "stac"
@@ -57,11 +58,8 @@ _JSON = "application/json"
 def write_stac(
     folder: Path | str,
     *,
-    rows: Sequence[Mapping[str, Any]],
-    block: BlockFacts,
-    streets: Sequence[StreetFacts] = (),
-    run: RunFacts | None = None,
-    models: Sequence[ModelFacts] = (),
+    rows: Sequence[ItemRow],
+    facts: SnapshotFacts,
     predecessor: str | None = None,
     published: Folder | None = None,
 ) -> None:
@@ -78,6 +76,7 @@ def write_stac(
     """
     from pyproj import CRS
 
+    block, streets, run = facts.block, facts.streets, facts.run
     folder, crs = Path(folder), CRS.from_user_input(block.crs)
     rows = sorted(rows, key=lambda row: natural_sort_key(row["id"]))
     facades = [row for row in rows if row["kind"] == "facade"]
@@ -116,7 +115,7 @@ def write_stac(
         item = run_item(run, block, place)
         item.assets = {key: asset for key, asset in shared.items() if key == "report"}
         writer.add_item("runs", "runs/run.json", item)
-    for model in models:
+    for model in facts.models:
         name = file_stem(model.id)
         item = model_item(model, block)
         if model.card is not None:
@@ -135,7 +134,7 @@ def write_stac(
         "runs": format_counts(
             {"failed units": sum(counts.get("failed", 0) for counts in run.units.values()) if run else 0}
         ),
-        "models": format_counts({"models": len(models)}),
+        "models": format_counts({"models": len(facts.models)}),
     }
     times = [row["updated"] for row in rows] + [block.updated]
     for kind in COLLECTION_KINDS:
@@ -179,7 +178,7 @@ class _StacWriter:
             pystac.Link("item", f"./{href.removeprefix(f'{kind}/')}", "application/geo+json", item.id)
         )
 
-    def write_collection(self, kind: str, words: str, times: Sequence[datetime], assets: Mapping[str, Any]) -> None:
+    def write_collection(self, kind: str, words: str, times: Sequence[datetime], assets: Mapping[str, Asset]) -> None:
         """Write the Collection of a kind."""
         import pystac
         from pyproj import CRS
@@ -223,7 +222,7 @@ def object_json(value: STACObject) -> str:
     return fields_json(value.to_dict(include_self_link=False, transform_hrefs=False))
 
 
-def fields_json(fields: Mapping[str, Any]) -> str:
+def fields_json(fields: Mapping[str, object]) -> str:
     """Return the fields of a STAC object as they are written to its file."""
     return escape_invisible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 

@@ -6,11 +6,11 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Collection, Sequence
-from typing import Any
 
 from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
 from catalogs.stac.parquet import MIRROR_NAME, remove_links
 from catalogs.stac.snapshot import COLLECTION_FILE, STAC_FOLDER, fields_json
+from facade_core.core.json_types import JsonObject
 
 VERSION_LINKS = ("predecessor-version", "latest-version")
 
@@ -44,7 +44,7 @@ def _is_superseded(path: Folder, latest: str) -> bool:
 
 
 def _deprecate_file(stac: Folder, name: str, newest: Collection[str], latest: str) -> None:
-    fields: dict[str, Any] = json.loads(join_path(stac, name).read_text(encoding="utf-8"))
+    fields: JsonObject = json.loads(join_path(stac, name).read_text(encoding="utf-8"))
     (fields["properties"] if fields["type"] == "Feature" else fields)["deprecated"] = True
     links = [link for link in fields["links"] if link["rel"] != "latest-version"]
     if name in newest:
@@ -64,7 +64,7 @@ def remove_dead_links(published: Folder) -> dict[str, list[str]]:
     """
     there = {path.name for path in published.iterdir() if path.is_dir()}
 
-    def is_dead(link: dict[str, Any]) -> bool:
+    def is_dead(link: JsonObject) -> bool:
         return link["rel"] in VERSION_LINKS and not there & set(re.split("/", link["href"]))
 
     changed: dict[str, list[str]] = defaultdict(list)
@@ -72,8 +72,8 @@ def remove_dead_links(published: Folder) -> dict[str, list[str]]:
         stac = join_path(published, f"{snapshot}/{STAC_FOLDER}")
         names = sorted(file_sizes(stac))
         for name in (name for name in names if name.endswith(".json")):
-            fields: dict[str, Any] = json.loads(join_path(stac, name).read_text(encoding="utf-8"))
-            links: Sequence[dict[str, Any]] = fields.get("links", ())
+            fields: JsonObject = json.loads(join_path(stac, name).read_text(encoding="utf-8"))
+            links: Sequence[JsonObject] = fields.get("links", ())
             if any(map(is_dead, links)):
                 fields["links"] = [link for link in links if not is_dead(link)]
                 write_atomically(join_path(stac, name), fields_json(fields).encode())

@@ -16,6 +16,7 @@ from shapely import LineString, from_wkb, from_wkt
 
 import catalogs
 from catalogs.features import natural_sort_key
+from catalogs.published.item_row import ItemRow
 from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, ItemColumn, write_items
 from facade_core.core.errors import InputError
 
@@ -40,6 +41,10 @@ def row(number: int, **changes: Any) -> dict[str, Any]:
         "config_digest": "ab",
     }
     return dict.fromkeys(ROW_KEYS) | known | changes
+
+
+def test_the_typed_row_has_the_columns() -> None:
+    assert tuple(ItemRow.__annotations__) == ROW_KEYS
 
 
 def test_round_trip(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from catalogs.published.items import ROW_KEYS, write_items
 from catalogs.published.snapshot import Snapshot
 from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
-from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
+from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SnapshotFacts, SourceFact, StreetFacts
 from catalogs.stac.items import CITY3D, FILE, PROCESSING, PROJECTION, VERSION, ZARR
 from catalogs.stac.snapshot import write_stac
 from facade_core.core.errors import InputError
@@ -130,10 +130,7 @@ def publish(out: Path, rows: list[dict[str, Any]], snapshot: str = "SNAP", prede
     write_stac(
         folder,
         rows=rows,
-        block=facts(snapshot),
-        streets=STREETS,
-        run=RUN,
-        models=models(out / "store"),
+        facts=SnapshotFacts(facts(snapshot), STREETS, RUN, models(out / "store")),
         predecessor=predecessor,
     )
     (out / "current").write_text(snapshot + "\n")
@@ -358,7 +355,7 @@ def test_streets(out: Path) -> None:
 
 
 def test_a_street_may_be_called_collection(tmp_path: Path) -> None:
-    write_stac(tmp_path, rows=[], block=facts(), streets=[replace(STREETS[0], id="collection")])
+    write_stac(tmp_path, rows=[], facts=SnapshotFacts(facts(), [replace(STREETS[0], id="collection")]))
     folder = tmp_path / "stac" / "streets"
     links = json.loads((folder / "collection.json").read_text())["links"]
     (href,) = [link["href"] for link in links if link["rel"] == "item"]
@@ -439,7 +436,7 @@ def test_same_rows_same_bytes_in_any_order(out: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("rows", [[], [aside("w1")]])
 def test_a_block_without_facades(tmp_path: Path, rows: list[dict[str, Any]]) -> None:
     folder = publish(tmp_path, rows)
-    write_stac(folder, rows=rows, block=facts(footprint=None))
+    write_stac(folder, rows=rows, facts=SnapshotFacts(facts(footprint=None)))
     files = dict(stac_files(tmp_path))
     assert [problem for value in files.values() for problem in problems(value)] == []
     assert files[folder / "stac" / "facades" / "collection.json"]["extent"]["spatial"]["bbox"] == [[-180, -90, 180, 90]]
@@ -451,7 +448,7 @@ def test_a_block_without_facades(tmp_path: Path, rows: list[dict[str, Any]]) -> 
 def test_a_frame_without_a_code_and_places_that_are_none(tmp_path: Path) -> None:
     frame = "+proj=tmerc +lat_0=60.1 +lon_0=24.9 +x_0=385000 +y_0=6671000 +ellps=GRS80 +units=m"
     street = replace(STREETS[0], line=LineString([(float("nan"), 0), (385_690, 6_671_690)]))
-    write_stac(tmp_path, rows=[row("w1-f1")], block=facts(crs=frame, footprint=None), streets=[street])
+    write_stac(tmp_path, rows=[row("w1-f1")], facts=SnapshotFacts(facts(crs=frame, footprint=None), [street]))
     item = json.loads((tmp_path / "stac" / "facades" / "w1" / "w1-f1.json").read_text(encoding="utf-8"))
     assert item["properties"]["proj:code"] is None
     assert item["properties"]["proj:wkt2"].startswith("PROJCRS")
