@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import icechunk
 import zarr
@@ -21,6 +22,9 @@ import zarr
 from facade_core.atlas.store import BRANCH, Repository, open_repository
 from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.errors import LostStoreError, StoreError
+
+if TYPE_CHECKING:
+    from zarr.types import AnyArray as ZarrArray
 
 # Errors of reading a damaged store: those of Icechunk, zarr and codecs, and of truncated files.
 DAMAGE_ERRORS = (icechunk.IcechunkError, OSError, RuntimeError, ValueError, KeyError, TypeError, EOFError)
@@ -155,7 +159,7 @@ def find_unreadable_chunks(session: icechunk.Session) -> dict[str, list[ChunkCoo
     return unreadable
 
 
-def _is_readable(array: zarr.Array, chunk: ChunkCoordinates) -> bool:
+def _is_readable(array: ZarrArray, chunk: ChunkCoordinates) -> bool:
     try:
         array.get_block_selection(chunk)
     except DAMAGE_ERRORS:

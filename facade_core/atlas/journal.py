@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from typing import Any, Required, TypedDict, TypeVar, overload
+from collections.abc import Iterable, Sequence
+from typing import Required, TypedDict, TypeVar, overload
 
 from facade_core.atlas.journal_cache import read_cached_array
 from facade_core.core.arrays import IntArray
@@ -72,7 +72,7 @@ def read_journal(group: StoreGroup, stage: str) -> list[Record | None]: ...
 def read_journal(group: StoreGroup, stage: str, record_type: type[R]) -> list[R | None]: ...
 
 
-def read_journal(group: StoreGroup, stage: str, record_type: type[Record] = Record) -> list[Any]:
+def read_journal(group: StoreGroup, stage: str, record_type: type[Record] = Record) -> Sequence[object]:
     """Read all records of a stage by unit index, None for a unit without one; empty if the store is older than the
     stage.
 
@@ -93,7 +93,9 @@ def read_records(group: StoreGroup, stage: str, units: IntArray) -> list[Record 
 def read_records(group: StoreGroup, stage: str, units: IntArray, record_type: type[R]) -> list[R | None]: ...
 
 
-def read_records(group: StoreGroup, stage: str, units: IntArray, record_type: type[Record] = Record) -> list[Any]:
+def read_records(
+    group: StoreGroup, stage: str, units: IntArray, record_type: type[Record] = Record
+) -> Sequence[object]:
     """Read the records of some units of a stage, in their order; all None if the store is older than the stage.
 
     Parameters
@@ -103,7 +105,7 @@ def read_records(group: StoreGroup, stage: str, units: IntArray, record_type: ty
     """
     if journal_path(stage) not in group:
         return [None] * len(units)
-    texts = group[journal_path(stage)].oindex[units] if len(units) else []
+    texts: Iterable[object] = group[journal_path(stage)].oindex[units] if len(units) else ()
     return [json.loads(str(text)) if text else None for text in texts]
 
 
@@ -121,7 +123,7 @@ def clear_record(group: StoreGroup, stage: str, index: int) -> None:
         group[journal_path(stage)][index] = ""
 
 
-def unit_key(*parts: Any) -> str:
+def unit_key(*parts: object) -> str:
     """Return the key of a unit: a digest of all inputs of its result.
 
     Inputs are strings, numbers, and nested lists and dicts of them.

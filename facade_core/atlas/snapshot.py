@@ -20,8 +20,9 @@ from facade_core.atlas.arrays import ARRAYS, PAGE_DIMS
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.atlas.table_schema import TABLES
+from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.errors import InputError, StoreError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.geometry.charts import CHART_KINDS
 
@@ -137,7 +138,7 @@ class Atlas:
             near = get_close_matches(str(id), facades["id"], n=1, cutoff=0) or ["none"]
             raise InputError(f"no facade {id}; there are {len(facades['id'])}, the nearest is {near[0]}")
         row = facades["id"].index(id)
-        record: Mapping[str, Any] = read_records(self.group, "facades", np.array([row]))[0] or {}
+        record: JsonObject = dict(read_records(self.group, "facades", np.array([row]))[0] or {})
         levels = facades["floors"][row].item()
         return self.chart(int(facades["chart"][row])).assign_attrs(
             facade=id,
@@ -150,7 +151,7 @@ class Atlas:
         )
 
     @cached_property
-    def tables(self) -> Mapping[str, Mapping[str, Any]]:
+    def tables(self) -> Mapping[str, TableValues]:
         """Return the columns of the charts, facades, buildings and streets."""
         names = ("charts", "facades", "buildings", "streets")
         return {name: TABLES[name].read_columns(self.tree[name].to_dataset().compute()) for name in names}
@@ -244,7 +245,7 @@ def open_atlas(
     return Atlas(tree, session, path, chunks)
 
 
-def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Dataset:
+def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str, object]) -> xr.Dataset:
     """Add the declared attributes of the arrays and the CRS; older stores lack some of them."""
     declared = {array.path: array.attrs for array in ARRAYS}
     if group in TABLES:
@@ -258,7 +259,7 @@ def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str,
     return dataset.assign_coords(crs=((), np.int32(0), crs)) if "crs" in dataset.attrs else dataset
 
 
-def _crs_attributes(name: str) -> dict[str, Any]:
+def _crs_attributes(name: str) -> dict[str, object]:
     """Return the CF attributes of a CRS."""
     from pyproj import CRS
 

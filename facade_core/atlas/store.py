@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from itertools import islice
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import icechunk
 
@@ -58,7 +58,12 @@ class Repository(icechunk.Repository):
         return self._readable(super().writable_session(branch))
 
     def readonly_session(
-        self, branch: str | None = None, *, tag: str | None = None, snapshot_id: str | None = None, **of: Any
+        self,
+        branch: str | None = None,
+        *,
+        tag: str | None = None,
+        snapshot_id: str | None = None,
+        as_of: datetime | None = None,
     ) -> icechunk.Session:
         """Open a session for reading.
 
@@ -67,7 +72,7 @@ class Repository(icechunk.Repository):
         StoreError
             The snapshot cannot be read.
         """
-        return self._readable(super().readonly_session(branch, tag=tag, snapshot_id=snapshot_id, **of))
+        return self._readable(super().readonly_session(branch, tag=tag, snapshot_id=snapshot_id, as_of=as_of))
 
     def _readable(self, session: icechunk.Session) -> icechunk.Session:
         try:
@@ -88,7 +93,7 @@ def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
     depends on. Manifests with another split stay readable; the first commit that touches them rewrites them.
     """
     condition, dimension = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
-    splitting: dict[icechunk.ManifestSplitCondition, Any] = {
+    splitting: icechunk.SplitSizesDict = {
         condition.path_matches("^/(journal|panoramas)/"): {dimension.Axis(0): units},
         condition.AnyArray(): {dimension.DimensionName("page"): pages},
     }
@@ -125,7 +130,7 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
         if create:
             Repository.open_or_create(storage)
         config = repository_config(UNITS_PER_MANIFEST, PAGES_PER_MANIFEST)
-        repository = cast(Repository, Repository.open(storage, config))
+        repository = Repository.open(storage, config)
     except icechunk.IcechunkError as error:
         raise StoreError(
             f"{path}: no usable store ({str(error).splitlines()[0]}); run the block first, or remove it"
@@ -158,9 +163,9 @@ def open_root_of_any_format(session: icechunk.Session) -> StoreGroup:
     """Open the root group of a store of any format; a writable session creates a missing one."""
     import zarr
 
-    store: Any = session.store
+    store = session.store  # a new object at every access
     if (repository := getattr(session, "repository", None)) is not None:  # forks have none
-        store.folder = repository.path
+        store.folder = repository.path  # type: ignore[attr-defined]
     return cast(StoreGroup, zarr.open_group(store, mode="r" if session.read_only else "a"))
 
 
@@ -187,7 +192,8 @@ def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
     """Open a table as a Dataset without Dask."""
     import xarray as xr
 
-    return xr.open_zarr(session.store, group=group, consolidated=False, chunks=None)
+    table: xr.Dataset = xr.open_zarr(session.store, group=group, consolidated=False, chunks=None)
+    return table
 
 
 def commit(session: icechunk.Session, message: str) -> str:

@@ -34,7 +34,7 @@ def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
     others = charts.charts_within(chart, 2 * margin + charts.max_diagonal + MAX_PLANE_GAP_M)
     others = others[(charts.surface[others] == charts.surface[chart]) & (others != chart)]
     if len(others) == 0:
-        return others
+        return np.zeros(0, np.int64)
     normal = charts.normals()
     corners = charts.points_at_shares(others, CORNER_SHARES) - charts.origin[chart]
     x, y = corners @ charts.axis_u[chart], corners @ charts.axis_v[chart]
@@ -43,7 +43,8 @@ def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
     near &= (y.max(axis=1) > -margin) & (y.min(axis=1) < height + margin)
     near &= np.abs(corners @ normal[chart]).min(axis=1) < MAX_PLANE_GAP_M
     near &= normal[others] @ normal[chart] > MIN_COPLANAR_COSINE
-    return others[near]
+    pieces: Int64Array = others[near]
+    return pieces
 
 
 def read_with_surroundings(

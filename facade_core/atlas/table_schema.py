@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TEXT = "text"
+# Columns and attributes of a table by name; their types are those that TABLES declares.
+TableValues = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Column:
     name: str
     dims: tuple[str, ...]
     dtype: str
-    attributes: Mapping[str, Any] = field(default_factory=dict)
+    attributes: Mapping[str, object] = field(default_factory=dict)
     is_position: bool = False
     is_optional: bool = False
 
@@ -59,7 +61,7 @@ class Table:
     columns: tuple[Column, ...]
     attributes: tuple[str, ...] = ()
 
-    def to_dataset(self, values: Mapping[str, Any], attributes: Mapping[str, Any], crs: str) -> xr.Dataset:
+    def to_dataset(self, values: Mapping[str, object], attributes: Mapping[str, object], crs: str) -> xr.Dataset:
         """Convert column values to the Dataset that is written.
 
         Raises
@@ -83,7 +85,7 @@ class Table:
         }
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
 
-    def read_columns(self, dataset: xr.Dataset) -> dict[str, Any]:
+    def read_columns(self, dataset: xr.Dataset) -> TableValues:
         """Return the columns' values (rows, ...) and the table's attributes by name.
 
         Strings are returned as str.
@@ -93,7 +95,7 @@ class Table:
         KeyError
             A required column or attribute is missing.
         """
-        values: dict[str, Any] = {name: dataset.attrs[name] for name in self.attributes}
+        values: dict[str, object] = {name: dataset.attrs[name] for name in self.attributes}
         for column in self.columns:
             if not column.is_optional or column.name in dataset:
                 column_values = dataset[column.name].values
@@ -101,9 +103,9 @@ class Table:
         return values
 
 
-def _to_array(values: Any, dtype: str) -> AnyArray:
+def _to_array(values: object, dtype: str) -> AnyArray:
     if dtype == TEXT:
-        return text_column(values)
+        return text_column(cast(Sequence[str], values))
     return np.asarray(values, dtype)
 
 
@@ -112,19 +114,19 @@ def text_column(values: Sequence[str]) -> AnyArray:
     return np.array(list(values), dtype=np.dtypes.StringDType())
 
 
-def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = "", **more: Any) -> Column:
+def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = "", **more: object) -> Column:
     """Declare a column.
 
     dims: names separated by blanks. more: `is_position`, `is_optional` and further CF attributes.
     """
-    flags = {key: more.pop(key) for key in ("is_position", "is_optional") if key in more}
+    is_position, is_optional = (bool(more.pop(key, False)) for key in ("is_position", "is_optional"))
     cf_attributes = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
-    return Column(name, tuple(dims.split()), dtype, {**cf_attributes, **more}, **flags)
+    return Column(name, tuple(dims.split()), dtype, {**cf_attributes, **more}, is_position, is_optional)
 
 
-_KIND_FLAGS: dict[str, Any] = {"flag_values": list(range(len(CHART_KINDS))), "flag_meanings": " ".join(CHART_KINDS)}
+_KIND_FLAGS: dict[str, object] = {"flag_values": list(range(len(CHART_KINDS))), "flag_meanings": " ".join(CHART_KINDS)}
 
-_ROLE_FLAGS: dict[str, Any] = {"flag_values": list(range(len(WALL_ROLES))), "flag_meanings": " ".join(WALL_ROLES)}
+_ROLE_FLAGS: dict[str, object] = {"flag_values": list(range(len(WALL_ROLES))), "flag_meanings": " ".join(WALL_ROLES)}
 
 TABLES = {
     table.name: table
@@ -137,6 +139,7 @@ TABLES = {
                     "chart",
                     "uint8",
                     ", ".join(f"{i} {kind}" for i, kind in enumerate(CHART_KINDS)),
+                    "",
                     **_KIND_FLAGS,
                 ),
                 _column("surface", "chart", "int32", "the uncut surface that the chart is a piece of"),
@@ -214,7 +217,7 @@ TABLES = {
                 _column("chart", "facade", "int32", "row of charts"),
                 _column("street", "facade", "int32", "row of streets, that which sees it best, or the nearest"),
                 _column("building", "facade", "int32", "row of buildings"),
-                _column("role", "facade", "uint8", "what it is to the streets", **_ROLE_FLAGS),
+                _column("role", "facade", "uint8", "what it is to the streets", "", **_ROLE_FLAGS),
                 _column("width", "facade", "float64", "along the wall", "m"),
                 _column("height", "facade", "float64", "of the wall", "m"),
                 _column("floors", "facade", "int32", "storeys by the map", "1"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import StoreError
@@ -63,10 +62,10 @@ class ArraySpec:
     dims: tuple[str, ...]
     dtype: str
     long_name: str
-    attributes: Mapping[str, Any] = field(default_factory=dict)
+    attributes: Mapping[str, object] = field(default_factory=dict)
 
     @property
-    def attrs(self) -> dict[str, Any]:
+    def attrs(self) -> dict[str, object]:
         """Return the CF attributes of the array."""
         return {"long_name": self.long_name, **self.attributes}
 

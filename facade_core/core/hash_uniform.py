@@ -35,4 +35,5 @@ def hash_row(y: float, seed: np.uint64) -> np.uint64:
 @njit(cache=True, inline="always")
 def hash_uniform(x: int, seed: int) -> float:
     """Return a pseudo-random number in [0, 1) for an integer and a seed."""
-    return hash_to_uniform(np.uint64(x) * COLUMN_FACTOR + np.uint64(seed) * SEED_FACTOR)
+    uniform: float = hash_to_uniform(np.uint64(x) * COLUMN_FACTOR + np.uint64(seed) * SEED_FACTOR)
+    return uniform

@@ -1,4 +1,4 @@
-"""Types of documents that were parsed from JSON, YAML or TOML."""
+"""Types of documents that are parsed from JSON, YAML or TOML, or written as such."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ def _sum_blocks(array: AnyArray, dtype: type | None = None) -> NumericArray:
     """Sum blocks of 2 x 2, zero-padded for odd sizes."""
     rows, columns = array.shape[0] % 2, array.shape[1] % 2
     padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2)) if rows or columns else array
-    total = np.add(padded[::2, ::2], padded[1::2, ::2], dtype=dtype)
+    total: NumericArray = np.add(padded[::2, ::2], padded[1::2, ::2], dtype=dtype)
     total += padded[::2, 1::2]
     total += padded[1::2, 1::2]
     return total

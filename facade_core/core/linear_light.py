@@ -20,7 +20,8 @@ def linear_to_srgb(light: FloatArray) -> UInt8Array:
     """Convert linear light (...) to sRGB bytes (...); values beyond 0 to 1 are clipped."""
     x = np.clip(light, 0, 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
+    srgb: UInt8Array = np.rint(255 * encoded).astype(np.uint8)
+    return srgb
 
 
 def smooth_known(light: FloatArray, known: BoolArray, sigma: float, *, wrap: bool = False) -> Float32Array:
@@ -67,4 +68,5 @@ def smooth_known(light: FloatArray, known: BoolArray, sigma: float, *, wrap: boo
             break
         step *= 3
     mean = total.sum(axis=(0, 1)) / max(float(share.sum()), 1e-6)
-    return found + left[..., None] * mean.astype(np.float32)
+    smoothed: Float32Array = found + left[..., None] * mean.astype(np.float32)
+    return smoothed

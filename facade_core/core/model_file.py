@@ -6,10 +6,14 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.errors import ModelError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
 
 _REMEDY = "train it anew with this version"
 
@@ -29,7 +33,7 @@ def file_stamps(path: Path) -> tuple[tuple[int, int], ...]:
     return tuple((file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
-def read_model_record(path: Path) -> dict[str, Any]:
+def read_model_record(path: Path) -> JsonObject:
     """Read the .json record of an .onnx file.
 
     Raises
@@ -49,7 +53,7 @@ def read_model_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def open_inference_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
+def open_inference_session(path: Path, record: Mapping[str, object], *, threads: int) -> InferenceSession:
     """Open an inference session of a model file.
 
     Parameters
@@ -79,13 +83,13 @@ def open_inference_session(path: Path, record: Mapping[str, Any], *, threads: in
         raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
 
 
-def extend_model_record(path: Path, **more: Any) -> None:
+def extend_model_record(path: Path, **more: object) -> None:
     """Add entries to the .json record of an .onnx file."""
     text = json.dumps(read_model_record(path) | more, indent=1) + "\n"
     path.with_suffix(".json").write_text(text, encoding="utf-8")
 
 
-def write_model(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
+def write_model(content: bytes, path: Path, record: Mapping[str, object]) -> None:
     """Write an .onnx file and its .json record, with checksum and classes added."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)

@@ -16,11 +16,12 @@ from collections.abc import Callable
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict, TypeVar, Unpack, cast
 
 import numba
 
-_CONFIG: Any = numba.config
+Kernel = TypeVar("Kernel", bound=Callable[..., object])
+_CONFIG: Any = numba.config  # numba sets its attributes from the environment
 PACKAGE_FOLDER = Path(__file__).resolve().parent.parent
 _IMPORTS = re.compile(
     rf"\b(?:from\s+({PACKAGE_FOLDER.name}[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+({PACKAGE_FOLDER.name}[\w.]*))"
@@ -28,14 +29,25 @@ _IMPORTS = re.compile(
 _DECORATION_LOCK = threading.Lock()
 
 
-def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+class KernelOptions(TypedDict, total=False):
+    """Options of `numba.njit` that kernels of the package use."""
+
+    cache: bool
+    nogil: bool
+    inline: Literal["never", "always"]
+    forceinline: bool
+    error_model: Literal["python", "numpy"]
+    fastmath: bool | set[str]
+
+
+def njit(**options: Unpack[KernelOptions]) -> Callable[[Kernel], Kernel]:
     """Return `numba.njit` with options, cached by all code that the kernel's module imports."""
 
-    def decorate(function: Callable[..., Any]) -> Any:
+    def decorate(function: Kernel) -> Kernel:
         with _DECORATION_LOCK:  # numba reads CACHE_DIR when it decorates a kernel
             if CACHE_FOLDER is not None:
                 _CONFIG.CACHE_DIR = str(_cache_folder(function.__module__))
-            return numba.njit(**options)(function)
+            return cast(Kernel, numba.njit(**options)(function))
 
     return decorate
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+
+from facade_core.core.json_types import JsonObject
 
 PRODUCER = "textured by Streetloom"
 _EXTENT = ("startDate", "endDate")
@@ -59,7 +60,7 @@ class Attribution:
             ]
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the attribution as a JSON value."""
         return {
             "line": self.line,
@@ -75,7 +76,7 @@ class Attribution:
         """Return the attribution as texts by name, for formats without structure."""
         return {"attribution": self.line, "sources": json.dumps(self.to_json(), ensure_ascii=False)}
 
-    def iso_metadata(self) -> dict[str, Any]:
+    def iso_metadata(self) -> JsonObject:
         """Return the attribution by names of ISO 19115, as in CityJSON's extension MetadataExtended."""
         return {
             "lineage": [

@@ -125,16 +125,19 @@ class Charts:
 
     @cached_property
     def _low(self) -> Float64Array:
-        return self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].min(axis=1)
+        low: Float64Array = self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].min(axis=1)
+        return low
 
     @cached_property
     def _high(self) -> Float64Array:
-        return self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].max(axis=1)
+        high: Float64Array = self.points_at_shares(np.arange(len(self)), CORNER_SHARES)[..., :2].max(axis=1)
+        return high
 
     @cached_property
     def boxes(self) -> ObjectArray:
         """Return the bounding boxes of the charts seen from above, (n,) polygons."""
-        return shapely.box(*self._low.T, *self._high.T)
+        boxes: ObjectArray = shapely.box(*self._low.T, *self._high.T)
+        return boxes
 
     @cached_property
     def _boxes(self) -> shapely.STRtree:

@@ -38,7 +38,8 @@ def grid_crossings(a: Float64Array, b: Float64Array, length: float, grid: float)
     keep[-1], keep[0] = True, True
     if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= MIN_WALL_PIECE_M:
         keep[np.flatnonzero(keep)[-2]] = False
-    return cuts[keep]
+    kept: Float64Array = cuts[keep]
+    return kept
 
 
 def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:

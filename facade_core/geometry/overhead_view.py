@@ -24,7 +24,8 @@ AerialSampler = Callable[[Float64Array, float], tuple[UInt8Array, BoolArray]]
 
 def roofs_seen_from_above(scene: Scene) -> BoolArray:
     """Return the roofs that a picture from above can texture, (charts,)."""
-    return (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
+    is_seen_roof: BoolArray = (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
+    return is_seen_roof
 
 
 def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[UInt8Array, BoolArray]:

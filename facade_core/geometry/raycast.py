@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from functools import cache
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -17,7 +17,7 @@ ORIGIN_GRID_M = 1024.0
 
 
 @cache
-def load_open3d() -> Any:
+def load_open3d() -> ModuleType:
     """Import open3d, after the libusb that it needs."""
     # open3d links against libusb, which many machines lack; libusb_package brings one, which must be loaded first
     import libusb_package

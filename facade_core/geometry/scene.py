@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -43,7 +42,7 @@ class Scene:
     names: tuple[str, ...] = ()
     finishes: tuple[Finish, ...] = ()
 
-    def __reduce__(self) -> tuple[type[Scene], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[Scene], tuple[object, ...]]:
         """Pickle the fields only, without derived values such as the ray caster."""
         return Scene, tuple(getattr(self, one.name) for one in fields(self))
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -14,6 +15,8 @@ from facade_core.core.grouping import RowIndex
 
 # Metres; a shorter street has no viewpoint.
 MIN_STREET_M = 1.0
+
+ChunkId = TypeVar("ChunkId", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -86,13 +89,13 @@ def place_viewpoints(
     return np.column_stack([points, ground(points) + height]), forward
 
 
-def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> Int32Array:
+def assign_waves(reads: Sequence[set[ChunkId]], writes: Sequence[set[ChunkId]]) -> Int32Array:
     """Assign streets to waves, (n,); within a wave no street touches a chunk that another writes.
 
     Greedy colouring of the conflict graph: streets with most conflicts first (ties: lower index), lowest free wave.
     """
     n = len(writes)
-    readers: dict = {}
+    readers: dict[ChunkId, set[int]] = {}
     for street, chunks in enumerate(reads):
         for chunk in chunks:
             readers.setdefault(chunk, set()).add(street)

@@ -52,4 +52,5 @@ class CrossingCounter:
         ray = hit["ray_ids"].astype(np.int64)
         counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > MIN_HIT_M)
         crossed = np.bincount(ray[counted], minlength=rays[..., 0].size).reshape(len(RAY_TILTS), len(points))
-        return (crossed % 2).sum(axis=0) > len(RAY_TILTS) // 2
+        is_majority_odd: BoolArray = (crossed % 2).sum(axis=0) > len(RAY_TILTS) // 2
+        return is_majority_odd

@@ -37,7 +37,8 @@ def camera_from_world(pose: Pose) -> Float64Array:
     upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
     pitched = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
     rolled = np.array([[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
-    return rolled @ pitched @ upright
+    rotation: Float64Array = rolled @ pitched @ upright
+    return rotation
 
 
 def project_to_panorama(directions: Float64Array, pose: Pose) -> Float64Array:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -326,10 +326,24 @@ def element_ious(one: Sequence[Element], other: Sequence[Element]) -> Float64Arr
     high = np.minimum(first[:, None, 2:], second[None, :, 2:])
     shared = np.clip(high - low, 0, None).prod(2)
     areas = [(boxes[:, 2:] - boxes[:, :2]).prod(1) for boxes in (first, second)]
-    return shared / np.maximum(areas[0][:, None] + areas[1][None] - shared, 1e-9)
+    ious: Float64Array = shared / np.maximum(areas[0][:, None] + areas[1][None] - shared, 1e-9)
+    return ious
 
 
-def fit_calibration(photos: Sequence[ParseObservation]) -> dict[str, Any]:
+class CalibrationRecord(TypedDict):
+    """Calibration of a network in its record.
+
+    Attributes
+    ----------
+    elements : slope and offset of the log odds of each class.
+    widths : factor on each figure of `FacadeFigures`.
+    """
+
+    elements: dict[str, list[float]]
+    widths: dict[str, float]
+
+
+def fit_calibration(photos: Sequence[ParseObservation]) -> CalibrationRecord:
     """Fit the calibration record of a network from observations on at least one photo."""
     outcomes: dict[str, list[tuple[float, bool]]] = {}
     for element, is_right in (

@@ -188,7 +188,8 @@ def _ground_top(labels: UInt8Array, floors: list[Span], kinds: tuple[str, ...]) 
     if first >= height:  # a plain base: everything under the lowest floor's sill and balcony
         balcony = np.flatnonzero((labels[lowest:] == FacadeClass.BALCONY).mean(1) > 0.02)
         first = lowest + (int(balcony[-1]) + 1 if len(balcony) else 0)
-        return min(height, first + max(2, (height - first) // 4))
+        top: int = min(height, first + max(2, (height - first) // 4))
+        return top
     return _cut(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.BALCONY, FacadeClass.DOOR, FacadeClass.SHOP)).mean(1),
         lowest,

@@ -6,7 +6,7 @@ import functools
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
@@ -16,6 +16,10 @@ from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
 from facade_core.parsing.segmentation import Segmentation
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
 
 SHIPPED_NETWORK = Path(__file__).parent / "models" / "network.onnx"
 
@@ -52,7 +56,7 @@ _WHOLE_IMAGE = np.array([-1.0, -1.0, 1.0, 1.0])
 class Network:
     """Network in an inference session, and the image views that it averages."""
 
-    session: Any
+    session: InferenceSession
     views: tuple[tuple[float, bool], ...] = AVERAGED_VIEWS
     working_area = (150_000, 250_000)
 
@@ -95,7 +99,8 @@ class Network:
 def _softmax(logits: Float32Array) -> Float32Array:
     """Softmax of planes (classes, H, W) over the classes."""
     shares = np.exp(logits - logits.max(0))
-    return shares / shares.sum(0)
+    probabilities: Float32Array = shares / shares.sum(0)
+    return probabilities
 
 
 def _channels_last(planes: Float32Array) -> Float32Array:

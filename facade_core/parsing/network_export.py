@@ -5,19 +5,22 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.model_file import write_model
 from facade_core.parsing.network import NETWORK_VERSION, load_network
 
+if TYPE_CHECKING:
+    from torch import Tensor
+
 
 def save_network(
-    weights: Mapping[str, Any],
+    weights: Mapping[str, Tensor],
     path: Path,
     *,
     training_set: Sequence[str],
     seed: int,
-    figures: Mapping[str, Any] | None = None,
+    figures: Mapping[str, object] | None = None,
 ) -> None:
     """Write a trained network as ONNX, with the .json that `parse` checks it against.
 
@@ -39,7 +42,7 @@ def save_network(
     load_network(path)
 
 
-def read_weights(path: Path) -> dict[str, Any]:
+def read_weights(path: Path) -> dict[str, Tensor]:
     """Read the weights (name -> tensor) of a network's .onnx file, to continue its training.
 
     Normalisation that the export folded into a convolution stays there. It is the identity here and must stay frozen.
@@ -60,7 +63,7 @@ def read_weights(path: Path) -> dict[str, Any]:
         tensor.name: torch.from_numpy(onnx.numpy_helper.to_array(tensor).copy()) for tensor in graph.initializer
     }
     network = ParserNetwork()
-    weights = network.state_dict()
+    weights: dict[str, Tensor] = network.state_dict()
     weights |= {name: value for name, value in initializers.items() if name in weights}
     folded = [node.input[1:] for node in graph.node if node.op_type == "Conv" and node.input[1] not in weights]
     for (convolution, norm), (kernel, offset) in zip(FOLDED_NORMS, folded, strict=True):
@@ -78,7 +81,7 @@ def read_weights(path: Path) -> dict[str, Any]:
     return weights
 
 
-def export_onnx(weights: Mapping[str, Any]) -> bytes:
+def export_onnx(weights: Mapping[str, Tensor]) -> bytes:
     """Export a network with these weights as the bytes of an ONNX file.
 
     Its inputs are image (1, 3, H, W) and place (1, 2, H / 8, W / 8), float32; its output is logits (1, 9, H / 2, W /

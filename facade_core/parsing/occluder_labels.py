@@ -112,4 +112,5 @@ def _segment_object(image: UInt8Array, box: Box) -> BoolArray:
     cv2.grabCut(surroundings, trimap, (0, 0, 0, 0), np.zeros((1, 65)), np.zeros((1, 65)), 3, cv2.GC_INIT_WITH_MASK)
     is_object = np.isin(trimap[inside], (cv2.GC_FGD, cv2.GC_PR_FGD))
     is_object = ndimage.binary_fill_holes(ndimage.binary_closing(np.pad(is_object, 5), iterations=3))[5:-5, 5:-5]
-    return is_object if is_object.mean() >= _MIN_FILLED_SHARE else oval <= 1
+    segment: BoolArray = is_object if is_object.mean() >= _MIN_FILLED_SHARE else oval <= 1
+    return segment

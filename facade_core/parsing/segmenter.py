@@ -130,9 +130,10 @@ def _occluder_regions(probability: Float32Array) -> BoolArray:
     standing = np.isin(parts, foot[foot > 0])
     reach = max(1, round(_MAX_STANDING_REACH * math.sqrt(probability.size)))
     square = np.ones((3, 3), bool)
-    return is_occluder | ndimage.binary_dilation(
+    regions: BoolArray = is_occluder | ndimage.binary_dilation(
         standing, square, reach, mask=standing | (probability > _STANDING_THRESHOLD)
     )
+    return regions
 
 
 def outside_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
@@ -206,7 +207,8 @@ def _to_full_size(confidence: Float32Array, height: int, width: int) -> tuple[UI
 def _enlarge(mask: BoolArray, height: int, width: int) -> BoolArray:
     import cv2
 
-    return cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) == 1
+    enlarged: BoolArray = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) == 1
+    return enlarged
 
 
 def _interpolation_neighbours(length: int, source: int) -> tuple[Int64Array, Int64Array, Float32Array]:

@@ -104,7 +104,8 @@ class ExemplarLibrary:
 
     def _descriptor_distances(self, first: int) -> Float64Array:
         looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
-        return np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
+        distances: Float64Array = np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
+        return distances
 
     @cached_property
     def family(self) -> Int64Array:
@@ -117,7 +118,8 @@ class ExemplarLibrary:
         if count < 2 or most < 2:
             return np.zeros(count, np.int64)
         tree = linkage(squareform(self.distance, checks=False), "average")
-        return fcluster(tree, most, "maxclust").astype(np.int64) - 1
+        families: Int64Array = fcluster(tree, most, "maxclust").astype(np.int64) - 1
+        return families
 
 
 def style_descriptor(image: UInt8Array, labels: UInt8Array, metres_per_pixel: float) -> list[float]:

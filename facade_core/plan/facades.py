@@ -177,14 +177,18 @@ def _is_large_wall(scene: Scene) -> BoolArray:
         & (charts.size[:, 0] >= MIN_FACADE_WIDTH_M)
         & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
     )
-    return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= MIN_FACADE_TEXELS)
+    is_large_wall: BoolArray = large & (
+        charts.texels(scene.placement.texels_per_metre).min(axis=1) >= MIN_FACADE_TEXELS
+    )
+    return is_large_wall
 
 
 def _is_tall_wall(charts: Charts) -> BoolArray:
     """Return the walls at least a floor high, narrow ones included, (charts,)."""
-    return (
+    is_tall_wall: BoolArray = (
         (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= MIN_WALL_M) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
     )
+    return is_tall_wall
 
 
 def _nearest_streets(
@@ -216,7 +220,8 @@ def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) ->
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
     kind = np.where((met != MISS) & (distance < FOOT_PROBE_HEIGHT_M + MAX_GROUND_DROP_M), charts.kind[met], MISS)
     roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
-    return roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
+    is_raised: BoolArray = roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
+    return is_raised
 
 
 def _prevailing_level(level: Float64Array, width: Float64Array) -> float:
@@ -231,7 +236,8 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     area = np.bincount(mesh.chart, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), len(charts))
     built = np.array([building.shell is None for building in buildings], bool)[charts.building] & (charts.building >= 0)
-    return built & (area < 0.99 * charts.size.prod(axis=1))
+    is_gable: BoolArray = built & (area < 0.99 * charts.size.prod(axis=1))
+    return is_gable
 
 
 def _best_visibility(

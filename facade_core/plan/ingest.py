@@ -233,9 +233,9 @@ def _street_waves(
     scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[Int32Array], writable: BoolArray, streets: int
 ) -> Int32Array:
     """Colour the conflict graph of streets, by shared chunks, into waves."""
-    chunks: dict[int, frozenset] = {}
-    reads: list[set] = [set() for _ in range(streets)]
-    writes: list[set] = [set() for _ in range(streets)]
+    chunks: dict[int, frozenset[tuple[int, ...]]] = {}
+    reads: list[set[tuple[int, ...]]] = [set() for _ in range(streets)]
+    writes: list[set[tuple[int, ...]]] = [set() for _ in range(streets)]
     for camera, row in zip(cameras, seen, strict=True):
         for chart in row.tolist():
             if chart not in chunks:

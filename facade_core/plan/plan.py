@@ -124,7 +124,8 @@ class Plan:
 
     def list_textured_charts(self, building: int) -> list[int]:
         """Return the charts of a building, without facades, that have source textures."""
-        return self._own_charts[self._own_by_building.rows_with(building)].tolist()
+        charts: list[int] = self._own_charts[self._own_by_building.rows_with(building)].tolist()
+        return charts
 
     @cached_property
     def _own_charts(self) -> Int64Array:
@@ -149,7 +150,8 @@ class Plan:
         corners = self.scene.charts.points_at_shares(ground, CORNER_SHARES)[..., :2]
         boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
         places = shapely.MultiPoint([(pose.x, pose.y) for pose in self.poses])
-        return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MAX_POSE_SHIFT_M]
+        near: Int64Array = ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MAX_POSE_SHIFT_M]
+        return near
 
     def walls_near_cameras(self) -> dict[int, list[int]]:
         """Return by building the plain walls and roofs of the core, no facades, that a panorama may show."""
@@ -193,7 +195,8 @@ class Plan:
 
     def charts_of_street(self, street: int) -> Int64Array:
         """Return the charts (k,) in the panoramas of a street, ascending."""
-        return self.street_charts[self._charts_by_street.rows_with(street), 1]
+        charts: Int64Array = self.street_charts[self._charts_by_street.rows_with(street), 1]
+        return charts
 
     @cached_property
     def _charts_by_street(self) -> RowIndex:
@@ -209,7 +212,8 @@ class Plan:
 
     def charts_of_viewpoint(self, viewpoint: int) -> Int32Array:
         """Return the charts (k,) in the panorama of a viewpoint, ascending."""
-        return self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
+        charts: Int32Array = self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
+        return charts
 
     @cached_property
     def _charts_by_viewpoint(self) -> RowIndex:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import icechunk
 import numpy as np
 import shapely
 
 from facade_core.atlas.store import open_root, open_table, write_table
-from facade_core.atlas.table_schema import TABLES
+from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Area, Building, Finish, Ground, Pose, Street, Way
@@ -22,8 +22,6 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan import Plan, Sightings
 
-# A table's columns and attributes, by name.
-Values = Mapping[str, Any]
 T = TypeVar("T", Charts, Facades, Placement, Sightings)
 
 
@@ -53,18 +51,19 @@ def read_facades(session: icechunk.Session) -> Facades:
     return _facades_from_table(read_table(session, "facades"))
 
 
-def read_table(session: icechunk.Session, name: str) -> Values:
+def read_table(session: icechunk.Session, name: str) -> TableValues:
     """Read the columns (rows, ...) and attributes of one of TABLES; strings as str."""
     return TABLES[name].read_columns(open_table(session, name).load())
 
 
-def placement_from_table(charts: Values, texels_per_metre: float) -> Placement:
+def placement_from_table(charts: TableValues, texels_per_metre: float) -> Placement:
     """Return the placement in a table of charts; in older stores all charts have the atlas density."""
     density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
-    return _from_columns(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
+    pages = int(charts["page"].max(initial=-1)) + 1
+    return _from_columns(Placement, {**charts, "pages": pages, "texels_per_metre": density})
 
 
-def _facades_from_table(values: Values) -> Facades:
+def _facades_from_table(values: TableValues) -> Facades:
     """Return the facades of a table; in older stores buildings are whole and on the ground."""
     return _from_columns(
         Facades,
@@ -72,16 +71,16 @@ def _facades_from_table(values: Values) -> Facades:
     )
 
 
-def _from_columns(kind: type[T], values: Values, **others: Any) -> T:
-    """Construct a dataclass from the columns of its field names; `others` are its other fields."""
-    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
+def _from_columns(kind: type[T], values: TableValues) -> T:
+    """Construct a dataclass from the columns of its field names."""
+    return kind(**{field.name: values[field.name] for field in fields(kind)})
 
 
-def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
+def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, object]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
+def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, object]]:
     """Return the plan as tables."""
     scene, streets, refused = plan.scene, plan.streets, dict(plan.rejected_buildings)
     ways, areas = plan.ground.ways, plan.ground.areas
@@ -169,7 +168,7 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
     }
 
 
-def _plan_from_tables(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
+def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float) -> Plan:
     """Return the plan of tables."""
     charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
     streets, buildings = tables["streets"], tables["buildings"]
@@ -220,7 +219,7 @@ def _plan_from_tables(tables: Mapping[str, Values], texels_per_metre: float) -> 
     )
 
 
-def _finishes_from_table(buildings: Values) -> tuple[Finish, ...]:
+def _finishes_from_table(buildings: TableValues) -> tuple[Finish, ...]:
     """Return the stated finishes of buildings; none in older stores."""
     if "wall_colour" not in buildings:
         return ()
@@ -239,7 +238,7 @@ def _parse_colour(text: str) -> tuple[int, int, int] | None:
     return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
 
 
-def _ground_from_tables(ways: Values, areas: Values) -> Ground:
+def _ground_from_tables(ways: TableValues, areas: TableValues) -> Ground:
     names = ("id", "kind", "width", "surface", "assumed", "lanes", "oneway", "rank")
     columns = [ways[name] if isinstance(ways[name], tuple) else ways[name].tolist() for name in names]
     lines = [shapely.from_wkb(line) for line in ways["line"]]
@@ -257,12 +256,12 @@ def _ground_from_tables(ways: Values, areas: Values) -> Ground:
     )
 
 
-def _model_textures(mesh: Mesh) -> dict[str, Any]:
+def _model_textures(mesh: Mesh) -> dict[str, object]:
     """Return the texture columns of a mesh; none where it has no texture."""
     return {"texture": mesh.texture, "uv": mesh.uv} if (mesh.texture >= 0).any() else {}
 
 
-def _mesh_from_table(values: Values) -> Mesh:
+def _mesh_from_table(values: TableValues) -> Mesh:
     return Mesh(
         vertices=values["vertices"],
         triangles=values["triangles"],
@@ -273,4 +272,5 @@ def _mesh_from_table(values: Values) -> Mesh:
 
 
 def _street_points(street: Street) -> Float64Array:
-    return shapely.get_coordinates(street.line)
+    points: Float64Array = shapely.get_coordinates(street.line)
+    return points

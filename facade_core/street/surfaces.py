@@ -271,16 +271,18 @@ def photo_fade_weight(scene: Scene, chart: int, end: BoolArray) -> Float32Array:
     margin = (end.shape[0] - rows) // 2
     distance = cv2.distanceTransform((~end).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     distance = distance[margin : margin + rows, margin : margin + columns]
-    return np.clip(distance / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(
-        np.float32
-    )
+    weight: Float32Array = np.clip(
+        distance / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1
+    ).astype(np.float32)
+    return weight
 
 
 def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> UInt8Array:
     """Return the mean colour (3,) of a chart."""
     width, height = scene.charts.size[chart]
     middle = scene.charts.points(chart, np.array([width / 2]), np.array([height / 2]))
-    return materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
+    colour: UInt8Array = materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
+    return colour
 
 
 def _smallest_footprint(

@@ -72,12 +72,14 @@ class Canvas:
     @property
     def height_m(self) -> float:
         """Height in metres."""
-        return self.relief.shape[0] / self.scale
+        height: float = self.relief.shape[0] / self.scale
+        return height
 
     @property
     def width_m(self) -> float:
         """Width in metres."""
-        return self.relief.shape[1] / self.scale
+        width: float = self.relief.shape[1] / self.scale
+        return width
 
     def to_pixels(self, metres: float) -> int:
         """Convert metres to whole raster pixels."""

@@ -31,7 +31,8 @@ def ground_pattern(street: SyntheticStreet) -> GroundPaint:
         grey = np.where(road, np.where(patch, 62.0, 92.0), np.where(joint, 96.0, 148.0))
         grey = np.where(kerb, 170.0, np.where(line, 214.0, grey)) + noise
         tint = np.where(road[:, None], [1.0, 1.0, 1.03], [1.0, 0.95, 0.88])
-        return np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
+        painted: Float32Array = np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
+        return painted
 
     return paint
 
@@ -113,4 +114,7 @@ def _sample_tiled(picture: tuple[UInt8Array, float], x: Float64Array, y: Float64
     image, metres = picture
     rows, columns = image.shape[:2]
     density = columns / metres
-    return image[(y * density).astype(np.int64) % rows, (x * density).astype(np.int64) % columns].astype(np.float32)
+    sampled: Float32Array = image[
+        (y * density).astype(np.int64) % rows, (x * density).astype(np.int64) % columns
+    ].astype(np.float32)
+    return sampled

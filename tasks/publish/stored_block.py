@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, cast
 
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_root
+from facade_core.atlas.table_schema import TableValues
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from facade_core.plan.plan_tables import Values, read_plan, read_table
+from facade_core.plan.plan_tables import read_plan, read_table
 from tasks.engine.store.status import store_code_version
 from tasks.stages.bundles.refined_poses import read_refined_poses
 from tasks.stages.facades.record import FacadeRecord
@@ -36,7 +37,7 @@ class StoredBlock:
 
     group: StoreGroup
     plan: Plan
-    buildings: Values
+    buildings: TableValues
 
     @cached_property
     def journals(self) -> Journals:

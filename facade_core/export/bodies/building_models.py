@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -20,7 +19,7 @@ from facade_core.export.bodies.balconies import (
 )
 from facade_core.export.bodies.building_body import BuildingBody, build_body
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
-from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
 from facade_core.export.bodies.openings import place_openings
 from facade_core.export.bodies.patches import Patch, PolygonMesh, patch_components, triangulate_patch, weld_polygons
 from facade_core.export.bodies.recess import recess_opening
@@ -45,17 +44,17 @@ class SemanticSurfaces:
     """Semantic surfaces of one object; surfaces without attributes are shared by type."""
 
     def __init__(self) -> None:
-        self.surfaces: list[dict[str, Any]] = []
+        self.surfaces: list[SemanticSurface] = []
         self._shared: dict[str, int] = {}
 
-    def add(self, kind: str, **more: Any) -> int:
+    def add(self, surface: SemanticSurface) -> int:
         """Add a surface with attributes of its own and return its index."""
-        self.surfaces.append({"type": kind, **more})
+        self.surfaces.append(surface)
         return len(self.surfaces) - 1
 
     def get_or_add(self, kind: str) -> int:
         """Return the index of the shared surface of a type."""
-        return self._shared[kind] if kind in self._shared else self._shared.setdefault(kind, self.add(kind))
+        return self._shared[kind] if kind in self._shared else self._shared.setdefault(kind, self.add({"type": kind}))
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class ModelPart:
     """
 
     faces: list[ModelFace]
-    surfaces: list[dict[str, Any]]
+    surfaces: list[SemanticSurface]
     is_solid: bool
 
 
@@ -123,7 +122,9 @@ def build_building_model(
         kind = SURFACE_TYPES[
             CHART_KINDS[ChartKind.ROOF if has_assumed_roof and own_kind == ChartKind.WINDOW else own_kind]
         ]
-        semantics[chart] = surfaces.add(kind, facade=facades[chart]) if chart in facades else surfaces.get_or_add(kind)
+        semantics[chart] = (
+            surfaces.add({"type": kind, "facade": facades[chart]}) if chart in facades else surfaces.get_or_add(kind)
+        )
     ground, closing = surfaces.get_or_add("GroundSurface"), surfaces.get_or_add("WallSurface")
     body = build_body(source, triangles, semantics, ground, origin)
     faces: list[ModelFace] = []
@@ -200,7 +201,7 @@ def _cut_openings(
     for element, opening in place_openings(wall, elements) if wall.is_valid else []:
         found = recess_opening(opening, charts, chart, np.concatenate(rings), behind)
         holes.append(found.ring[::-1])
-        semantic = surfaces.add(OPENING_TYPES[element.label], parent=patch.semantic)
+        semantic = surfaces.add({"type": OPENING_TYPES[element.label], "parent": patch.semantic})
         faces.append(make_face(packed, [found.pane_ring], semantic, chart))
         faces += [make_face(packed, [ring], patch.semantic, chart, [flat]) for ring, flat in found.reveals()]
     return [make_face(packed, [*rings, *holes], patch.semantic, chart), *faces]
@@ -244,7 +245,9 @@ def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
     return [[body.attachments[i] for i in np.flatnonzero(of == k)] for k in range(of.max() + 1)]
 
 
-def _make_attachment(packed: PackedCharts, pieces: Sequence[PolygonMesh], surfaces: list[dict[str, Any]]) -> ModelPart:
+def _make_attachment(
+    packed: PackedCharts, pieces: Sequence[PolygonMesh], surfaces: Sequence[SemanticSurface]
+) -> ModelPart:
     own = SemanticSurfaces()
     faces = []
     for piece in pieces:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Required, TypedDict
 
 from facade_core.core.arrays import Float64Array
 
@@ -23,3 +24,13 @@ class ModelFace:
     semantic: int
     uv: tuple[Float64Array, ...] = ()
     page: int | None = None
+
+
+class SemanticSurface(TypedDict, total=False):
+    """Semantic surface of CityJSON 2.0; `parent` and `children` are indices in the same list."""
+
+    type: Required[str]
+    parent: int
+    children: list[int]
+    facade: str
+    isFacade: bool

@@ -73,7 +73,8 @@ class PolygonMesh:
 def ring_area_vector(points: Float64Array) -> Float64Array:
     """Return the area of a ring (k, 3) as a vector (3,)."""
     offset = points - points[0]
-    return np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
+    area_vector: Float64Array = np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
+    return area_vector
 
 
 def weld_polygons(

@@ -119,7 +119,7 @@ def intersects_box(triangles: Float64Array, centre: Float64Array, half: Float64A
     ----------
     Akenine-Moeller, "Fast 3D Triangle-Box Overlap Testing", 2001.
     """
-    met = ((triangles.min(axis=1) <= centre + half) & (triangles.max(axis=1) >= centre - half)).all(axis=1)
+    met: BoolArray = ((triangles.min(axis=1) <= centre + half) & (triangles.max(axis=1) >= centre - half)).all(axis=1)
     if not met.any():
         return met
     corners = triangles[met] - centre

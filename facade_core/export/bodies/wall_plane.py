@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class WallPlane:
         """Return the affine transform from column and row to the plane, in GDAL's order for Python."""
         return (self.texel_size[0], 0.0, 0.0, 0.0, -self.texel_size[1], self.height)
 
-    def pose(self) -> dict[str, Any]:
+    def pose(self) -> dict[str, list[float]]:
         """Return the pose as numbers by name: world = origin + x * along + y * up."""
         named = {"origin": self.origin, "along": self.along, "up": self.up, "outward": self.outward}
         return {name: (vector.round(6) + 0.0).tolist() for name, vector in named.items()}

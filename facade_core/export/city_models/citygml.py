@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.export.attribution import Attribution
-from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
 from facade_core.export.city_models.cityjson import METRES_PER_UNIT, UV_DECIMALS, VertexPool
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
+    from lxml.etree import _IncrementalFileWriter as XmlWriter
 
 NAMESPACES = {
     None: "http://www.opengis.net/citygml/2.0",
@@ -151,7 +152,7 @@ class PolygonWriter:
 
 
 def boundary_surfaces(
-    writer: PolygonWriter, faces: Sequence[ModelFace], surfaces: Sequence[Mapping[str, Any]], lod: str
+    writer: PolygonWriter, faces: Sequence[ModelFace], surfaces: Sequence[SemanticSurface], lod: str
 ) -> tuple[list[Element], list[str]]:
     """Build the bldg:boundedBy elements of an object's semantic surfaces; openings are nested in their wall.
 
@@ -214,14 +215,16 @@ def solid_element(lod: str, ids: Sequence[str]) -> Element:
     return holder
 
 
-def add_attribute(parent: Element, name: str, value: Any) -> None:
+def add_attribute(parent: Element, name: str, value: object) -> None:
     """Add a generic attribute of the value's type."""
     kind = {int: "int", float: "double"}.get(type(value), "string")
     add_element(add_element(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
 
 
 @contextmanager
-def open_city_model(path: Path, title: str, crs: str, extent: Float64Array, attribution: Attribution) -> Iterator[Any]:
+def open_city_model(
+    path: Path, title: str, crs: str, extent: Float64Array, attribution: Attribution
+) -> Iterator[XmlWriter]:
     """Open a CityGML file whose members are written one at a time by `write` of the value.
 
     Parameters

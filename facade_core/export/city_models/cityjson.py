@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int64Array
+from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
-from facade_core.export.bodies.model_face import ModelFace
+from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
 from facade_core.export.bodies.patches import GRID_M
 
 # Metres per unit of a vertex.
@@ -65,9 +65,9 @@ class VertexPool:
         """Return the index of a texture page."""
         return self.pages.setdefault(page, len(self.pages))
 
-    def tables(self, images: Sequence[str]) -> dict[str, Any]:
+    def tables(self, images: Sequence[str]) -> JsonObject:
         """Return `vertices` and `appearance` of the document; `images` has the file of every page."""
-        tables: dict[str, Any] = {"vertices": [list(vertex) for vertex in self.vertices]}
+        tables: JsonObject = {"vertices": [list(vertex) for vertex in self.vertices]}
         if self.pages:
             tables["appearance"] = {
                 "default-theme-texture": THEME,
@@ -79,7 +79,8 @@ class VertexPool:
     def extent(self) -> list[float]:
         """Return the least and greatest x, y, z of the vertices, world metres."""
         points = np.array(list(self.vertices)) * METRES_PER_UNIT + self.origin
-        return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
+        extent: list[float] = np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
+        return extent
 
 
 def _largest_loop(grid: Int64Array) -> Int64Array:
@@ -108,11 +109,11 @@ def _grid_area(grid: Int64Array) -> float:
 
 def build_geometry(
     faces: Sequence[ModelFace],
-    surfaces: Sequence[Mapping[str, Any]],
+    surfaces: Sequence[SemanticSurface],
     pool: VertexPool,
     lod: str,
     kind: str = "MultiSurface",
-) -> dict[str, Any]:
+) -> JsonObject:
     """Build a geometry of faces and add its vertices to the pool.
 
     Parameters
@@ -123,9 +124,9 @@ def build_geometry(
     lod : level of detail.
     kind : "MultiSurface", "Solid" of a closed shell, or "CompositeSurface" without semantics.
     """
-    boundaries: list[Any] = []
-    values: list[Any] = []
-    textures: list[Any] = []
+    boundaries: list[list[list[int]]] = []
+    values: list[int] = []
+    textures: list[list[list[int | None]]] = []
     for face in faces:
         rings = [
             pool.add_ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
@@ -141,22 +142,21 @@ def build_geometry(
             textures.append([[pool.add_page(face.page), *places] for _, places in rings])
     textured = any(rings[0] != [None] for rings in textures)
     semantics = _build_semantics(values, surfaces) if kind != "CompositeSurface" else None
-    if kind == "Solid":
-        boundaries, textures = [boundaries], [textures]
-    geometry: dict[str, Any] = {"type": kind, "lod": lod, "boundaries": boundaries}
+    is_solid = kind == "Solid"  # has a list of shells around its faces
+    geometry: JsonObject = {"type": kind, "lod": lod, "boundaries": [boundaries] if is_solid else boundaries}
     if semantics is not None:
-        geometry["semantics"] = semantics | ({"values": [semantics["values"]]} if kind == "Solid" else {})
+        geometry["semantics"] = semantics | ({"values": [semantics["values"]]} if is_solid else {})
     if textured:
-        geometry["texture"] = {THEME: {"values": textures}}
+        geometry["texture"] = {THEME: {"values": [textures] if is_solid else textures}}
     return geometry
 
 
-def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _build_semantics(values: Sequence[int], surfaces: Sequence[SemanticSurface]) -> JsonObject:
     """Build the semantics of faces from the used surfaces and their parents, with children."""
     used = set(values)
     used |= {surfaces[i]["parent"] for i in used if "parent" in surfaces[i]}
     index = {old: new for new, old in enumerate(sorted(used))}
-    kept: list[dict[str, Any]] = [dict(surfaces[old]) for old in sorted(used)]
+    kept: list[SemanticSurface] = [{**surfaces[old]} for old in sorted(used)]
     for new, surface in enumerate(kept):
         if "parent" in surface:
             surface["parent"] = index[surface["parent"]]
@@ -166,7 +166,7 @@ def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]
 
 def empty_document(
     title: str, origin: Float64Array, reference_system: str | None, attribution: Attribution
-) -> dict[str, Any]:
+) -> JsonObject:
     """Return a CityJSON 2.0 document without objects.
 
     The attribution uses an extension, because the core has only a point of contact with an address.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,7 @@ def encode_factored_glb(
     encoder: TextureEncoder,
     features: FeatureTable,
     *,
-    extras: Mapping[str, Any],
+    extras: Mapping[str, object],
     copyright: str,
 ) -> bytes:
     """Encode a factored model as GLB with unlit materials, whose colours contain the light of the day.
@@ -112,7 +111,7 @@ def encode_factored_glb(
         for one, texture in zip(materials.document_parts["textures"], shown, strict=True)
     ]
     required = [encoder.extension] if encoder.extension else []
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
         "extensionsUsed": [
             *sorted({*materials.extensions_used, *required}),

@@ -142,7 +142,8 @@ def unit_descriptor(image: UInt8Array, box: Rectangle, density: float) -> Float3
     if not part.size:
         return np.zeros((DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3), np.float32)
     small = cv2.resize(part, (DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
-    return small - 0.5 * small.mean()
+    descriptor: Float32Array = small - 0.5 * small.mean()
+    return descriptor
 
 
 def mean_light(light: Float32Array, box: Rectangle, density: float) -> Float32Array:
@@ -150,7 +151,8 @@ def mean_light(light: Float32Array, box: Rectangle, density: float) -> Float32Ar
     height, width = light.shape[:2]
     x0, y0, x1, y1 = (round(side * density) for side in box)
     left, top = min(max(x0, 0), width - 1), min(max(y0, 0), height - 1)
-    return light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
+    mean: Float32Array = light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
+    return mean
 
 
 def _expand_box(box: Rectangle) -> Rectangle:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -47,13 +46,7 @@ def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame)
         for piece in own:
             texture, uv, colour = pictures.texture_lookup(key, piece)
             by_texture.setdefault(texture, []).append((piece, uv, colour))
-    return {
-        texture: _make_part(
-            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own],
-            frame,
-        )
-        for texture, own in by_texture.items()
-    }
+    return {texture: _make_part(own, frame) for texture, own in by_texture.items()}
 
 
 def merge_parts(every: Iterable[Mapping[int, FactoredPart]]) -> dict[int, FactoredPart]:
@@ -77,17 +70,18 @@ def _concatenate_parts(own: Sequence[FactoredPart]) -> FactoredPart:
     )
 
 
-def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPart:
-    """Build a part of rows of position, normal, texture coordinates, colour, triangles and chart."""
-    position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
-    first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
+def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame: ModelFrame) -> FactoredPart:
+    """Build a part of wall pieces with their texture coordinates and colours."""
+    pieces = [piece for piece, _, _ in own]
+    count = [len(piece.position) for piece in pieces]
+    first = np.concatenate([[0], np.cumsum(count)])
     return FactoredPart(
-        frame.points(np.concatenate(position)),
-        frame.directions(np.concatenate(normal)),
-        np.concatenate(uv),
-        np.concatenate(colour),
-        np.concatenate([one + start for one, start in zip(triangles, first[:-1], strict=True)]),
-        np.concatenate([np.full(len(p), c) for p, c in zip(position, chart, strict=True)]),
+        frame.points(np.concatenate([piece.position for piece in pieces])),
+        frame.directions(np.concatenate([piece.normal for piece in pieces])),
+        np.concatenate([uv for _, uv, _ in own]),
+        np.concatenate([colour for _, _, colour in own]),
+        np.concatenate([piece.triangles + start for piece, start in zip(pieces, first[:-1], strict=True)]),
+        np.concatenate([np.full(n, piece.chart) for n, piece in zip(count, pieces, strict=True)]),
     )
 
 

@@ -134,4 +134,5 @@ def _pack_on_pages(
 
 def texture_memory_bytes(pictures: Sequence[UInt8Array]) -> float:
     """Return the graphics memory of pictures with mipmaps, at four bytes per texel."""
-    return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR
+    memory: float = sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR
+    return memory

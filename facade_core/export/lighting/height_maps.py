@@ -78,7 +78,8 @@ def normals_from_heights(
     if slope_offset is not None:
         slope = slope + slope_offset
     found = np.concatenate([-slope, np.ones((*height.shape, 1), np.float32)], axis=-1)
-    return (found / np.sqrt((found**2).sum(axis=-1, keepdims=True))).astype(np.float32)
+    normals: Float32Array = (found / np.sqrt((found**2).sum(axis=-1, keepdims=True))).astype(np.float32)
+    return normals
 
 
 def cavity_visibility(height: Float32Array, density: float) -> Float32Array:
@@ -98,4 +99,5 @@ def cavity_visibility(height: Float32Array, density: float) -> Float32Array:
     side = 2 * max(1, round(CAVITY_WINDOW_M * density)) + 1
     mean = cv2.blur(height, (side, side), borderType=cv2.BORDER_REPLICATE)
     below = np.clip((mean - height) / np.float32(FULL_CAVITY_DEPTH_M), 0, 1)
-    return (1 - (1 - np.float32(MIN_CAVITY_VISIBILITY)) * below).astype(np.float32)
+    visibility: Float32Array = (1 - (1 - np.float32(MIN_CAVITY_VISIBILITY)) * below).astype(np.float32)
+    return visibility

@@ -266,7 +266,8 @@ def opening_emission(
         lamp = lamp * np.array([1.0, 0.88, 0.74], np.float32)
     elif curtain < SIDE_CURTAIN_SHARE + DRAWN_CURTAIN_SHARE + BLIND_SHARE:
         light = light * np.where(y < 0.25 + 0.4 * random.per_wall(*at, 30), 0.4, 1.0)[:, None]
-    return (light[..., None] * lamp).astype(np.float32)
+    emission: Float32Array = (light[..., None] * lamp).astype(np.float32)
+    return emission
 
 
 def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> Float32Array:
@@ -308,7 +309,8 @@ def modulate_by_picture(
     part = grey[opening.box].astype(np.float32)
     share = SHOP_PICTURE_SHARE if opening.label == FacadeClass.SHOP else WINDOW_PICTURE_SHARE
     relative = np.clip(part / max(float(part[clear].mean()), 1.0), 0.2, 1.8)
-    return (light * (1 - share + share * relative)[..., None]).astype(np.float32)
+    modulated: Float32Array = (light * (1 - share + share * relative)[..., None]).astype(np.float32)
+    return modulated
 
 
 def _interpolate(ends: tuple[float, float], share: float) -> float:

@@ -225,4 +225,5 @@ def _interpolate_axis(grid: Float32Array, axis: int, texels: int) -> Float32Arra
     at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
     below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)
     part = (at - below)[:, None] if axis == 0 else at - below
-    return grid.take(below, axis) * (1 - part) + grid.take(below + 1, axis) * part
+    interpolated: Float32Array = grid.take(below, axis) * (1 - part) + grid.take(below + 1, axis) * part
+    return interpolated

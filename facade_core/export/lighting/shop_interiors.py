@@ -94,7 +94,8 @@ def shop_interior_light(
         shown += LAMP_LIGHT * np.exp(-hangs)[..., None]
     shown[y > FLOOR_TOP] *= FLOOR_LIGHT
     lamps = np.square((y - LAMP_TOP) / LAMP_HEIGHT)[:, None] + np.square(to_lamp / LAMP_WIDTH_M)[None]
-    return (shown + LAMP_LIGHT * np.exp(-lamps)[..., None]).astype(np.float32)
+    interior_light: Float32Array = (shown + LAMP_LIGHT * np.exp(-lamps)[..., None]).astype(np.float32)
+    return interior_light
 
 
 def _draw_shelves(shown: Float32Array, x: FloatArray, y: FloatArray, uniform: Callable[..., float]) -> None:

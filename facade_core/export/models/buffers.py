@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -31,12 +30,12 @@ class GlbBuffer:
     length : bytes so far.
     """
 
-    views: list[dict[str, Any]] = field(default_factory=list)
-    accessors: list[dict[str, Any]] = field(default_factory=list)
+    views: list[dict[str, object]] = field(default_factory=list)
+    accessors: list[dict[str, object]] = field(default_factory=list)
     chunks: list[bytes] = field(default_factory=list)
     length: int = 0
 
-    def add_view(self, data: bytes, **more: Any) -> int:
+    def add_view(self, data: bytes, **more: object) -> int:
         """Append bytes as a buffer view and return its index."""
         self.views.append({"buffer": 0, "byteOffset": self.length, "byteLength": len(data), **more})
         self.chunks.append(data + b"\0" * (-len(data) % 8))
@@ -44,7 +43,7 @@ class GlbBuffer:
         return len(self.views) - 1
 
     def add_accessor(
-        self, values: NumericArray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any
+        self, values: NumericArray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: object
     ) -> int:
         """Append an array as an accessor with a view of its own and return its index.
 
@@ -69,6 +68,6 @@ class GlbBuffer:
         return len(self.accessors) - 1
 
     @property
-    def document_parts(self) -> dict[str, Any]:
+    def document_parts(self) -> dict[str, object]:
         """Return the accessors, bufferViews and buffers of the glTF document."""
         return {"accessors": self.accessors, "bufferViews": self.views, "buffers": [{"byteLength": self.length}]}

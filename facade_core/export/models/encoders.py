@@ -88,7 +88,7 @@ def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
 
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "PNG", compress_level=1)
-    return alktx2.encode_bytes_to_ktx2(
+    encoded: bytes = alktx2.encode_bytes_to_ktx2(
         buffer.getvalue(),
         mime="image/png",
         codec="etc1s",
@@ -99,6 +99,7 @@ def _ktx2(image: UInt8Array, srgb: bool = True) -> bytes:
         mip_wrap=False,
         check_for_alpha=False,
     )
+    return encoded
 
 
 # Graphics cards hold ETC1S as BC7, ETC2 or ASTC with at most a byte per texel, and the other formats as RGBA.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -41,10 +40,10 @@ class MetadataProperty:
     unit: str
     description: str
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> dict[str, object]:
         """Return the property of the metadata class."""
         meaning = f"{self.description} ({self.unit})" if self.unit else self.description
-        types: dict[str, dict[str, Any]] = {
+        types: dict[str, dict[str, object]] = {
             "string": {"type": "STRING", "noData": NO_TEXT},
             "int32": {"type": "SCALAR", "componentType": "INT32", "noData": NO_INTEGER},
             "double": {"type": "SCALAR", "componentType": "FLOAT64", "noData": NO_NUMBER},
@@ -52,7 +51,7 @@ class MetadataProperty:
         unit = {"extras": {"unit": self.unit}} if self.unit else {}
         return {"name": self.name, "description": meaning, **types[self.type], **unit}
 
-    def table_property(self, rows: Sequence[Mapping[str, Any]], add_view: AddView) -> dict[str, Any] | None:
+    def table_property(self, rows: Sequence[Mapping[str, object]], add_view: AddView) -> dict[str, object] | None:
         """Return the column of some rows as a property of a property table; None if no row has a value."""
         found = [row.get(self.name) for row in rows]
         if all(value is None for value in found):
@@ -83,7 +82,7 @@ class FeatureTable:
     """
 
     properties: tuple[MetadataProperty, ...]
-    rows: Sequence[Mapping[str, Any]]
+    rows: Sequence[Mapping[str, object]]
     chart_rows: IntArray
     owner_rows: IntArray
 
@@ -104,7 +103,7 @@ class FeatureTable:
         first[charts_building[built]] = self.owner_rows[built]
         return first[building]
 
-    def structural_metadata(self, rows: IntArray, add_view: AddView) -> dict[str, Any]:
+    def structural_metadata(self, rows: IntArray, add_view: AddView) -> dict[str, object]:
         """Return EXT_structural_metadata with the given rows.
 
         Parameters
@@ -130,7 +129,7 @@ class FeatureTable:
         return {"schema": schema, "propertyTables": [table]}
 
 
-def add_feature_ids(ids: IntArray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
+def add_feature_ids(ids: IntArray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, object]]:
     """Add feature ids to a primitive: one id set per label.
 
     All sets refer to the same table, but only the first says so, because CesiumJS accepts a table for one set only.

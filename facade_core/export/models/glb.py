@@ -7,11 +7,12 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array, Int64Array
+from facade_core.core.json_types import JsonObject
 from facade_core.export.models.buffers import (
     ARRAY_BUFFER,
     BYTE,
@@ -84,7 +85,7 @@ def encode_glb(
     nodes: Sequence[GltfNode],
     materials: Sequence[bytes] | Sequence[MaterialTextures],
     *,
-    extras: Mapping[str, Any] | None = None,
+    extras: Mapping[str, object] | None = None,
     copyright: str = "",
     time: TimeOfDay = "day",
 ) -> bytes:
@@ -120,7 +121,7 @@ def encode_glb(
         first[name] = len(buffer.accessors)
         start = 0
         for part in parts:
-            accessor: dict[str, Any] = {
+            accessor: JsonObject = {
                 "bufferView": len(buffer.views),
                 "byteOffset": start,
                 "componentType": UNSIGNED_INT if name == "triangles" else FLOAT,
@@ -137,7 +138,7 @@ def encode_glb(
             buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
     pictures = [buffer.add_view(picture) for picture in gltf.images]
 
-    meshes: list[dict[str, Any]] = []
+    meshes: list[dict[str, object]] = []
     count = leaning = 0
     for node in nodes:
         drawn = []
@@ -152,7 +153,7 @@ def encode_glb(
             )
             count += 1
         meshes.append({"name": node.name, "primitives": drawn})
-    document: dict[str, Any] = {
+    document: JsonObject = {
         "asset": {
             "version": "2.0",
             "generator": "Streetloom",
@@ -176,7 +177,7 @@ def encode_glb(
     return pack_glb(document, buffer.chunks)
 
 
-def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
+def pack_glb(document: Mapping[str, object], chunks: Sequence[bytes]) -> bytes:
     """Pack a glTF document and its buffer as GLB.
 
     Parameters
@@ -193,7 +194,7 @@ def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
     return b"".join([struct.pack("<4sII", b"glTF", 2, HEADER_BYTES + sum(map(len, body))), *body])
 
 
-def read_glb_header(file: BinaryIO) -> tuple[dict[str, Any], int]:
+def read_glb_header(file: BinaryIO) -> tuple[JsonObject, int]:
     """Read the JSON document of a GLB file and the offset of its binary data.
 
     Raises

@@ -9,8 +9,8 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import merge_attribution_lines
 from facade_core.export.models.glb import (
     BINARY_CHUNK,
@@ -38,7 +38,7 @@ class GlbFile:
     """
 
     path: Path
-    document: Mapping[str, Any]
+    document: JsonObject
     start: int
     length: int
 
@@ -57,7 +57,7 @@ def read_glb_file(path: Path) -> GlbFile:
 
 
 def merge_glbs(
-    path: Path, parts: Sequence[GlbFile], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
+    path: Path, parts: Sequence[GlbFile], origin: Sequence[float], *, extras: Mapping[str, object], copyright: str = ""
 ) -> int:
     """Write several models as one GLB and return its size in bytes.
 
@@ -72,18 +72,18 @@ def merge_glbs(
     extras : extras of the new scene.
     copyright : attribution; those of the parts are added, each once.
     """
-    document: dict[str, Any] = {name: [] for name in (*INDEXED_LISTS, "nodes")}
+    document: JsonObject = {name: [] for name in (*INDEXED_LISTS, "nodes")}
     length = 0
     for part in parts:
         first = {name: len(document[name]) for name in INDEXED_LISTS}
         _append_document(document, part.document, first, length, origin)
         length += part.length
     nodes = list(range(len(document["nodes"])))
-    scene: dict[str, Any] = {**({"nodes": nodes} if nodes else {}), "extras": {"origin": list(origin), **extras}}
+    scene: JsonObject = {**({"nodes": nodes} if nodes else {}), "extras": {"origin": list(origin), **extras}}
     asset = {"version": "2.0", "generator": "Streetloom"}
     if said := merge_attribution_lines([copyright, *(part.document["asset"].get("copyright", "") for part in parts)]):
         asset["copyright"] = said
-    head: dict[str, Any] = {"asset": asset, "scene": 0, "scenes": [scene]}
+    head: JsonObject = {"asset": asset, "scene": 0, "scenes": [scene]}
     if nodes:
         head |= document | {**UNLIT_EXTENSIONS, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
     text = json.dumps(head, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
@@ -103,7 +103,7 @@ def merge_glbs(
 
 
 def _append_document(
-    document: dict[str, Any], part: Mapping[str, Any], first: Mapping[str, int], offset: int, origin: Sequence[float]
+    document: JsonObject, part: JsonObject, first: Mapping[str, int], offset: int, origin: Sequence[float]
 ) -> None:
     """Append the lists of a part's document; `offset` is the start of its binary data in the merged buffer."""
     if "nodes" not in part:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
+from facade_core.core.json_types import JsonObject
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import PageImages
 
@@ -70,9 +71,9 @@ class GltfMaterials:
     """
 
     images: tuple[bytes, ...]
-    document_parts: dict[str, Any]
+    document_parts: JsonObject
     extensions_used: tuple[str, ...]
-    primitives: tuple[dict[str, Any], ...]
+    primitives: tuple[JsonObject, ...]
 
 
 def build_gltf_materials(
@@ -83,7 +84,7 @@ def build_gltf_materials(
     With a choice of time ("day or night"), emissive pages get two materials as KHR_materials_variants.
     """
     pictures: list[bytes] = []
-    textures: list[dict[str, Any]] = []
+    textures: list[dict[str, object]] = []
     used = [encoder.extension] if encoder.extension else []
 
     def texture(picture: bytes) -> dict[str, int]:
@@ -95,11 +96,11 @@ def build_gltf_materials(
         return {"index": len(textures) - 1}
 
     choice, first = " or " in time, time.partition(" ")[0]
-    materials: list[dict[str, Any]] = []
-    after: list[dict[str, Any]] = []  # those of night where the first is day, and the other way round
-    primitives: list[dict[str, Any]] = [{"material": i} for i in range(len(pages))]
+    materials: list[dict[str, object]] = []
+    after: list[dict[str, object]] = []  # those of night where the first is day, and the other way round
+    primitives: list[dict[str, object]] = [{"material": i} for i in range(len(pages))]
     for i, page in enumerate(pages):
-        shown: dict[str, Any] = {
+        shown: JsonObject = {
             "name": f"page-{i}",
             "pbrMetallicRoughness": {
                 "baseColorTexture": texture(page.base_colour),
@@ -132,7 +133,7 @@ def build_gltf_materials(
             day, night = (other, i) if first == NIGHT else (i, other)
             mappings = [{"material": day, "variants": [0]}, {"material": night, "variants": [1]}]
             primitives[i] = {"material": i, "extensions": {"KHR_materials_variants": {"mappings": mappings}}}
-    document: dict[str, Any] = {"materials": materials + after, "textures": textures}
+    document: JsonObject = {"materials": materials + after, "textures": textures}
     if "KHR_materials_variants" in used:
         document["extensions"] = {"KHR_materials_variants": {"variants": [{"name": DAY}, {"name": NIGHT}]}}
     return GltfMaterials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))

@@ -118,7 +118,8 @@ class TexturedMesh:
 def triangle_areas(mesh: Mesh) -> Float64Array:
     """Return the area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    areas: Float64Array = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return areas
 
 
 def build_textured_mesh(scene: Scene, read_page: Callable[[int], UInt8Array]) -> TexturedMesh:
@@ -274,8 +275,13 @@ def draw_page_maps(
     def kind(number: int) -> UInt8Array | None:
         if all(one[number] is None for one in found.values()):
             return None
-        dark = lambda i: np.zeros_like(found[i][0])  # noqa: E731
-        return draw(lambda i: dark(i) if (one := found[i][number]) is None else one)
+
+        def raster(i: int) -> UInt8Array:
+            """Return the map of a piece, black where it has none."""
+            map_ = found[i][number]
+            return np.zeros_like(found[i][0]) if map_ is None else map_
+
+        return draw(raster)
 
     normal, orm, emissive = (kind(number) for number in range(3))
     assert normal is not None

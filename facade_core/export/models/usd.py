@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,10 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
 from facade_core.export.models.gltf_materials import DAY, EMISSIVE_STRENGTH, NIGHT
+
+if TYPE_CHECKING:
+    from pxr.Usd import Prim, Stage
+    from pxr.UsdShade import Material, Output, Shader
 
 # Name of the block's prim.
 ROOT_PRIM = "Block"
@@ -62,7 +67,7 @@ class ZUpFrame:
         return world
 
 
-def import_usd() -> Any:
+def import_usd() -> ModuleType:
     """Import and return the package pxr.
 
     Raises
@@ -75,11 +80,16 @@ def import_usd() -> Any:
         raise InputError(
             "--format usd: usd-core is not installed, as it takes 220 MB; `make usd-setup` does"
         ) from error
-    return pxr
+    package: ModuleType = pxr
+    return package
 
 
 def write_usd_building(
-    path: Path, node: GltfNode, pages: Sequence[TextureFiles], custom_data: Mapping[str, Any], time: str | None = None
+    path: Path,
+    node: GltfNode,
+    pages: Sequence[TextureFiles],
+    custom_data: Mapping[str, object],
+    time: str | None = None,
 ) -> None:
     """Write the stage of one building: its meshes by page with their materials.
 
@@ -126,7 +136,7 @@ def write_usd_building(
 
 
 def write_usd_block(
-    path: Path, parts: Mapping[str, str], custom_data: Mapping[str, Any], comment: str, time: str | None = None
+    path: Path, parts: Mapping[str, str], custom_data: Mapping[str, object], comment: str, time: str | None = None
 ) -> None:
     """Write a stage that references the stages of its buildings.
 
@@ -178,7 +188,7 @@ def prim_identifier(name: str) -> str:
     return found if found[:1].isalpha() else f"_{found}"
 
 
-def _create_stage(path: Path) -> Any:
+def _create_stage(path: Path) -> Stage:
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))
@@ -187,7 +197,7 @@ def _create_stage(path: Path) -> Any:
     return stage
 
 
-def _add_time_variants(prim: Any, first: str, edits: Mapping[str, Callable[[], None]]) -> None:
+def _add_time_variants(prim: Prim, first: str, edits: Mapping[str, Callable[[], None]]) -> None:
     """Add the variants DAY and NIGHT, make the edits of each, and select `first`."""
     variants = prim.GetVariantSets().AddVariantSet(TIME_VARIANT_SET)
     for name in (DAY, NIGHT):
@@ -198,7 +208,7 @@ def _add_time_variants(prim: Any, first: str, edits: Mapping[str, Callable[[], N
     variants.SetVariantSelection(first)
 
 
-def _define_material(stage: Any, path: str, page: TextureFiles) -> Any:
+def _define_material(stage: Stage, path: str, page: TextureFiles) -> Material:
     """Define a UsdPreviewSurface with the textures of a page."""
     from pxr import Sdf, UsdShade
 
@@ -226,7 +236,7 @@ def _define_material(stage: Any, path: str, page: TextureFiles) -> Any:
     return material
 
 
-def _connect_emissive(stage: Any, name: str, node: GltfNode, pages: Sequence[TextureFiles]) -> None:
+def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureFiles]) -> None:
     """Connect the emissive textures of a building."""
     from pxr import Sdf, UsdShade
 
@@ -241,8 +251,8 @@ def _connect_emissive(stage: Any, name: str, node: GltfNode, pages: Sequence[Tex
 
 
 def _define_texture(
-    stage: Any, path: str, picture: str, place: Any, space: str, *, scale: float = 1.0, bias: float = 0.0
-) -> Any:
+    stage: Stage, path: str, picture: str, place: Output, space: str, *, scale: float = 1.0, bias: float = 0.0
+) -> Shader:
     """Define a UsdUVTexture at the coordinates of `place`; values are scaled and shifted by `bias`."""
     from pxr import Gf, Sdf, UsdShade
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.export.attribution import Attribution
@@ -40,9 +40,9 @@ class AnnotatedFacade:
         return [e for e in found if e.width > 0 and e.height > 0]
 
 
-def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribution: Attribution) -> dict[str, Any]:
+def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribution: Attribution) -> JsonObject:
     """Build a COCO object detection document; `score` is the confidence of the parser."""
-    annotations: list[dict[str, Any]] = []
+    annotations: list[dict[str, object]] = []
     for image, facade in enumerate(facades, start=1):
         for e in facade.clip_elements():
             corners = (e.x0, e.y0, e.x1, e.y0, e.x1, e.y1, e.x0, e.y1)
@@ -85,7 +85,7 @@ def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribut
     }
 
 
-def labelme_document(facade: AnnotatedFacade, attribution: Attribution) -> dict[str, Any]:
+def labelme_document(facade: AnnotatedFacade, attribution: Attribution) -> JsonObject:
     """Build the LabelMe file of one facade; LabelMe keeps the additional keys for facade and attribution."""
     return {
         "version": "5.5.0",

@@ -77,7 +77,8 @@ class PerspectiveCamera:
         x = (np.arange(width) + 0.5 - width / 2) / focal
         y = (np.arange(height)[rows] + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        directions: Float64Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions
 
     def may_show(self, corners: Float64Array) -> BoolArray:
         """Return which polygons may be visible, a superset of the visible ones.

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from io import BytesIO
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +26,9 @@ MIN_LAYOUT_HEIGHT_PX = 480
 # Pixels per batch: few enough that temporary arrays stay below the size that malloc returns to the system
 # (`flows.memory`). Mapping new pages for every temporary array took half of the time.
 MAX_BATCH_PIXELS = 1 << 15
+
+# Element of a layout in a record: label, x0, y0, x1, y1 in texels, and confidence.
+ElementRow = tuple[str, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,7 @@ def draw_parse(label_map: UInt8Array, lattice: Lattice) -> UInt8Array:
     return drawn
 
 
-def draw_layout(image: UInt8Array, hidden: BoolArray, elements: Sequence[Sequence[Any]]) -> UInt8Array:
+def draw_layout(image: UInt8Array, hidden: BoolArray, elements: Sequence[ElementRow]) -> UInt8Array:
     """Draw elements over a texture: outlined where seen, filled where the completion placed them.
 
     Parameters

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
@@ -18,7 +19,7 @@ from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
-from facade_core.export.pictures.rendering import draw_layout, draw_parse
+from facade_core.export.pictures.rendering import ElementRow, draw_layout, draw_parse
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.geometry.chart_packing import Placement
@@ -55,6 +56,33 @@ class StagePicture:
     report: StageTitle | None = None
 
 
+class StoredFacadeRecord(Record, total=False):
+    """Fields of a facade's record that its pictures are drawn from.
+
+    Attributes
+    ----------
+    source : picture or exemplar that the facade is made from.
+    lattice : rows and columns, texels.
+    elements : elements of the layout.
+    provenance : share of texels of each provenance.
+    cut_kept : share of the rectified picture that was cut out.
+    cut_found : whether a facade was found there.
+    variation_levels : levels of the variation hierarchy.
+    variation_file : stored file of the variations.
+    variation_digest : its digest.
+    """
+
+    source: str
+    lattice: dict[str, list[int]]
+    elements: list[ElementRow]
+    provenance: list[float]
+    cut_kept: float
+    cut_found: bool
+    variation_levels: int
+    variation_file: str
+    variation_digest: str
+
+
 @dataclass(frozen=True)
 class StoredFacade:
     """Facade in a snapshot of the store.
@@ -71,7 +99,7 @@ class StoredFacade:
     group: StoreGroup
     placement: Placement
     chart: int
-    record: Mapping[str, Any] | None
+    record: StoredFacadeRecord | None
     exemplars: Sequence[str]
 
     def read_raster(self, name: str) -> AnyArray:
@@ -86,8 +114,8 @@ class StoredFacade:
     @cached_property
     def hierarchy(self) -> Hierarchy:
         """Return the variation hierarchy."""
-        record = self.record or {}
-        if "variation_file" not in record:
+        record = self.record
+        if record is None or "variation_file" not in record:
             raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
         return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
@@ -154,7 +182,7 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
         )
 
 
-def _crop_note(record: Mapping[str, Any]) -> str:
+def _crop_note(record: StoredFacadeRecord) -> str:
     """Describe in words how a photo was cropped to the facade."""
     kept = record.get("cut_kept", 1.0)
     if not record.get("cut_found", True):

@@ -9,11 +9,12 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
+from facade_core.core.types import Sun
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
 from facade_core.export.pictures.rendering import RenderedView, average_samples
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sun import Sun, sun_direction
+from facade_core.street.lighting.sun import sun_direction
 
 # Height and width of a view, pixels.
 VIEW_SIZE = (900, 1440)

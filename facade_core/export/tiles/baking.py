@@ -108,7 +108,8 @@ def _fill_missing(colour: UInt8Array, found: BoolArray, mean: Float64Array) -> U
     if not found.any():
         return np.broadcast_to(mean.round().astype(np.uint8), colour.shape)
     nearest = distance_transform_edt(~found, return_distances=False, return_indices=True)
-    return colour[tuple(nearest)]
+    filled: UInt8Array = colour[tuple(nearest)]
+    return filled
 
 
 def _average_samples(colour: UInt8Array) -> UInt8Array:
@@ -116,4 +117,5 @@ def _average_samples(colour: UInt8Array) -> UInt8Array:
     cells = colour.reshape(
         height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3
     )
-    return cells.mean(axis=(1, 3)).round().astype(np.uint8)
+    averaged: UInt8Array = cells.mean(axis=(1, 3)).round().astype(np.uint8)
+    return averaged

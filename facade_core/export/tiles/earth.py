@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -51,12 +50,12 @@ class EarthFrame:
         return to_y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
 
 
-def earth_frame(crs: Any, origin: Float64Array, geoid_separation: float = 0.0) -> EarthFrame:
+def earth_frame(crs: str, origin: Float64Array, geoid_separation: float = 0.0) -> EarthFrame:
     """Build the frame at a point of a block.
 
     Parameters
     ----------
-    crs : horizontal reference system, any user input of pyproj.
+    crs : horizontal reference system, as text that pyproj reads.
     origin : (3,) world metres.
     geoid_separation : metres to add to heights for heights over the ellipsoid.
     """

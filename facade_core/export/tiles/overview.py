@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -55,7 +54,7 @@ def overview_scale(texels: Int64Array) -> float:
 
 
 def encode_overview(
-    source: TexturedMesh, charts: Int64Array, extras: Mapping[str, Any], *, copyright: str = ""
+    source: TexturedMesh, charts: Int64Array, extras: Mapping[str, object], *, copyright: str = ""
 ) -> bytes:
     """Encode charts as one node, of at most MAX_OVERVIEW_BYTES.
 

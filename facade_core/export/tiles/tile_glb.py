@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -105,7 +104,7 @@ def encode_tile_glb(
     metadata = features.structural_metadata(used, buffer.add_view)
     images = [{"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type} for picture in materials.images]
     required = [encoder.extension] if encoder.extension else []
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
         "extensionsUsed": [
             "KHR_mesh_quantization",

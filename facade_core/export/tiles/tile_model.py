@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def build_tile_model(
     digests: Sequence[str | None],
     names: Mapping[int, str],
     read_rasters: ReadRasters,
-    extras: Mapping[str, Any],
+    extras: Mapping[str, object],
     earlier: EarlierTile | None = None,
 ) -> TileModel:
     """Build a tile of some charts.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Required, TypedDict
 
 import numpy as np
 
@@ -29,6 +29,37 @@ VIEW_RADIUS_M = 300.0
 MAX_SCALE_STEP = 0.97
 
 
+class BoundingVolume(TypedDict):
+    """Bounding volume of a tile: centre and half axes of a box, twelve numbers in metres."""
+
+    box: list[float]
+
+
+class TileContent(TypedDict):
+    """Reference from a tile to its model or to a linked tileset."""
+
+    uri: str
+
+
+class Tile(TypedDict, total=False):
+    """Tile of 3D Tiles 1.1."""
+
+    boundingVolume: Required[BoundingVolume]
+    geometricError: Required[float]
+    content: Required[TileContent]
+    refine: str
+    children: list[Tile]
+    transform: list[float]
+
+
+class Tileset(TypedDict):
+    """Tileset document of 3D Tiles 1.1."""
+
+    asset: Mapping[str, object]
+    geometricError: float
+    root: Tile
+
+
 @dataclass(frozen=True)
 class WrittenTileset:
     """Summary of a written tileset.
@@ -42,7 +73,7 @@ class WrittenTileset:
     bytes : size of all tiles.
     """
 
-    tilesets: Mapping[str, Any]
+    tilesets: Mapping[str, Tileset]
     page_texels: int
     used_texels: float
     draw_calls: int
@@ -87,7 +118,7 @@ class _TilesetWriter:
     levels: MakeDetailLevels | None
 
     def __post_init__(self) -> None:
-        self.tilesets: dict[str, Any] = {}
+        self.tilesets: dict[str, Tileset] = {}
         self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
         self.shell_rows = self.features.select_building_rows(
             self.shells.textured_mesh.charts.building, self.source.charts.building
@@ -115,7 +146,7 @@ class _TilesetWriter:
         self.bytes += len(data)
         self.write(uri, data)
 
-    def full_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
+    def full_tile(self, cell: QuadtreeCell) -> Tile:
         if self.levels is not None:
             return self.leaf_tile(cell, self.levels(cell))
         charts = cell_charts(self.source, cell)
@@ -127,20 +158,21 @@ class _TilesetWriter:
             "content": {"uri": f"../{uri}"},
         }
 
-    def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> dict[str, Any]:
+    def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> Tile:
         """Write the levels of detail of a leaf as a chain of replacements."""
-        tile: dict[str, Any] | None = None
+        tile: Tile | None = None
         box = _bounding_box(np.concatenate([level.corners for level in levels]))
         for level in reversed(levels):
             uri = f"tiles/{level.name}{cell.path and '-'}{cell.path}.glb"
             self.write_model(uri, level.glb, level.draw_calls)
-            below = {} if tile is None else {"refine": "REPLACE", "children": [tile]}
+            finer = tile
             tile = {
                 "boundingVolume": {"box": box},
                 "geometricError": level.error,
                 "content": {"uri": f"../{uri}"},
-                **below,
             }
+            if finer is not None:
+                tile |= {"refine": "REPLACE", "children": [finer]}
         assert tile is not None
         return tile
 
@@ -148,14 +180,14 @@ class _TilesetWriter:
     def rows(self) -> Int64Array:
         return np.column_stack([self.features.chart_rows, self.features.owner_rows])
 
-    def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
+    def finer_tiles(self, cell: QuadtreeCell) -> list[Tile]:
         """Return the tiles that replace the coarse tile of a cell: those of the nearest finer cells below."""
         finer = [
             t for c in cell.children for t in ([self.link_tileset(c)] if c.scale > cell.scale else self.finer_tiles(c))
         ]
         return finer or [self.full_tile(cell)]
 
-    def link_tileset(self, cell: QuadtreeCell) -> dict[str, Any]:
+    def link_tileset(self, cell: QuadtreeCell) -> Tile:
         """Write a coarse tile with its subtree as a tileset of its own."""
         root = self.coarse_tile(cell)
         uri = f"tilesets/{cell.path}.json"
@@ -167,7 +199,7 @@ class _TilesetWriter:
             "content": {"uri": f"../{uri}"},
         }
 
-    def coarse_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
+    def coarse_tile(self, cell: QuadtreeCell) -> Tile:
         children = self.finer_tiles(cell)
         shelled = np.setdiff1d(cell.buildings, self.shells.without_shell)
         uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
@@ -203,7 +235,7 @@ def write_tileset(
     *,
     scale: float = 1.0,
     time: TimeOfDay = "day",
-    extras: Mapping[str, Any],
+    extras: Mapping[str, object],
     attribution: Attribution,
     levels: MakeDetailLevels | None = None,
 ) -> WrittenTileset:
@@ -232,7 +264,7 @@ def write_tileset(
     root = _move_up(writer.coarse_tile(cells))
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
-    top = {
+    top: Tileset = {
         "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.to_json()}},
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
@@ -354,25 +386,24 @@ def _page_batches(pages: TilePages, rows: IntArray, frame: EarthFrame) -> list[T
     return found
 
 
-def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
+def _move_up(tile: Tile) -> Tile:
     """Rewrite the URIs of a tile for the parent folder."""
-    content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
+    moved: Tile = {**tile, "content": {"uri": tile["content"]["uri"].removeprefix("../")}}
     # children in the same file move too; linked tilesets do not
-    return (
-        tile
-        | {"content": content}
-        | ({"children": [_move_up(child) for child in tile["children"]]} if "children" in tile else {})
-    )
+    if "children" in tile:
+        moved["children"] = [_move_up(child) for child in tile["children"]]
+    return moved
 
 
 def _bounding_box(points: Float64Array) -> list[float]:
     """Return centre and half axes around points (n, 3), z up, with a minimum thickness."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2, 0.01)
-    return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
+    box: list[float] = np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
+    return box
 
 
-def _box_corners(tile: Mapping[str, Any]) -> Float64Array:
+def _box_corners(tile: Tile) -> Float64Array:
     box = np.array(tile["boundingVolume"]["box"])
     half = box[[3, 7, 11]]
     return np.stack([box[:3] - half, box[:3] + half])

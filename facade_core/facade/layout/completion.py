@@ -168,7 +168,7 @@ def rank_layouts(
 
     def selectable(factor: float) -> BoolArray:
         """Mark proposals from a multiple of their thresholds on; shops of a row all or none."""
-        chosen = unobstructed & (proposals.label != SHOP) & (probability >= factor * threshold)
+        chosen: BoolArray = unobstructed & (proposals.label != SHOP) & (probability >= factor * threshold)
         if len(shops):
             chosen[shops] = probability[shops].mean() >= factor * model.min_probability[SHOP]
         return chosen
@@ -257,7 +257,8 @@ def _find_unobstructed(
     windows = box_array([e for e in observed if e.label == "window"])
     grown = proposals.box + np.array([-min_gap, 0, min_gap, 0])
     near_window = (proposals.label == WINDOW) & pairwise_overlap(grown, windows).any(axis=1)
-    return ~pairwise_overlap(proposals.box, obstacles).any(axis=1) & ~near_window
+    is_unobstructed: BoolArray = ~pairwise_overlap(proposals.box, obstacles).any(axis=1) & ~near_window
+    return is_unobstructed
 
 
 def _likeliest_door(proposals: Proposals, probability: Float64Array, unobstructed: BoolArray) -> BoolArray:

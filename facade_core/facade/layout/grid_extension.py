@@ -168,7 +168,8 @@ def balance_margins(start: float, new: list[float], target: float, pitch: float)
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
         return new
-    return np.linspace(start, target, steps + 1)[1:].tolist()
+    positions: list[float] = np.linspace(start, target, steps + 1)[1:].tolist()
+    return positions
 
 
 def mirror_columns(columns: Float64Array, width: float, twice_middle: float) -> Float64Array:
@@ -200,7 +201,8 @@ def _cell_elements(
 
 
 def _median_side(side: list[list[float]], cells: Int32Array, axis: int) -> float:
-    return median(side[k][axis] for k in cells.tolist() if k >= 0)
+    middle: float = median(side[k][axis] for k in cells.tolist() if k >= 0)
+    return middle
 
 
 @dataclass(frozen=True, slots=True)

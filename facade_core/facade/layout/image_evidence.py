@@ -64,7 +64,8 @@ def apply_image_evidence(
         sure[of] = _box_sums(np.where(visible, channel, 0).astype(np.float64), corner[of])
     mean = np.divide(sure, seen, out=np.full(len(box), 0.5), where=seen > 0)
     odds = (mean + _CONFIDENCE_MARGIN) / (1 - mean + _CONFIDENCE_MARGIN)
-    return 1 / (1 + (1 / probability.clip(1e-6, _MAX_PROBABILITY) - 1) * odds ** -(seen / area))
+    adjusted: Float64Array = 1 / (1 + (1 / probability.clip(1e-6, _MAX_PROBABILITY) - 1) * odds ** -(seen / area))
+    return adjusted
 
 
 def _box_sums(values: Float64Array, corner: Int64Array) -> Float64Array:
@@ -72,4 +73,5 @@ def _box_sums(values: Float64Array, corner: Int64Array) -> Float64Array:
     table = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     table[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
     x0, y0, x1, y1 = corner.T
-    return table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
+    sums: Float64Array = table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
+    return sums

@@ -182,7 +182,8 @@ def _symmetry_table(overall: Float64Array) -> Float64Array:
     histogram[0] = gaussian_filter1d(histogram[0], 1.0)
     histogram[1:] = gaussian_filter(histogram[1:], 1.0)
     histogram += 0.1
-    return np.maximum(MIN_LOG_DENSITY, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
+    log_density: Float64Array = np.maximum(MIN_LOG_DENSITY, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
+    return log_density
 
 
 def _compatibility_table(types: Int64Array) -> Float64Array:
@@ -314,7 +315,10 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
         return np.array([[1.4, 1.5, 0.05]])
     values = np.log(np.array(found))
     values = values[values[:, 2] < 0.5]  # no entrance hangs higher
-    return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
+    sizes: Float64Array = np.exp(
+        KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_
+    )
+    return sizes
 
 
 def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> Float64Array:
@@ -330,7 +334,8 @@ def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> F
     count = min(count, len(np.unique(values.round(6), axis=0)))
     if not count:
         return np.ones((1, 4))
-    return np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
+    progressions: Float64Array = np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
+    return progressions
 
 
 def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> Float64Array:

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import ModelError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import proposal_features
 from facade_core.facade.layout.densities import (
@@ -132,7 +132,7 @@ def _digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def _to_record(model: LayoutModel) -> dict[str, Any]:
+def _to_record(model: LayoutModel) -> JsonObject:
     return {
         "mixtures": model.densities.mixtures.tolist(),
         "patterns": model.densities.patterns.tolist(),
@@ -156,7 +156,7 @@ def _to_record(model: LayoutModel) -> dict[str, Any]:
     }
 
 
-def _from_record(content: Mapping[str, Any], training_set: tuple[str, ...]) -> LayoutModel:
+def _from_record(content: JsonObject, training_set: tuple[str, ...]) -> LayoutModel:
     trees = content["trees"]
     whole = {name: np.array(trees[name], np.int64) for name in ("roots", "feature", "left", "right")}
     return LayoutModel(
@@ -189,7 +189,7 @@ def _from_record(content: Mapping[str, Any], training_set: tuple[str, ...]) -> L
     )
 
 
-def _read_array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> Float64Array:
+def _read_array(content: JsonObject, name: str, shape: Sequence[int | None]) -> Float64Array:
     values = np.array(content[name], float)
     if values.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, values.shape, strict=True)):
         raise ValueError(f"{name} has the shape {values.shape}")

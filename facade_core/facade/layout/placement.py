@@ -102,7 +102,8 @@ def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
     for attempt in range(8):
         i = np.random.randint(len(start.box))
         if (attempt >= 4 or start.grid[i] == own) and start.spacing[i, axis] > 0:
-            return start.spacing[i, axis]
+            spacing: float = start.spacing[i, axis]
+            return spacing
     return -1.0
 
 

@@ -215,7 +215,8 @@ def _extension_centre(
     x, y = (box[seed_at, 0] + box[seed_at, 2]) / 2, (box[seed_at, 1] + box[seed_at, 3]) / 2
     width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
     if way == FILL:
-        return nearest_gap(box, grid, n, seed_at, x, y, width, height)
+        gap: tuple[bool, float, float] = nearest_gap(box, grid, n, seed_at, x, y, width, height)
+        return gap
     axis, sign = (0, 1) if way == RIGHT else (0, -1) if way == LEFT else (1, 1) if way == DOWN else (1, -1)
     spacing = -1.0
     u = np.random.random()

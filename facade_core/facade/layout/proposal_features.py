@@ -156,7 +156,8 @@ def _visible_share(box: Float64Array, domain: Rectangle, region: Float64Array, *
     low = np.maximum(band[:, None, :2], region[:, :2])
     sides = np.clip(np.minimum(band[:, None, 2:], region[:, 2:]) - low, 0, None)
     area = ((band[:, 2:] - band[:, :2]).prod(axis=1)).clip(1e-12)
-    return np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
+    share: Float64Array = np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
+    return share
 
 
 def _min_margin(observed: Float64Array, domain: Rectangle) -> float:
@@ -185,7 +186,8 @@ def _row_max(values: Float64Array) -> Float64Array:
 
 
 def _masked_min(values: Float64Array, where: BoolArray, otherwise: float) -> Float64Array:
-    return np.where(where, values, otherwise).min(axis=1)
+    lowest: Float64Array = np.where(where, values, otherwise).min(axis=1)
+    return lowest
 
 
 def _box_area(box: Float64Array) -> float:

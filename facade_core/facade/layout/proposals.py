@@ -317,7 +317,9 @@ def _move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> t
 
 def _avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
-    return ~(pairwise_overlap(raw[:, 1:], box_array(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
+    conflicts = pairwise_overlap(raw[:, 1:], box_array(seen)) & ~may_overlap(raw[:, 0], other)
+    is_free: BoolArray = ~np.any(conflicts, axis=1)
+    return is_free
 
 
 def _unique_guesses(raw: Float64Array) -> Int64Array:

@@ -19,7 +19,8 @@ def _box_iou(p: Float64Array, q: Float64Array) -> float:
     h = min(p[3], q[3]) - max(p[1], q[1])
     if w <= 0 or h <= 0:
         return 0.0
-    return w * h / ((p[2] - p[0]) * (p[3] - p[1]) + (q[2] - q[0]) * (q[3] - q[1]) - w * h)
+    iou: float = w * h / ((p[2] - p[0]) * (p[3] - p[1]) + (q[2] - q[0]) * (q[3] - q[1]) - w * h)
+    return iou
 
 
 @njit(cache=True)
@@ -90,4 +91,5 @@ def may_overlap(a: NumericArray, b: IntArray) -> BoolArray:
     ----------
     a, b : (N,) and (M,) index into ELEMENT_CLASSES.
     """
-    return ((a[:, None] == WINDOW) & (b == BALCONY)) | ((a[:, None] == BALCONY) & (b == WINDOW))
+    are_allowed: BoolArray = ((a[:, None] == WINDOW) & (b == BALCONY)) | ((a[:, None] == BALCONY) & (b == WINDOW))
+    return are_allowed

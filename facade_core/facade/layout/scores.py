@@ -68,7 +68,8 @@ def score_terms(
 ) -> Float64Array:
     """Return the (10,) values of TERMS, summed or averaged over grids as the model demands."""
     total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
-    return total / np.maximum(count, 1) if model.averages_terms else total
+    terms: Float64Array = total / np.maximum(count, 1) if model.averages_terms else total
+    return terms
 
 
 def measure_elements(
@@ -82,7 +83,10 @@ def measure_elements(
     """
     kept = sorted({e for e in elements if e.label in ELEMENT_CLASSES}, key=lambda e: (e.label, e.y0, e.x0, e.y1, e.x1))
     box, label, grid = element_arrays(kept)
-    return measure_layout(box, label, grid, np.array(domain, float))
+    measures: tuple[Float64Array, Float64Array, Float64Array] = measure_layout(
+        box, label, grid, np.array(domain, float)
+    )
+    return measures
 
 
 def element_arrays(elements: Sequence[Element]) -> tuple[Float64Array, Int64Array, Int64Array]:

@@ -69,9 +69,11 @@ def cluster_lines(values: Float64Array, gap: float) -> tuple[Float64Array, Int64
 def _median(values: Float64Array) -> float:
     order = argsort_few(values)
     middle = len(values) // 2
+    upper: float = values[order[middle]]
     if len(values) % 2:
-        return values[order[middle]]
-    return (values[order[middle - 1]] + values[order[middle]]) / 2
+        return upper
+    mean: float = (values[order[middle - 1]] + upper) / 2
+    return mean
 
 
 @njit(cache=True)

@@ -71,4 +71,5 @@ def dilate_by_window(hidden: BoolArray, observed: Sequence[Element]) -> BoolArra
     size = np.array([(e.height, e.width) for e in observed if e.label == "window"]).reshape(-1, 2)
     if not len(size):
         return hidden
-    return maximum_filter(hidden, tuple((np.median(size, axis=0) * _WINDOW_REACH).astype(int) * 2 + 1))
+    dilated: BoolArray = maximum_filter(hidden, tuple((np.median(size, axis=0) * _WINDOW_REACH).astype(int) * 2 + 1))
+    return dilated

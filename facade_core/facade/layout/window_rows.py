@@ -109,10 +109,10 @@ def _continue_rows(
         other = windows[row == max(neighbours, key=lambda q: int((row == q).sum()))]
         mine = windows[row == r]
         low, high = float(np.median(mine[:, 1])), float(np.median(mine[:, 3]))
-        there = pairwise_overlap(
+        overlap = pairwise_overlap(
             np.column_stack([other[:, 0], np.full(len(other), low), other[:, 2], np.full(len(other), high)]), solid
         )
-        there = there.any(axis=1)
+        there = np.any(overlap, axis=1)
         if there.mean() < _MIN_NEIGHBOUR_SHARE:
             continue
         for x0, x1 in other[~there][:, [0, 2]].tolist():
@@ -181,7 +181,8 @@ def _find_missing_rows(
 def _interval_iou(sides: Float64Array, side: tuple[float, float]) -> Float64Array:
     """Return the (N,) intersection over union of intervals (N, 2) with one interval."""
     both = np.minimum(sides[:, 1], side[1]) - np.maximum(sides[:, 0], side[0])
-    return np.clip(both, 0, None) / (np.maximum(sides[:, 1], side[1]) - np.minimum(sides[:, 0], side[0]))
+    iou: Float64Array = np.clip(both, 0, None) / (np.maximum(sides[:, 1], side[1]) - np.minimum(sides[:, 0], side[0]))
+    return iou
 
 
 def min_window_gap(observed: Sequence[Element]) -> float:

@@ -127,7 +127,8 @@ def choose_door_position(
         and open_.covers(shapely.box(middle - reach, height - DOOR_SIZE_M[1], middle + reach, height - 0.05))
     ]
     if entrances and fits:
-        return min(fits, key=lambda middle: abs(middle - entrances[0]))
+        nearest: float = min(fits, key=lambda middle: abs(middle - entrances[0]))
+        return nearest
     inner = [middle for middle in fits if 0.2 * width < middle < 0.8 * width] or fits
     return inner[int(rng.integers(len(inner)))] if inner else None
 
@@ -187,7 +188,8 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
             & (down > upper - GROOVE_M)
             & (down < lower + GROOVE_M)
         )
-        return within & (np.minimum(side_distance, over) < GROOVE_M)
+        is_groove: BoolArray = within & (np.minimum(side_distance, over) < GROOVE_M)
+        return is_groove
 
     parts = [(0.18 * high, 0.5 * high), (0.58 * high, 0.92 * high)]
     if planked:
@@ -195,7 +197,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
     else:
         for upper, lower in parts:
             tone *= np.where(grooved(*inner, upper, lower), 0.68, 1.0)
-    door = tone[..., None] * colour
+    door: Float64Array = tone[..., None] * colour
     if glazed:
         (upper, lower) = parts[0]
         pane = (across > inner[0]) & (across < inner[1]) & (down > upper) & (down < lower)

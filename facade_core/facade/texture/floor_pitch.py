@@ -66,7 +66,8 @@ def _horizontal_lines(image: UInt8Array, mask: BoolArray) -> Float64Array:
         return np.empty((0, 3))
     x0, y0, x1, y1 = found.reshape(-1, 4).astype(float).T
     level = np.abs(y1 - y0) <= _MAX_SLOPE * np.abs(x1 - x0)
-    return np.stack([(y0 + y1) / 2, np.minimum(x0, x1), np.maximum(x0, x1)], 1)[level]
+    lines: Float64Array = np.stack([(y0 + y1) / 2, np.minimum(x0, x1), np.maximum(x0, x1)], 1)[level]
+    return lines
 
 
 def _find_pitch(lines: Float64Array, image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:

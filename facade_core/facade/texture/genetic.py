@@ -59,13 +59,14 @@ def evolve_tilings(
     (M, N) int32 tiling, and (generations + 1,) float64 lowest energies (Eq. 4).
     """
     children = POPULATION_SIZE - ELITE_SIZE
-    return _evolve(
+    evolved: tuple[Int32Array, Float64Array] = _evolve(
         tables,
         _NodeConstraints(rows.astype(np.int64), columns.astype(np.int64), frozen, usable),
         population.astype(np.int32),
         rng.random((generations, children // 2, _DRAWS_PER_PAIR)),
         rng.random((generations * children, 6)),
     )
+    return evolved
 
 
 @njit(cache=True)

@@ -30,7 +30,7 @@ def choose_sources(costs: SourceCosts, edges: Int64Array, rim_prices: Float32Arr
     Konushin & Vezhnevets 2007 (floors paper), section 3.2.2.
     """
     unary = costs.price + rim_prices
-    labels = unary.argmin(0)
+    labels: Int64Array = unary.argmin(0)
     for _ in range(EXPANSION_SWEEPS):
         changed = False
         for alpha in np.argsort(-np.bincount(labels, minlength=len(unary)), kind="stable"):

@@ -73,7 +73,8 @@ def _fit_translation(
     table = np.stack([np.repeat(shift, len(shift)), np.tile(shift, len(shift)), np.zeros(len(shift) ** 2, int)], 1)
     table = table[np.argsort(np.abs(table).sum(1), kind="stable")]
     errors = _mean_differences(image, known, where, about + table)
-    return about + table[int(np.argmin(errors))]
+    translation: Int64Array = about + table[int(np.argmin(errors))]
+    return translation
 
 
 @njit(cache=True)
@@ -188,5 +189,6 @@ def _copy_box(
 def _pictured_pixel(known: BoolArray, fitted: Int64Array, part: int, y: int, x: int) -> tuple[int, int]:
     """Return the pixel that a part shows at a position, part 0 being the known image; -1, -1 if none."""
     if part > 0:
-        return _source_pixel(known, fitted, part, y, x)
+        pixel: tuple[int, int] = _source_pixel(known, fitted, part, y, x)
+        return pixel
     return (y, x) if known[y, x] else (-1, -1)

@@ -324,4 +324,5 @@ def fit_sizes(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Arra
     room = total - sizes[~soft].sum()
     stretch = float(np.clip(room / sizes[soft].sum(), *_PIER_STRETCH))
     fitted = np.where(soft, sizes * stretch, sizes)
-    return fitted * (total / fitted.sum())
+    scaled: Float64Array = fitted * (total / fitted.sum())
+    return scaled

@@ -132,7 +132,8 @@ def _line_moments(image: Float32Array, known: BoolArray, axis: int) -> tuple[Flo
 def _expected_difference(moments: tuple[Float64Array, Float64Array], other: Int64Array) -> Float32Array:
     """Return the expected squared difference of any two pixels of a row and of the row other[row], (n,) float32."""
     mean, square = moments
-    return (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
+    expected: Float32Array = (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
+    return expected
 
 
 def _line_error(error: Float32Array, seen: Float32Array, axis: int, usual: Float32Array) -> Float32Array:
@@ -155,7 +156,8 @@ def _window_error(error: Float32Array, seen: Float32Array, side: int, usual: Flo
 
 
 def _shrink_to_prior(total: Float32Array, count: Float32Array, prior: float, usual: Float32Array) -> Float32Array:
-    return ((total + prior * usual) / (count + prior)).astype(np.float32)
+    shrunk: Float32Array = ((total + prior * usual) / (count + prior)).astype(np.float32)
+    return shrunk
 
 
 @njit(cache=True)

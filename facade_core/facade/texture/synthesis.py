@@ -131,4 +131,5 @@ def cell_borders(sizes: NumericArray, total: int) -> Int64Array:
     total : last border.
     """
     borders = np.concatenate([[0.0], np.cumsum(sizes)])
-    return np.rint(borders * (total / borders[-1])).astype(np.int64)
+    rounded: Int64Array = np.rint(borders * (total / borders[-1])).astype(np.int64)
+    return rounded

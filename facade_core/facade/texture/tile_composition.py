@@ -63,7 +63,9 @@ def compose_tiles(
     where = (source_rows, source_columns, tiles, rows, columns)
     right_start, lower_start = _find_seam_paths(colour, *where, max(1, round(MAX_SEAM_SHIFT_PX / reduction)))
     cell = _assign_cells(right_start, lower_start, rows, columns)
-    low = cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE)
+    low: Float32Array = np.asarray(
+        cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE), np.float32
+    )
     out = _render_faded(low, *where, max(1, round(_FADE_PX / reduction))) + _render_cells(colour - low, cell, *where)
     fine = _render_labels(labels, cell, full_rows, full_columns, tiles, rows, columns)
     return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
@@ -73,7 +75,8 @@ def compose_tiles(
 def _exemplar_position(position: int, cell: int, source: Float64Array, borders: Int64Array, tile: int) -> float:
     """Return the exemplar position, along one axis, of a position that a cell shows."""
     step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
-    return source[tile] + (position - borders[cell] + 0.5) * step
+    exemplar_position: float = source[tile] + (position - borders[cell] + 0.5) * step
+    return exemplar_position
 
 
 @njit(cache=True)

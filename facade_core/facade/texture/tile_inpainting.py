@@ -87,7 +87,8 @@ def _similar_contents(shares: FloatArray) -> BoolArray:
     classes).
     """
     flat = shares.reshape(len(shares), -1)
-    return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _MAX_LABEL_DIFFERENCE * shares.shape[1]
+    are_similar: BoolArray = np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _MAX_LABEL_DIFFERENCE * shares.shape[1]
+    return are_similar
 
 
 def _initial_tiling(

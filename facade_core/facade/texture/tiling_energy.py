@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.labels import CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
@@ -99,7 +99,8 @@ def label_histograms(labels: UInt8Array, rows: Int64Array, columns: Int64Array) 
     sums = np.add.reduceat(onehot.astype(np.float64), rows[:-1], axis=0)
     sums = np.add.reduceat(sums, columns[:-1], axis=1)
     area = np.diff(rows)[:, None] * np.diff(columns)[None, :]
-    return (sums / area[..., None]).reshape(-1, _LABEL_BINS)
+    histograms: Float64Array = (sums / area[..., None]).reshape(-1, _LABEL_BINS)
+    return histograms
 
 
 def _tile_kinds(labels: UInt8Array, rows: Int64Array, columns: Int64Array) -> tuple[Int32Array, Float32Array]:
@@ -159,7 +160,8 @@ def _photo_consistency(image: UInt8Array, rows: Int64Array, columns: Int64Array,
     grid = np.arange(height * width).reshape(height, width)
     squared[grid[:, :-1].ravel(), grid[:, 1:].ravel()] = 0.0
     distance = np.sqrt(squared)
-    return squared * np.float32(_exponent_scale(float(distance.max() - distance.min())))
+    consistency: Float32Array = squared * np.float32(_exponent_scale(float(distance.max() - distance.min())))
+    return consistency
 
 
 def _exemplar_windows(columns: Int64Array, seen: BoolArray) -> tuple[Int64Array, Int64Array]:
@@ -182,7 +184,8 @@ def _exemplar_windows(columns: Int64Array, seen: BoolArray) -> tuple[Int64Array,
 
 def _squared_distances(a: Float32Array, b: Float32Array) -> Float32Array:
     """Return squared Euclidean distances between rows, float32; no BLAS, since its sums depend on threads."""
-    return cdist(a, b, "sqeuclidean").astype(np.float32)
+    distances: Float32Array = cdist(a, b, "sqeuclidean").astype(np.float32)
+    return distances
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
@@ -254,7 +257,7 @@ def sum_costs(cost: Float64Array) -> float:
     return out
 
 
-def tiling_energy(tables: EnergyTables, tiles: IntArray) -> float:
+def tiling_energy(tables: EnergyTables, tiles: Int32Array) -> float:
     """Return Eq. 4 of a tiling: minus the log of the product of all constraint terms.
 
     Parameters

@@ -61,4 +61,5 @@ def tint_facade(
         # Frames keep their colour; pixels brighter than any interior count as frames.
         own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _MIN_FRAME_LIGHT))[..., None]
         light[at] = np.where(own, light[at] * pane.astype(np.float32)[:, None, None] * warm, light[at])
-    return np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
+    tinted: UInt8Array = np.clip(np.rint(image * light), 0, 255).astype(np.uint8)
+    return tinted

@@ -71,11 +71,13 @@ def correlate_masked(
     shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
 
     def forward(array: AnyArray) -> AnyArray:
-        return fft.rfft2(array.astype(np.float32), shape)
+        spectrum: AnyArray = fft.rfft2(array.astype(np.float32), shape)
+        return spectrum
 
     def correlate(first: AnyArray, second: AnyArray) -> Float32Array:
         whole = fft.irfft2(np.conj(first) * second, shape)
-        return np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
+        correlation: Float32Array = np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
+        return correlation
 
     ma, mb = forward(known_a), forward(known_b)
     product = correlate(forward(a * known_a), forward(b * known_b))
@@ -91,4 +93,5 @@ def _find_peaks(score: Float32Array, count: int) -> Int64Array:
     top = (score == cv2.dilate(score, np.ones((7, 7), np.uint8))) & (score > -1.0)
     at = np.argwhere(top)
     best = np.argsort(-score[top], kind="stable")[:count]
-    return at[best] - (height, width)
+    offsets: Int64Array = at[best] - (height, width)
+    return offsets

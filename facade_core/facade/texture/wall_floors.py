@@ -166,7 +166,8 @@ def _limit_heights(heights: Float64Array) -> Float64Array:
     if not low <= mean <= high or not off.any():
         return heights
     room = np.where(off > 0, high - mean, mean - low)
-    return mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
+    limited: Float64Array = mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
+    return limited
 
 
 def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float) -> tuple[float, ...]:

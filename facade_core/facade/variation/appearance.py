@@ -24,7 +24,8 @@ def project_patches(patches: Float32Array) -> Float64Array:
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     flat -= flat.mean(axis=0)
     values, vectors = np.linalg.eigh(flat @ flat.T)
-    return (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :PRINCIPAL_COMPONENTS]
+    components: Float64Array = (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :PRINCIPAL_COMPONENTS]
+    return components
 
 
 def relabelling_cost(representatives: Float64Array) -> Float64Array:
@@ -36,4 +37,5 @@ def relabelling_cost(representatives: Float64Array) -> Float64Array:
     """
     ssd = np.array([((representatives - row) ** 2).sum(axis=1) for row in representatives])
     ssd = ssd.reshape(len(representatives), len(representatives))
-    return (ssd / max(ssd.max(initial=0), 1e-12)) ** 3
+    cost: Float64Array = (ssd / max(ssd.max(initial=0), 1e-12)) ** 3
+    return cost

@@ -15,6 +15,7 @@ import numpy as np
 
 from facade_core.core.arrays import FloatArray, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
 
 _FORMAT = "streetloom variation 3"
@@ -110,7 +111,7 @@ def _expand_runs(runs: Sequence[int], shape: tuple[int, ...]) -> Int32Array:
     return np.repeat(np.array(runs[::2], np.int32), runs[1::2]).reshape(shape)
 
 
-def _read_group(header: dict) -> ElementGroup:
+def _read_group(header: JsonObject) -> ElementGroup:
     number = len(header["boxes"])
     return ElementGroup(
         header["label"],

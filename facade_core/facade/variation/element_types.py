@@ -64,7 +64,8 @@ def compute_descriptors(patches: Float32Array, visible: BoolArray) -> Float64Arr
         whole[:] = cv2.resize(in_view.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
     flat = fill_from_similar(values, known).reshape(len(patches), -1).astype(np.float64)
     left, strength, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
-    return (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
+    descriptors: Float64Array = (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
+    return descriptors
 
 
 def fill_from_similar(values: Float32Array, known: BoolArray) -> Float32Array:
@@ -150,7 +151,8 @@ def _separate_types(points: Float64Array, clear: float) -> IntArray:
         members = types == t
         if members.sum() >= _MIN_SPLIT_SIZE:
             parts[members] = _separate_types(points[members], _MIN_SPLIT_SILHOUETTE)
-    return np.unique(types * (len(types) + 1) + parts, return_inverse=True)[1]
+    separated: IntArray = np.unique(types * (len(types) + 1) + parts, return_inverse=True)[1]
+    return separated
 
 
 def _order_by_frequency(types: IntArray) -> Int32Array:
@@ -171,7 +173,8 @@ def mean_shift(points: Float64Array, width: float) -> Int32Array:
     -------
     (N,) int32 clusters, the largest first.
     """
-    return _find_modes(np.ascontiguousarray(points, np.float64), float(width))
+    modes: Int32Array = _find_modes(np.ascontiguousarray(points, np.float64), float(width))
+    return modes
 
 
 @njit(cache=True)

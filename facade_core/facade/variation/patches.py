@@ -72,7 +72,10 @@ def align_boxes(image: UInt8Array, box: Int32Array, size: tuple[int, int]) -> In
         template = np.mean([windows[s][i] for i, s in enumerate(best)], axis=0)
         template -= template.mean()
         best = np.stack([np.einsum("nayx,ayx->n", w, template) for w in windows]).argmax(axis=0)
-    return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2)
+    aligned: IntArray = box + np.tile(
+        np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2
+    )
+    return aligned
 
 
 def cut_patches(image: UInt8Array | Float32Array, box: IntArray, size: tuple[int, int]) -> Float32Array:
@@ -95,7 +98,8 @@ def crop_box(image: UInt8Array, box: IntArray) -> Float32Array:
     """Crop a box (4,) with its margin at its own size, (h, w, 3) float32; border pixels repeat beyond the image."""
     rows = np.clip(np.arange(box[1] - PATCH_MARGIN_PX, box[3] + PATCH_MARGIN_PX), 0, image.shape[0] - 1)
     columns = np.clip(np.arange(box[0] - PATCH_MARGIN_PX, box[2] + PATCH_MARGIN_PX), 0, image.shape[1] - 1)
-    return image[rows[:, None], columns].astype(np.float32)
+    cropped: Float32Array = image[rows[:, None], columns].astype(np.float32)
+    return cropped
 
 
 def _cut_with_margin(
@@ -147,7 +151,8 @@ def relative_light(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Floa
     (x0, y0), (x1, y1) = np.clip(box[:, :2] - reach, 0, limit).T, np.clip(box[:, 2:] + reach, 0, limit).T
 
     def over(sums: Int32Array) -> Int32Array:
-        return sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0]
+        total: Int32Array = sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0]
+        return total
 
     pixels = over(sums[1])
     mean = over(sums[0]) / np.maximum(pixels, 1)

@@ -103,4 +103,5 @@ def _longest_edge_direction(outline: Polygon) -> Float64Array:
     """Return the direction (2,) of the longest edge of an outline."""
     edges = np.diff(np.asarray(outline.exterior.coords), axis=0)
     longest = edges[np.argmax(np.hypot(*edges.T))]
-    return longest / np.hypot(*longest)
+    direction: Float64Array = longest / np.hypot(*longest)
+    return direction

@@ -217,7 +217,10 @@ def _step_outwards(edge: RoofEdge, corner: Float64Array, step: Float64Array) -> 
     """Return a corner of an edge moved by a step (2,) on the plane of its overhang."""
     run = edge.end - edge.start
     climb = run[2] / np.hypot(*run[:2])
-    return corner + np.array([*step, climb * (step @ edge.direction) - _overhang_slope(edge) * (step @ edge.outward)])
+    outer: Float64Array = corner + np.array(
+        [*step, climb * (step @ edge.direction) - _overhang_slope(edge) * (step @ edge.outward)]
+    )
+    return outer
 
 
 def _append_strips(roof: Facets, strips: Float64Array, facet: Int64Array, normals: Float64Array) -> Facets:

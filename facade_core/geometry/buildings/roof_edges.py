@@ -53,7 +53,8 @@ class RoofEdge(NamedTuple):
     def direction(self) -> Float64Array:
         """Return the horizontal direction (2,) from start to end."""
         run = (self.end - self.start)[:2]
-        return run / np.hypot(*run)
+        unit: Float64Array = run / np.hypot(*run)
+        return unit
 
     @property
     def outward(self) -> Float64Array:

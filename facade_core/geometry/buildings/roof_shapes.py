@@ -87,7 +87,8 @@ def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygo
         return None
 
     def rise(xy: Float64Array) -> Float64Array:
-        return np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
+        rise: Float64Array = np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
+        return rise
 
     return _shell(_plane_regions(footprint, planes, centre), rise, footprint, base, eaves)
 
@@ -199,7 +200,8 @@ def _rectangle_planes(
             else np.array([np.sin(np.radians(roof.direction)), np.cos(np.radians(roof.direction))])
         )
         reach = corners @ fall
-        return np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
+        single_plane: Float64Array = np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
+        return single_plane
 
     def side(normal: Float64Array, half: float, rise: float, run: float, start: float = 0.0) -> Float64Array:
         """Return the plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
@@ -299,7 +301,8 @@ def _plane_regions(footprint: Polygon, planes: Float64Array, centre: Float64Arra
     lines = [footprint.boundary, *(LineString(ridge + centre) for ridge in ridges if ridge is not None)]
     noded = shapely.union_all(lines, grid_size=GRID_M)
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
-    return faces[shapely.contains(footprint, shapely.point_on_surface(faces))]
+    regions: ObjectArray = faces[shapely.contains(footprint, shapely.point_on_surface(faces))]
+    return regions
 
 
 def _ridge(planes: Float64Array, i: int, j: int, reach: float) -> Float64Array | None:

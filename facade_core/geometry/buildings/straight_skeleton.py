@@ -85,7 +85,7 @@ class EdgeSlabs:
         pair = one != other
         one, other = one[pair], other[pair]
         lower = shapely.intersection(slabs[other], self._below(other, one))
-        faces = slabs.copy()
+        faces: ObjectArray = slabs.copy()
         for edge in range(len(slabs)):
             faces[edge] = shapely.difference(slabs[edge], shapely.union_all(lower[one == edge]))
         return faces
@@ -95,7 +95,8 @@ class EdgeSlabs:
         size = self.outline.length
         foot = self.start + depth * self.inward
         ends = np.stack([foot - size * self.along, foot + (self.length[:, None] + size) * self.along], axis=1)
-        return shapely.intersection(shapely.linestrings(ends), faces)
+        contours: ObjectArray = shapely.intersection(shapely.linestrings(ends), faces)
+        return contours
 
     def _below(self, low: Int64Array, high: Int64Array) -> ObjectArray:
         """Return large half planes (k,) in which the planes of edges `low` (k,) are below those of edges `high` (k,)."""
@@ -113,7 +114,8 @@ class EdgeSlabs:
         foot = np.clip(foot, -size, size)[:, None] * normal + middle
         ring = np.stack([foot - size * side, foot + size * side], axis=1)
         ring = np.concatenate([ring, ring[:, ::-1] - 2 * size * normal[:, None]], axis=1)
-        return shapely.polygons(ring)
+        polygons: ObjectArray = shapely.polygons(ring)
+        return polygons
 
 
 def _cut_traces(stop: Float64Array, foot: Float64Array, reach: float) -> Float64Array:
@@ -159,7 +161,7 @@ def _true_corners(ring: Float64Array) -> Float64Array:
     """Return a ring without its straight corners."""
     back, ahead = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     sine = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    kept = ring[np.abs(sine) > MIN_CORNER_SINE * np.hypot(*back.T) * np.hypot(*ahead.T)]
+    kept: Float64Array = ring[np.abs(sine) > MIN_CORNER_SINE * np.hypot(*back.T) * np.hypot(*ahead.T)]
     if len(kept) < 3:
         raise GeometryError("an outline has no corners")
     return kept

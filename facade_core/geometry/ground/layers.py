@@ -57,14 +57,16 @@ def join_carriageways(roads: Sequence[Way]) -> tuple[shapely.Geometry, shapely.G
 def _is_junction(way: Way, other: Way, place: shapely.Point) -> bool:
     """Return whether two roads that meet at a place form an angle."""
     one, two = (_direction_at(line, place) for line in (way.line, other.line))
-    return abs(one[0] * two[1] - one[1] * two[0]) > 0.5
+    is_turning: bool = abs(one[0] * two[1] - one[1] * two[0]) > 0.5
+    return is_turning
 
 
 def _direction_at(line: LineString, place: shapely.Point) -> Float64Array:
     along = line.project(place)
     low, high = max(along - 3.0, 0.0), min(along + 3.0, line.length)
     ends = shapely.get_coordinates(shapely.line_interpolate_point(line, [low, high]))
-    return (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
+    direction: Float64Array = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
+    return direction
 
 
 def ground_layers(

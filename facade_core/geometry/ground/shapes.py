@@ -293,7 +293,8 @@ def _road_distances(points: Float64Array, frames: Float64Array) -> Float64Array:
     """Return distances (n, f) of points (n, 2) from road segments, less half their widths."""
     off = points[:, None] - frames[:, :2]
     run = np.clip((off * frames[:, 2:4]).sum(axis=2), 0, frames[:, 4])
-    return np.linalg.norm(off - run[..., None] * frames[:, 2:4], axis=2) - frames[:, 5]
+    distances: Float64Array = np.linalg.norm(off - run[..., None] * frames[:, 2:4], axis=2) - frames[:, 5]
+    return distances
 
 
 def _list_marks(low: Float64Array, rows: Float64Array) -> tuple[Int64Array, Float64Array]:

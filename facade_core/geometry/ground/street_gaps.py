@@ -144,12 +144,14 @@ def _voronoi_edges(points: Float64Array, free: BaseGeometry) -> Float64Array:
     inside[inside] = shapely.contains_xy(free, vertices[inside])
     ends = ends[inside[ends].all(axis=1)]
     ends = ends[(vertices[ends[:, 0]] != vertices[ends[:, 1]]).any(axis=1)]
-    return np.column_stack([vertices, clearance])[ends]
+    edges: Float64Array = np.column_stack([vertices, clearance])[ends]
+    return edges
 
 
 def _merge_pieces(pieces: ObjectArray) -> ObjectArray:
     """Join pieces wherever exactly two meet."""
-    return shapely.get_parts(shapely.line_merge(shapely.multilinestrings(pieces)))
+    merged: ObjectArray = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(pieces)))
+    return merged
 
 
 def _branch_nodes(branches: ObjectArray) -> tuple[Float64Array, Int64Array]:
@@ -241,7 +243,8 @@ def _start_direction(path: Float64Array, distance: float) -> Float64Array:
     """Return the unit vector from the start of a path to its point at most `distance` metres on."""
     line = LineString(path)
     ahead = shapely.get_coordinates(line.interpolate(min(distance, line.length / 2)))[0] - path[0]
-    return ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    direction: Float64Array = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    return direction
 
 
 def _chain_paths(paths: list[Float64Array], ends: Int64Array, partner: Int64Array) -> list[LineString]:

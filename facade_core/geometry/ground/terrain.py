@@ -62,7 +62,8 @@ class Terrain:
         # interpolation by differences keeps equal heights exact
         south = self.heights[j, i] + fu * (self.heights[j, right] - self.heights[j, i])
         north = self.heights[up, i] + fu * (self.heights[up, right] - self.heights[up, i])
-        return south + fv * (north - south)
+        height: Float64Array = south + fv * (north - south)
+        return height
 
     def lowest_along(self, outline: Polygon) -> float:
         """Return the lowest ground along an outline in metres."""

@@ -47,7 +47,8 @@ class SquareAgreement(NamedTuple):
 
     def find_unconfirmed_squares(self, view: int) -> BoolArray:
         """Return the squares (r, c) bool that only this view shows."""
-        return self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
+        is_unconfirmed: BoolArray = self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
+        return is_unconfirmed
 
 
 def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreement:

@@ -105,4 +105,5 @@ def _drop_small_pieces(is_visible: BoolArray, density: float) -> BoolArray:
     # replicated border: a piece that the raster's border cuts continues on the next chart
     padded = cv2.copyMakeBorder(is_visible.astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
     opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, narrow)[side:-side, side:-side] > 0
-    return remove_small_objects(opened & is_visible, max_size=round(MIN_PIECE_M2 * density**2))
+    kept: BoolArray = remove_small_objects(opened & is_visible, max_size=round(MIN_PIECE_M2 * density**2))
+    return kept

@@ -163,7 +163,10 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Fl
     system = vstack([matrix, damping]).tocsc()
     right = np.vstack([*ratios, np.zeros((n, 3))])
     solution = np.column_stack([spsolve((system.T @ system).tocsc(), system.T @ right[:, band]) for band in range(3)])
-    return np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
+    factors: Float64Array = (
+        np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
+    )
+    return factors
 
 
 def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Array, Float64Array] | None:

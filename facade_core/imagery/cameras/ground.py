@@ -137,7 +137,8 @@ def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:
     across, down = charts.axis_u[chart][:2], charts.axis_v[chart][:2]
     east = corner[0] + across[0] * x[None] + down[0] * y[:, None]
     north = corner[1] + across[1] * x[None] + down[1] * y[:, None]
-    return np.hypot(east, north).astype(np.float32)
+    distance: Float32Array = np.hypot(east, north).astype(np.float32)
+    return distance
 
 
 def _equalised_ground_colour(camera: PanoramaCamera) -> tuple[Float64Array, Float64Array] | None:

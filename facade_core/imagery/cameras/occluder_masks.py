@@ -161,7 +161,8 @@ def _view_rotation(heading: float, down: float) -> Float64Array:
     # `basis` expects world axes: right, ahead, up
     level = upright_rotation(forward) @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     tilt = np.array([[1, 0, 0], [0, np.cos(down), -np.sin(down)], [0, np.sin(down), np.cos(down)]])
-    return tilt @ level
+    rotation: Float64Array = tilt @ level
+    return rotation
 
 
 def _render_view(image: UInt8Array, pose: Pose, rotation: Float64Array, focal: float) -> tuple[UInt8Array, BoolArray]:

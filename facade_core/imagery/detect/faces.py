@@ -92,4 +92,5 @@ def box_ious(box: Float32Array, others: Float32Array) -> Float32Array:
     low, high = np.maximum(box[:2], others[:, :2]), np.minimum(box[2:], others[:, 2:])
     shared = np.prod(np.maximum(high - low, 0), axis=1)
     areas = np.prod(others[:, 2:] - others[:, :2], axis=1)
-    return shared / np.maximum(np.prod(box[2:] - box[:2]) + areas - shared, 1e-9)
+    ious: Float32Array = shared / np.maximum(np.prod(box[2:] - box[:2]) + areas - shared, 1e-9)
+    return ious

@@ -29,4 +29,5 @@ def split_tiles(image: UInt8Array, side: int, overlap: int) -> Iterator[tuple[UI
 
 def _tile_starts(length: int, side: int, overlap: int) -> list[int]:
     count = max(1, -(-(length - overlap) // (side - overlap)))
-    return np.linspace(0, max(0, length - side), count).round().astype(int).tolist()
+    starts: list[int] = np.linspace(0, max(0, length - side), count).round().astype(int).tolist()
+    return starts

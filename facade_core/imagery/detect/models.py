@@ -6,9 +6,13 @@ import functools
 import hashlib
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from facade_core.core.errors import ModelError
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
 
 FACE_MODEL = "faces"
 LINE_MODEL = "lines"
@@ -43,7 +47,7 @@ def models_digest() -> str:
 
 
 @functools.cache
-def model_session(model: str) -> Any:
+def model_session(model: str) -> InferenceSession:
     """Open a model in onnxruntime.
 
     Raises
@@ -85,4 +89,5 @@ def _free_image_size(content: bytes) -> bytes:
     for value in (model.graph.input[0], *model.graph.output):
         for axis in (0, 2, 3):
             value.type.tensor_type.shape.dim[axis].dim_param = f"{value.name}_{axis}"
-    return model.SerializeToString()
+    serialised: bytes = model.SerializeToString()
+    return serialised

@@ -91,9 +91,10 @@ class BundleAdjustment:
 
     def match_distances(self, matches: PatchMatches, change: Float64Array) -> Float64Array:
         """Compute the distance (k,) in metres between the two positions of each patch on its wall."""
-        return np.linalg.norm(
+        distances: Float64Array = np.linalg.norm(
             self._wall_positions(matches, change, 0) - self._wall_positions(matches, change, 1), axis=1
         )
+        return distances
 
     def _wall_positions(self, matches: PatchMatches, change: Float64Array, side: int) -> Float64Array:
         """Positions (k, 2) in metres of patches on their walls, as one side of each pair sees them."""
@@ -106,7 +107,8 @@ class BundleAdjustment:
         place = (self._positions + change[:, :3])[camera]
         depth = np.einsum("ki,ki->k", origin - place, normal) / np.einsum("ki,ki->k", direction, normal)
         axes = np.stack([charts.axis_u[matches.chart], charts.axis_v[matches.chart]], axis=1)
-        return np.einsum("kai,ki->ka", axes, place + depth[:, None] * direction - origin)
+        positions: Float64Array = np.einsum("kai,ki->ka", axes, place + depth[:, None] * direction - origin)
+        return positions
 
     def _add_matches(
         self, matches: PatchMatches, change: Float64Array, normal: Float64Array, right: Float64Array

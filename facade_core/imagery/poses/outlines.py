@@ -162,7 +162,8 @@ def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
     _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
     single = np.sort(first[count == 1])
     _, once = np.unique(pair[single], axis=0, return_index=True)  # edges that two surfaces share, once
-    return sides[single[np.sort(once)]]
+    edges: Float64Array = sides[single[np.sort(once)]]
+    return edges
 
 
 def _visible_outline(

@@ -68,7 +68,7 @@ class WallLines:
         """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3,
         3)."""
         along = np.cross(self.plane @ turn.T, self.wall)
-        return (
+        slopes: Float64Array = (
             np.degrees(
                 np.arctan2(
                     np.einsum("ij,ij->i", np.cross(self.axis, along), self.wall),
@@ -79,6 +79,7 @@ class WallLines:
             % 180
             - 90
         )
+        return slopes
 
 
 def detect_wall_lines(scene: Scene, image: UInt8Array, pose: Pose) -> WallLines:

@@ -123,7 +123,8 @@ def _changed_cells(logit: Float32Array, both: BoolArray, size: tuple[int, int], 
     _, parts, boxes, _ = cv2.connectedComponentsWithStats(((smooth > 0) & both).astype(np.uint8))
     large = boxes[:, cv2.CC_STAT_AREA] * cell**2 >= MIN_CHANGE_M2
     large[0] = False
-    return large[parts]
+    is_changed: BoolArray = large[parts]
+    return is_changed
 
 
 def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[Float32Array, BoolArray]:
@@ -241,7 +242,8 @@ def _edge_field(tone: Float32Array) -> Float32Array:
     field = (
         np.stack([cv2.Sobel(tone, cv2.CV_32F, 1, 0, ksize=3), cv2.Sobel(tone, cv2.CV_32F, 0, 1, ksize=3)], axis=2) / 8
     )
-    return field / (np.linalg.norm(field, axis=2, keepdims=True) + NOISE_CONTRAST)
+    edge_field: Float32Array = field / (np.linalg.norm(field, axis=2, keepdims=True) + NOISE_CONTRAST)
+    return edge_field
 
 
 def _shift_score(

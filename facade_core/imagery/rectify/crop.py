@@ -142,4 +142,5 @@ def _touching_border(outside: BoolArray) -> BoolArray:
     for edge in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
         reaches[edge] = True
     reaches[0] = False
-    return reaches[parts]
+    is_touching: BoolArray = reaches[parts]
+    return is_touching

@@ -186,12 +186,13 @@ def _exposure_gains(colour: Float32Array, clear: BoolArray, quality: Float32Arra
     reference = int(quality.argmax())
     is_reachable = _reachable_views(np.array(equations) != 0, reference)
     gain = np.exp(solution - np.where(is_reachable[:, None], solution[reference], 0))
-    return np.clip(gain, *GAIN_RANGE)
+    gains: Float64Array = np.clip(gain, *GAIN_RANGE)
+    return gains
 
 
 def _reachable_views(pairs: BoolArray, start: int) -> BoolArray:
     """Views (n,) bool that pairs (k, n) bool connect to a start view, directly or through others."""
-    reached = np.arange(pairs.shape[1]) == start
+    reached: BoolArray = np.arange(pairs.shape[1]) == start
     for _ in range(pairs.shape[1]):
         reached = reached | pairs[(pairs & reached).any(axis=1)].any(axis=0)
     return reached
@@ -208,7 +209,8 @@ def _unary_costs(colour: FloatArray, seen: Float32Array, clear: Float32Array, qu
             axis=2
         )
     visibility_cost = (1 - seen) * UNSEEN_COST + (seen - clear) * OCCLUDED_COST
-    return loss + OUTLIER_COST * np.nan_to_num(outlier) + visibility_cost - visibility_cost.min(axis=0)
+    costs: FloatArray = loss + OUTLIER_COST * np.nan_to_num(outlier) + visibility_cost - visibility_cost.min(axis=0)
+    return costs
 
 
 def _fill_unseen(colour: FloatArray, seen: Float32Array) -> FloatArray:
@@ -221,7 +223,7 @@ def _fill_unseen(colour: FloatArray, seen: Float32Array) -> FloatArray:
 
 def _alpha_expansion(unary: FloatArray, colour: FloatArray) -> IntArray:
     """Labels (r, c) int8 of low unary cost (n, r, c) and colour difference (n, r, c, 3) along seams."""
-    label = unary.argmin(axis=0).astype(np.int8)
+    label: IntArray = unary.argmin(axis=0).astype(np.int8)
     best = _energy(unary, colour, label)
     for _ in range(MAX_SWEEPS):
         previous = best
@@ -258,7 +260,8 @@ def _expansion_move(unary: FloatArray, colour: FloatArray, label: IntArray, view
     low = np.minimum(stay, turn)
     graph.add_grid_tedges(nodes, turn - low, stay - low)
     graph.maxflow()
-    return graph.get_grid_segments(nodes)
+    is_moved: BoolArray = graph.get_grid_segments(nodes)
+    return is_moved
 
 
 def _neighbour_slices(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
@@ -278,7 +281,8 @@ def _seam_costs(colour: FloatArray, label: IntArray, other: IntArray, axis: int)
     a, b = label[near], other[far]
     at_near, at_far = colour[(slice(None), *near)], colour[(slice(None), *far)]
     difference = sum(np.abs(_select_label(c, a) - _select_label(c, b)).mean(axis=2) for c in (at_near, at_far))
-    return (a != b) * (SEAM_COST + SEAM_DIFFERENCE_COST / 2 * difference)
+    costs: Float64Array = (a != b) * (SEAM_COST + SEAM_DIFFERENCE_COST / 2 * difference)
+    return costs
 
 
 def _energy(unary: FloatArray, colour: FloatArray, label: IntArray) -> float:

@@ -63,7 +63,8 @@ def no_data_mask(image: UInt8Array) -> BoolArray:
 
 def _is_gateway(stats: Int32Array, height: int) -> bool:
     _, top, wide, high, area = stats.tolist()
-    return 0 < top == height - high and high > wide and area >= MIN_GATEWAY_FILL * wide * high
+    is_gateway: bool = 0 < top == height - high and high > wide and area >= MIN_GATEWAY_FILL * wide * high
+    return is_gateway
 
 
 def _is_warped(image: UInt8Array, part: UInt8Array) -> bool:

@@ -313,7 +313,8 @@ def _are_points_visible(scene: Scene, chart: int, origin: Float64Array, rays: Fl
     reached, hit = scene.caster.cast(origin, rays)
     surface = scene.charts.surface
     is_own = (hit >= 0) & (surface[hit] == surface[chart])
-    return is_own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
+    is_visible: BoolArray = is_own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
+    return is_visible
 
 
 def _sample_points(scene: Scene, chart: int) -> Float64Array:
@@ -327,4 +328,7 @@ def _sample_points(scene: Scene, chart: int) -> Float64Array:
     offset = points[:, None, None] - flat
     side = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
     inside = ((side >= 0).all(axis=2) | (side <= 0).all(axis=2)).any(axis=1)
-    return charts.origin[chart] + points[inside] @ np.stack([charts.axis_u[chart], charts.axis_v[chart]])
+    positions: Float64Array = charts.origin[chart] + points[inside] @ np.stack(
+        [charts.axis_u[chart], charts.axis_v[chart]]
+    )
+    return positions

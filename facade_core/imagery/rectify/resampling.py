@@ -192,7 +192,8 @@ def compute_footprints(
 @njit(cache=True, nogil=True)
 def _shortest_difference(difference: float, turn: float) -> float:
     """Difference of columns, the short way round."""
-    return difference - turn * np.round(difference / turn)
+    shortest: float = difference - turn * np.round(difference / turn)
+    return shortest
 
 
 @njit(cache=True, nogil=True)

@@ -116,13 +116,15 @@ def is_upright(rotation: Float64Array) -> bool:
 
 def undistort(points: Float64Array, distortion: float) -> Float64Array:
     """Remove radial distortion from points (..., 2)."""
-    return points / (1 + distortion * (points**2).sum(axis=-1, keepdims=True))
+    undistorted: Float64Array = points / (1 + distortion * (points**2).sum(axis=-1, keepdims=True))
+    return undistorted
 
 
 def distort(points: Float64Array, distortion: float) -> Float64Array:
     """Apply radial distortion to points (..., 2), the inverse of `undistort`."""
     square = (points**2).sum(axis=-1, keepdims=True)
-    return points * 2 / (1 + np.sqrt(np.maximum(1 - 4 * distortion * square, 0.0)))
+    distorted: Float64Array = points * 2 / (1 + np.sqrt(np.maximum(1 - 4 * distortion * square, 0.0)))
+    return distorted
 
 
 def camera_angles(rotation: Float64Array) -> tuple[float, float, float]:
@@ -178,14 +180,16 @@ def _agreement_scores(
         axis=1, keepdims=True
     )
     level = _agreement(_angles(segments, _horizontal_directions(down, yaws) * scale), tolerance) - mean_level
-    return lengths @ np.maximum(vertical, level)
+    scores: Float64Array = lengths @ np.maximum(vertical, level)
+    return scores
 
 
 def _horizontal_directions(down: Float64Array, yaws: Float64Array) -> Float64Array:
     """Directions (k, 3) orthogonal to down, rotated about it by yaws (k,) from the camera's right."""
     level = np.array([1.0, 0.0, 0.0]) - down[0] * down
     level /= np.linalg.norm(level)
-    return np.cos(yaws)[:, None] * level + np.sin(yaws)[:, None] * np.cross(level, down)
+    directions: Float64Array = np.cos(yaws)[:, None] * level + np.sin(yaws)[:, None] * np.cross(level, down)
+    return directions
 
 
 def _vertical_candidates(segments: Float64Array, lengths: Float64Array) -> Float64Array:
@@ -196,7 +200,7 @@ def _vertical_candidates(segments: Float64Array, lengths: Float64Array) -> Float
     ends = np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2)
     lines = np.cross(ends[:, 0], ends[:, 1])
     lines /= np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
-    points = np.cross(lines[pairs[:, 0]], lines[pairs[:, 1]])
+    points: Float64Array = np.cross(lines[pairs[:, 0]], lines[pairs[:, 1]])
     points = points[np.linalg.norm(points, axis=1) > 1e-9]
     points /= np.linalg.norm(points, axis=1, keepdims=True) * np.where(points[:, 1:2] < 0, -1.0, 1.0)
     # only points far above or below, as the limits of the pitch require
@@ -228,12 +232,14 @@ def _angles(segments: Float64Array, points: Float64Array) -> Float64Array:
     x, y, w = points[..., 0], points[..., 1], points[..., 2]
     to_x, to_y = x - middle[:, :1] * w, y - middle[:, 1:] * w
     sine = step[:, :1] * to_y - step[:, 1:] * to_x
-    return np.arcsin(np.clip(sine / np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-12), -1.0, 1.0))
+    angles: Float64Array = np.arcsin(np.clip(sine / np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-12), -1.0, 1.0))
+    return angles
 
 
 def _vanishing_points(rotation: Float64Array, focal: float) -> Float64Array:
     """Homogeneous vanishing points (2, 3) of the facade's right and down."""
-    return rotation[:, :2].T * np.array([focal, focal, 1.0])
+    points: Float64Array = rotation[:, :2].T * np.array([focal, focal, 1.0])
+    return points
 
 
 def _assign_families(segments: Float64Array, camera: FacadeCamera, tolerance: float) -> AnyArray:

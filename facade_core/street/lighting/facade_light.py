@@ -61,7 +61,8 @@ def relight_facade(
 @njit(cache=True, inline="always")
 def _bilinear(grid: Float32Array, row: int, column: int, down: float, right: float) -> float:
     upper = grid[row, column] * (1 - right) + grid[row, column + 1] * right
-    return upper * (1 - down) + (grid[row + 1, column] * (1 - right) + grid[row + 1, column + 1] * right) * down
+    light: float = upper * (1 - down) + (grid[row + 1, column] * (1 - right) + grid[row + 1, column + 1] * right) * down
+    return light
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

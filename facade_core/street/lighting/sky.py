@@ -36,7 +36,10 @@ def sky_colour(up: Float64Array) -> Float64Array:
     """
     share = np.clip(up, 0.0, 1.0)[..., None] ** 0.55
     below = np.clip(-80 * up, 0.0, 1.0)[..., None]
-    return HORIZON_COLOUR + (ZENITH_COLOUR - HORIZON_COLOUR) * share + (LAND_COLOUR - HORIZON_COLOUR) * below
+    colour: Float64Array = (
+        HORIZON_COLOUR + (ZENITH_COLOUR - HORIZON_COLOUR) * share + (LAND_COLOUR - HORIZON_COLOUR) * below
+    )
+    return colour
 
 
 def backdrop_colour(rays: Float64Array) -> Float64Array:

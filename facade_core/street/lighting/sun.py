@@ -45,7 +45,8 @@ def sun_disk_rays(sun: Sun) -> Float64Array:
     rays = (
         towards + np.outer(radius * np.cos(angle), right) + np.outer(radius * np.sin(angle), np.cross(right, towards))
     )
-    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    directions: Float64Array = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return directions
 
 
 def sunlight_share(scene: Scene, chart: int, sun: Sun) -> Float32Array:

@@ -210,7 +210,8 @@ def _averaged_table(table: Float64Array, sd: float) -> Float64Array:
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
     value = sd * (np.arange(256) - 128)[:, None] + within * VALUES_PER_SD * nodes
-    return np.interp(value, np.arange(256) - 128, table) @ (weights / weights.sum())
+    averaged: Float64Array = np.interp(value, np.arange(256) - 128, table) @ (weights / weights.sum())
+    return averaged
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

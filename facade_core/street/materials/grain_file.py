@@ -9,7 +9,6 @@ import zipfile
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ EXAMPLE_FORMAT = 1
 _REMEDY = "fetch both files again or run `streetloom train materials`"
 
 
-def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: Any) -> None:
+def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: object) -> None:
     """Write the examples of all `EXAMPLE_NAMES` and a record with checksum and details."""
     ordered = [examples[name] for name in EXAMPLE_NAMES]
     arrays = {field: np.array([getattr(example, field) for example in ordered]) for field in GrainExample._fields}

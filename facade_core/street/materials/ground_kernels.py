@@ -73,7 +73,8 @@ def signed_distance(px: float, py: float, edges: Float64Array, first: int, last:
         # two edges share the nearest corner: take the one with the larger lateral distance
         if squared < best - 1e-9 or (squared < best + 1e-9 and abs(left) > lateral):
             best, lateral, sign = min(squared, best), abs(left), -1.0 if left > 0 else 1.0
-    return sign * np.sqrt(best)
+    distance: float = sign * np.sqrt(best)
+    return distance
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -358,7 +359,8 @@ def _line_distance(px: float, py: float, frames: Float64Array, f: int) -> float:
     past = qx * frames[f, 2] + qy * frames[f, 3]
     past -= min(max(past, 0.0), frames[f, 4])
     left = frames[f, 2] * qy - frames[f, 3] * qx
-    return np.sqrt(past * past + left * left)
+    distance: float = np.sqrt(past * past + left * left)
+    return distance
 
 
 @njit(cache=True, error_model="numpy")
@@ -368,5 +370,7 @@ def _mark_share(px: float, py: float, wide: float, marks: Float64Array, m: int) 
     run, off = qx * marks[m, 2] + qy * marks[m, 3], qy * marks[m, 2] - qx * marks[m, 3]
     if marks[m, 7] > 0:
         past = run - min(max(run, 0.0), length)
-        return min(max(0.5 - (np.sqrt(past * past + off * off) - half) / wide, 0.0), 1.0)
-    return _overlap_share(-half, half, off, wide) * _overlap_share(0.0, length, run, wide)
+        round_share: float = min(max(0.5 - (np.sqrt(past * past + off * off) - half) / wide, 0.0), 1.0)
+        return round_share
+    share: float = _overlap_share(-half, half, off, wide) * _overlap_share(0.0, length, run, wide)
+    return share

@@ -46,7 +46,8 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
     total = v0 * (u0 * hash_to_uniform(a0 + b0) + u1 * hash_to_uniform(a1 + b0) + u2 * hash_to_uniform(a2 + b0))
     total += v1 * (u0 * hash_to_uniform(a0 + b1) + u1 * hash_to_uniform(a1 + b1) + u2 * hash_to_uniform(a2 + b1))
     total += v2 * (u0 * hash_to_uniform(a0 + b2) + u1 * hash_to_uniform(a1 + b2) + u2 * hash_to_uniform(a2 + b2))
-    return fade * (total / (wide * high) - 0.5)
+    noise: float = fade * (total / (wide * high) - 0.5)
+    return noise
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -60,7 +61,8 @@ def stripe_share(position: float, wide: float, first: float, width: float) -> fl
     """
     low, high = position - 0.5 * wide - first, position + 0.5 * wide - first
     start, end = np.floor(low), np.floor(high)
-    return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
+    share: float = ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
+    return share
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -82,7 +84,8 @@ def running_bond_share(
     even = stripe_share(0.5 * row, 0.5 * high, 0.5 * half_down, 0.5 - half_down)
     odd = stripe_share(0.5 * row, 0.5 * high, 0.5 + 0.5 * half_down, 0.5 - half_down)
     clear = even * stripe_share(column, wide, half_across, 1 - 2 * half_across)
-    return clear + odd * stripe_share(column, wide, 0.5 + half_across, 1 - 2 * half_across)
+    share: float = clear + odd * stripe_share(column, wide, 0.5 + half_across, 1 - 2 * half_across)
+    return share
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

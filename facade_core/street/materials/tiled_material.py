@@ -76,7 +76,8 @@ class TiledMaterial:
 
     def sample(self, across: Float64Array, down: Float64Array, footprint: Float64Array) -> Float64Array:
         """Sample the colour (n, 3) at coordinates and footprints (n,) of a plane, metres."""
-        return _sample_points(self.mip_levels, across, down, footprint)
+        colours: Float64Array = _sample_points(self.mip_levels, across, down, footprint)
+        return colours
 
     @cached_property
     def mip_levels(self) -> MipLevels:

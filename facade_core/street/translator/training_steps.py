@@ -10,9 +10,9 @@ Street paper, 4 Training.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -26,6 +26,13 @@ from facade_core.street.translator.training_views import (
     crop_rendering,
     imitate_rendering,
 )
+
+if TYPE_CHECKING:
+    from torch import Tensor
+    from torch import device as TorchDevice
+    from torch.optim import Optimizer
+
+    from facade_core.street.translator.network import Discriminator, Generator, PatchEmbedding
 
 TEMPERATURE = 0.07
 PATCHES_PER_OUTPUT = 256
@@ -91,8 +98,18 @@ class TrainingDomains:
     paired: Sequence[TrainingPair] = ()
 
 
+class TrainingParts(TypedDict):
+    """Networks of a training run with the optimisers of the generator's and of the discriminator's steps."""
+
+    generator: Generator
+    discriminator: Discriminator
+    patches: PatchEmbedding
+    first: Optimizer
+    second: Optimizer
+
+
 def step_restoration(
-    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
 ) -> float:
     """Train the generator alone to restore real crops from their shading.
 
@@ -124,7 +141,7 @@ def step_restoration(
 
 
 def step_unpaired(
-    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
 ) -> float:
     """Train the generator and the discriminator by one unpaired step.
 
@@ -184,7 +201,7 @@ def step_unpaired(
 
 
 def step_paired(
-    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
 ) -> float:
     """Train the generator alone on pairs, with a fixed discriminator.
 
@@ -218,7 +235,7 @@ def step_paired(
     return float(total.detach())
 
 
-def _optimise(optimiser: Any, loss: Any) -> None:
+def _optimise(optimiser: Optimizer, loss: Tensor) -> None:
     """Descend a loss by one optimiser step with gradients clipped to MAX_GRADIENT_NORM."""
     import torch
 
@@ -230,14 +247,14 @@ def _optimise(optimiser: Any, loss: Any) -> None:
 
 
 def _patch_contrast(
-    generator: Any,
-    patches: Any,
-    translated: Any,
-    keys: Sequence[Any],
+    generator: Generator,
+    patches: PatchEmbedding,
+    translated: Tensor,
+    keys: Sequence[Tensor],
     places: Sequence[tuple[int, int]],
     recipe: TrainingRecipe,
     rng: np.random.Generator,
-) -> Any:
+) -> Tensor:
     """Compute Eq. 2: each output patch against the input patch at its place and at other places."""
     import torch
     from torch.nn import functional
@@ -259,7 +276,7 @@ def _patch_contrast(
     return loss / len(features)
 
 
-def crops_to_tensors(crops: Sequence[TrainingCrop], device: Any) -> tuple[Any, Any]:
+def crops_to_tensors(crops: Sequence[TrainingCrop], device: TorchDevice) -> tuple[Tensor, Tensor]:
     """Convert crops to images (n, 3, h, w) in -1..1 and masks (n, 1, h, w) bool."""
     import torch
 
@@ -269,7 +286,7 @@ def crops_to_tensors(crops: Sequence[TrainingCrop], device: Any) -> tuple[Any, A
     return image_to_tensor(np.stack([crop.image for crop in crops])).to(device), mask.to(device)
 
 
-def generator_input(partial: Any, bare: Any, mask: Any, recipe: TrainingRecipe) -> Any:
+def generator_input(partial: Tensor, bare: Tensor, mask: Tensor, recipe: TrainingRecipe) -> Tensor:
     """Compose the generator's input of a partially textured image.
 
     It is one RGB image, or texture and grey rendering as separate channels.
@@ -281,13 +298,16 @@ def generator_input(partial: Any, bare: Any, mask: Any, recipe: TrainingRecipe) 
     return torch.cat([torch.where(mask, partial, -torch.ones_like(partial)), bare[:, :1]], 1)
 
 
-def _encoder_input(image: Any, recipe: TrainingRecipe) -> Any:
+def _encoder_input(image: Tensor, recipe: TrainingRecipe) -> Tensor:
     """Compose the encoder's input of a fully textured image."""
     import torch
 
     return image if recipe.merged else torch.cat([image, image.mean(1, keepdim=True)], 1)
 
 
-def tensor_to_image(image: Any) -> UInt8Array:
+def tensor_to_image(image: Tensor) -> UInt8Array:
     """Convert (3, h, w) in -1..1 to (h, w, 3) uint8."""
-    return ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)
+    pixels: UInt8Array = (
+        ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)
+    )
+    return pixels

@@ -124,7 +124,8 @@ def _make_buffer(scene: Scene, charts: IntArray, seeds: dict[int, UInt8Array]) -
 def _triangle_normals(mesh: Mesh) -> Float64Array:
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    unit_normals: Float64Array = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return unit_normals
 
 
 def crop_rendering(
@@ -229,7 +230,7 @@ def imitate_rendering(photo: UInt8Array) -> UInt8Array:
     sky = bright & np.isin(parts, np.unique(parts[0][bright[0]]))
     rest = smooth[~sky] if (~sky).any() else smooth
     low, high = np.percentile(rest, [2, 98])
-    out = np.clip(
+    out: UInt8Array = np.clip(
         _GREY_RANGE[0] + (smooth - low) * ((_GREY_RANGE[1] - _GREY_RANGE[0]) / max(high - low, 1)), *_GREY_RANGE
     ).astype(np.uint8)
     out[sky] = 0

@@ -74,4 +74,5 @@ def pixel_footprint(ray: Float64Array, normal: Float64Array, width: int) -> Floa
     """
     depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
     flat = np.abs((ray * normal).sum(axis=1)) / depth
-    return depth * (2 * np.pi / width) / np.sqrt(np.maximum(flat, MIN_VIEW_COSINE))
+    footprint: Float64Array = depth * (2 * np.pi / width) / np.sqrt(np.maximum(flat, MIN_VIEW_COSINE))
+    return footprint
