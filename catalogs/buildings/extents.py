@@ -210,7 +210,7 @@ def _without_items(source: BuildingModels, reasons: dict[int, str]) -> BuildingM
 def _without_items(source: SourceT, reasons: dict[int, str]) -> SourceT:
     if not reasons:
         return source
-    faults = [
+    faults: list[Fault] = [
         Fault(source.items[index].id, "building", reasons[index], source.item_outline(index))
         for index in sorted(reasons)
     ]
