@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks import faces_and_plates, in_front, shop_signs
 from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read_dataset, split_facades
 from facade_core.core.errors import ImageError
-from facade_core.facade.pipeline import build_facade_from_photo
+from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.parsing.occluders import occluder_mask

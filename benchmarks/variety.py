@@ -26,7 +26,7 @@ from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
 from catalogs.block.reader import Block, read_block
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.pipeline import prepare_exemplar
+from facade_core.facade.exemplar import prepare_exemplar
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor

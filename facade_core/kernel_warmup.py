@@ -15,8 +15,8 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Element, Street, Sun
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import render_perspective
+from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.pipeline import build_facade_from_exemplar
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
@@ -47,7 +47,8 @@ def compile_texture_kernels() -> None:
     height, width = painted.labels.shape
     wall = FacadeWall.freestanding(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
-    build_facade_from_exemplar(extract_style(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
+    style = ScaledStyle(extract_style(painted.image, painted.labels), 1 / DENSITY)
+    build_facade_from_exemplar(style, wall, raster)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
     inpaint(painted.image, hidden, labels=painted.labels, elements=painted.elements, method="floors")

@@ -165,7 +165,7 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     """Painted facades by style and seed, with a tree and a car: the share of the hidden texels that get the label of the truth;
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
-    from facade_core.facade.pipeline import build_facade_from_photo
+    from facade_core.facade.photo_facade import MappedDoors, PhotoMasks, build_facade_from_photo
     from facade_core.parsing.confidence import box_coverage
     from facade_core.synth.facade import paint_facade
 
@@ -174,7 +174,8 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
         truth = paint_facade(
             (13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2
         )
-        made = build_facade_from_photo(truth.image, truth.occluded, clean=True, seed=1, front=True)
+        masks, doors = PhotoMasks(is_clean=True), MappedDoors(front=True)
+        made = build_facade_from_photo(truth.image, truth.occluded, masks=masks, doors=doors, seed=1)
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)
         layout, again = made.completion.elements, made.elements

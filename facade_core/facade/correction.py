@@ -12,7 +12,7 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.levelling import fill_unknown
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
-from facade_core.facade.pipeline import Facade
+from facade_core.facade.facade import Facade
 from facade_core.facade.variation.encoding import encode
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.parsing.lattice import lattice

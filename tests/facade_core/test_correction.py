@@ -10,7 +10,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element
 from facade_core.facade.correction import rasterise_boxes, replace_elements
-from facade_core.facade.pipeline import Facade
+from facade_core.facade.facade import Facade
 from facade_core.parsing.lattice import lattice
 
 

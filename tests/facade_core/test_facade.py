@@ -9,17 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
-import facade_core.facade.pipeline
+import facade_core.facade.photo_facade
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
-from facade_core.facade.pipeline import (
-    build_facade_from_exemplar,
-    build_facade_from_photo,
-    count_columns,
-    prepare_exemplar,
-)
+from facade_core.facade.exemplar import count_columns, prepare_exemplar
+from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
@@ -54,7 +51,7 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
 @pytest.mark.parametrize(("style", "seed"), [("jugend", 5), ("haussmann", 7)])
 def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style: str, seed: int) -> None:
     painted = paint((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
-    made = build_facade_from_photo(painted.image, painted.occluded, clean=True, seed=1)
+    made = build_facade_from_photo(painted.image, painted.occluded, masks=PhotoMasks(is_clean=True), seed=1)
     hidden = painted.occluded
     assert (made.labels[hidden] == painted.labels[hidden]).mean() > 0.86
     windows = [e for e in made.elements if e.label == "window"]
@@ -90,8 +87,8 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("neither its lattice nor its variations are kept")
 
-    monkeypatch.setattr("facade_core.facade.pipeline.encode", never)
-    monkeypatch.setattr("facade_core.facade.pipeline.lattice", never)
+    monkeypatch.setattr("facade_core.facade.photo_facade.encode", never)
+    monkeypatch.setattr("facade_core.facade.photo_facade.lattice", never)
     prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, floor_height=3.2)
     assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
 
@@ -99,10 +96,9 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
-        extract_style(clean.image, clean.labels),
+        ScaledStyle(extract_style(clean.image, clean.labels), 0.06),
         FacadeWall.freestanding(13.0, 16.0, floors=4),
         (650, 800),
-        metres_per_pixel=0.06,
         seed=3,
     )
     same = (made.image[1::3, :-1] == made.image[1::3, 1:]).all(axis=2)
@@ -119,10 +115,9 @@ def test_a_photo_without_holes_needs_no_completion() -> None:
 def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
-        extract_style(clean.image, clean.labels),
+        ScaledStyle(extract_style(clean.image, clean.labels), 0.06),
         FacadeWall.freestanding(16.2, 20.0, floors=5),
         (270, 334),
-        metres_per_pixel=0.06,
         seed=3,
     )
     assert made.image.shape == (270, 334, 3)
@@ -136,11 +131,11 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
 @pytest.mark.parametrize("colour", [(150.0, 70.0, 60.0), (60.0, 60.0, 64.0), (225.0, 215.0, 190.0)])
 def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ...]) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
-    style, wall = extract_style(clean.image, clean.labels), FacadeWall.freestanding(16.2, 20.0, floors=5)
-    usual = build_facade_from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
-    painted = build_facade_from_exemplar(
-        style, wall, (270, 334), metres_per_pixel=0.06, wall_colour=np.array(colour), seed=3
-    )
+    style = ScaledStyle(extract_style(clean.image, clean.labels), 0.06)
+    wall = FacadeWall.freestanding(16.2, 20.0, floors=5)
+    usual = build_facade_from_exemplar(style, wall, (270, 334), seed=3)
+    paint_ = BuildingPaint(wall_colour=np.array(colour))
+    painted = build_facade_from_exemplar(style, wall, (270, 334), paint=paint_, seed=3)
     on = usual.labels == FacadeClass.WALL
     np.testing.assert_array_equal(painted.labels, usual.labels)
     np.testing.assert_allclose(lit_colour(painted.image[on]), colour, atol=6)
@@ -151,7 +146,7 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
 
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
-    style = extract_style(clean.image, clean.labels)
+    style = ScaledStyle(extract_style(clean.image, clean.labels), 0.05)
     front = FacadeWall.freestanding(16.0, 20.0, floors=5)
     back = replace(front, on_street=False, is_back=True)
     drawn: list[tuple[int, ...]] = []
@@ -161,9 +156,9 @@ def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkey
         drawn.append(labels.shape)
         return picture, labels
 
-    monkeypatch.setattr("facade_core.facade.pipeline.compose_wall", seen)
+    monkeypatch.setattr("facade_core.facade.exemplar_facade.compose_wall", seen)
     fine, coarse, _ = (
-        build_facade_from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
+        build_facade_from_exemplar(style, wall, (16 * of, 20 * of), seed=3)
         for wall, of in ((back, 20), (back, 5), (front, 5))
     )
     assert drawn == [(320, 400), (160, 200), (320, 400)]
@@ -214,7 +209,7 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
 
 def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    true_parse = facade_core.facade.pipeline.parse
+    true_parse = facade_core.facade.photo_facade.parse
     thing = np.zeros(clean.labels.shape, bool)
     thing[150:200, 40:90] = True
     thing[5, 5] = True  # a speck is noise
@@ -223,7 +218,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
         found = true_parse(image)
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 
-    monkeypatch.setattr(facade_core.facade.pipeline, "parse", sees_a_thing)
+    monkeypatch.setattr(facade_core.facade.photo_facade, "parse", sees_a_thing)
     made = build_facade_from_photo(clean.image, np.zeros(clean.labels.shape, bool))
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()

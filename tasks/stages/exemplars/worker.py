@@ -16,7 +16,7 @@ from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import draw_crop
-from facade_core.facade.pipeline import Exemplar, prepare_exemplar
+from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_on_image, detectors_available
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data_mask

@@ -23,13 +23,10 @@ from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.correction import rasterise_boxes, replace_elements
-from facade_core.facade.pipeline import (
-    MAX_HIDDEN_SHARE,
-    Facade,
-    build_facade_from_exemplar,
-    build_facade_from_photo,
-    count_columns,
-)
+from facade_core.facade.exemplar import count_columns
+from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.facade import Facade
+from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.ground_floor import replace_shops
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
 from facade_core.facade.variation.hierarchy import Hierarchy
@@ -226,14 +223,16 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
                     result = build_facade_from_photo(
                         evidence.image,
                         evidence.hidden | rasterise_boxes(said.hide, size),
-                        facade_mask=rasterise_boxes(said.keep, size),
-                        outside=evidence.outside,
-                        private=evidence.seen.private_mask(size),
-                        clean=evidence.clean,
-                        entrances=[
-                            (place - along) / width for place in imagery.entrances if along < place < along + width
-                        ],
-                        front=int(facades.role[facade]) == WallRole.STREET,
+                        masks=PhotoMasks(
+                            rasterise_boxes(said.keep, size),
+                            evidence.outside,
+                            evidence.seen.private_mask(size),
+                            evidence.clean,
+                        ),
+                        doors=MappedDoors(
+                            [(place - along) / width for place in imagery.entrances if along < place < along + width],
+                            int(facades.role[facade]) == WallRole.STREET,
+                        ),
                         models=run.models,
                         seed=unit_seed(run, facades.id[facade], FACADE_SEED),
                     )
@@ -277,14 +276,13 @@ def _texture_from_exemplar(
     style, metres_per_texel = given if imagery.shops else _exemplar_style(group, index, False, styles)
     first = facades.id[int(facades.run[facade])]
     result = build_facade_from_exemplar(
-        style,
+        ScaledStyle(style, metres_per_texel, given[0]),
         facade_wall(plan.scene, facades, facade, imagery.entrances),
         size,
         span=(along, along + width),
-        metres_per_pixel=metres_per_texel,
-        floor_style=given[0],
-        building_seed=unit_seed(run, str(facades.house[facade]), BUILDING_SEED),
-        wall_colour=photo_wall_colour(group, plan, beside),
+        paint=BuildingPaint(
+            unit_seed(run, str(facades.house[facade]), BUILDING_SEED), photo_wall_colour(group, plan, beside)
+        ),
         seed=unit_seed(run, first, FACADE_SEED),
     )
     return _TexturedFacade(depth, _apply_correction(result, imagery), name, nothing)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import InputError
-from facade_core.facade.pipeline import Facade, build_facade_from_exemplar
+from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.facade import Facade
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode
@@ -39,9 +40,8 @@ def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed()
     def wall(seed: int) -> Facade:
         size = PAINTED.labels.shape
         style = extract_style(PAINTED.image, PAINTED.labels)
-        return build_facade_from_exemplar(
-            style, FacadeWall.freestanding(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
-        )
+        wall_of_style = FacadeWall.freestanding(13.0, 14.0, floors=4)
+        return build_facade_from_exemplar(ScaledStyle(style, 0.06), wall_of_style, size, seed=seed)
 
     one, two = wall(1), wall(2)
     np.testing.assert_array_equal(one.image, wall(1).image)

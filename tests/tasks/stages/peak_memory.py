@@ -35,7 +35,7 @@ FACADES = {}
 
 
 def photo(height, width):
-    from facade_core.facade.pipeline import build_facade_from_photo
+    from facade_core.facade.photo_facade import build_facade_from_photo
 
     image, hidden = picture(height, width)
 
@@ -46,23 +46,22 @@ def photo(height, width):
 
 
 def exemplar(height, width):
-    from facade_core.facade.pipeline import prepare_exemplar
+    from facade_core.facade.exemplar import prepare_exemplar
 
     image, hidden = picture(height, width)
     return lambda: prepare_exemplar(image, hidden, floor_height=3.2)
 
 
 def retargeted(height, width):
-    from facade_core.facade.pipeline import build_facade_from_exemplar
+    from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
     from facade_core.facade.texture.retargeting import extract_style
     from facade_core.facade.texture.wall_floors import FacadeWall
     from facade_core.synth.exemplars import paint_exemplar_set
 
     made = paint_exemplar_set(1, seed=5)[0]
     wall = FacadeWall.freestanding(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
-    return lambda: build_facade_from_exemplar(
-        extract_style(made.image, made.labels), wall, (height, width), metres_per_pixel=0.05
-    )
+    style = ScaledStyle(extract_style(made.image, made.labels), 0.05)
+    return lambda: build_facade_from_exemplar(style, wall, (height, width))
 
 
 def street(height, width):
@@ -218,7 +217,7 @@ def drawn(height, width):
     from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
     from facade_core.export.pictures.rendering import draw_parse, encode_image
     from facade_core.export.pictures.stage_pictures import REPORT_SAMPLE_SEEDS
-    from facade_core.facade.pipeline import build_facade_from_photo
+    from facade_core.facade.photo_facade import build_facade_from_photo
     from facade_core.facade.variation.level_drawing import draw_level
     from facade_core.variation import Hierarchy
 

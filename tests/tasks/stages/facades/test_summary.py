@@ -7,7 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, build_facade_from_photo
+from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.facade import Facade
+from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.synth.facade import paint_facade as paint
@@ -21,17 +23,16 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 def of_exemplar() -> Facade:
     size = (270, 334)
     return build_facade_from_exemplar(
-        extract_style(PAINTED.image, PAINTED.labels),
+        ScaledStyle(extract_style(PAINTED.image, PAINTED.labels), 0.06),
         FacadeWall.freestanding(16.2, 20.0, floors=5),
         size,
-        metres_per_pixel=0.06,
         seed=3,
     )
 
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:
-    whole = _summarize(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
-    half = _summarize(build_facade_from_photo(PAINTED.image, HIDDEN, clean=True))
+    whole = _summarize(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), masks=PhotoMasks(is_clean=True)))
+    half = _summarize(build_facade_from_photo(PAINTED.image, HIDDEN, masks=PhotoMasks(is_clean=True)))
     made = _summarize(of_exemplar())
     assert whole["windows_seen"] == whole["windows"] > 0
     assert 0 < half["windows_seen"] < half["windows"]

@@ -1,0 +1,140 @@
+"""Exemplar from a photo: cut to the facade, complete and measure it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.errors import ImageError
+from facade_core.core.resizing import resize_with_labels
+from facade_core.core.types import SHIPPED_MODELS, Box, Element, ModelFiles
+from facade_core.facade.facade import time_stage
+from facade_core.facade.photo_facade import NO_DOORS, PhotoMasks, complete_photo
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.imagery.rectify.crop import crop_to_facade
+from facade_core.imagery.rectify.shadow import shadow_share
+from facade_core.parsing.elements import elements
+from facade_core.parsing.floor_structure import count_floors
+
+# Longer side, in pixels, of a labelled exemplar for counting floors and windows and for measuring shadow.
+MAX_COUNTING_SIDE_PX = 640
+
+
+@dataclass(frozen=True)
+class Exemplar:
+    """Facade image prepared for retargeting.
+
+    Attributes
+    ----------
+    evidence, image, labels, occluded : as in `Facade`, cut to the facade.
+    box : (x0, y0, x1, y1) of the facade in the picture.
+    has_facade : True if a facade was found in the picture.
+    metres_per_pixel : metric scale.
+    floors : number of floors.
+    columns : number of windows in the fullest row.
+    shaded_share : share of its wall in shadow.
+    seconds : seconds of each stage.
+    """
+
+    evidence: UInt8Array
+    image: UInt8Array
+    labels: UInt8Array
+    occluded: BoolArray
+    box: Box
+    has_facade: bool
+    metres_per_pixel: float
+    floors: int
+    columns: int
+    shaded_share: float
+    seconds: dict[str, float] = field(compare=False)
+
+
+def prepare_exemplar(
+    image: UInt8Array,
+    hidden: BoolArray,
+    *,
+    floor_height: float,
+    private: BoolArray | None = None,
+    labels: UInt8Array | None = None,
+    models: ModelFiles = SHIPPED_MODELS,
+    seed: int = 0,
+) -> Exemplar:
+    """Cut an exemplar to its facade, complete it and measure it.
+
+    The scale comes from the floor pitch. A wholly visible exemplar with labels is used as it is: it shows the facade
+    only.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool pixels known not to show the facade.
+    floor_height : metres.
+    private : (h, w) bool faces and number plates.
+    labels : (h, w) uint8 class ids, if known.
+    models : models of parser and layout.
+    seed : seed of completion and inpainting.
+
+    Raises
+    ------
+    ImageError
+        If too little of the facade is visible, or no window.
+    """
+    seconds: dict[str, float] = {}
+    if labels is not None and not hidden.any() and (private is None or not private.any()):
+        evidence = completed = image
+        box, has_facade, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
+        with time_stage(seconds, "elements"):
+            measured, classes = _shrink_to_side(image, labels, MAX_COUNTING_SIDE_PX)
+            floors, layout = count_floors(classes), tuple(elements(classes))
+    else:
+        cut = crop_to_facade(image, hidden, model=models.parser)
+        has_facade = cut.has_facade
+        x0, y0, x1, y1 = box = cut.box
+        private = None if private is None else private[y0:y1, x0:x1]
+        masks = PhotoMasks(outside=cut.outside, private=private)
+        whole = complete_photo(cut.image, cut.hidden, masks, NO_DOORS, models=models, seed=seed)
+        seconds = whole.seconds
+        evidence, completed, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
+        floors, layout, measured, classes = int(whole.estimates.value.floors), whole.elements, whole.image, labels
+    if not floors:
+        raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
+    with time_stage(seconds, "scale"):
+        scale = exemplar_scale(completed, labels, storey=floor_height)
+    return Exemplar(
+        evidence=evidence,
+        image=completed,
+        labels=labels,
+        occluded=occluded,
+        box=box,
+        has_facade=has_facade,
+        metres_per_pixel=scale,
+        floors=floors,
+        columns=count_columns(layout),
+        shaded_share=shadow_share(measured, classes),
+        seconds=seconds,
+    )
+
+
+def _shrink_to_side(image: UInt8Array, labels: UInt8Array, longest: int) -> tuple[UInt8Array, UInt8Array]:
+    """Shrink an image (h, w, 3) and its labels (h, w) until no side is longer than `longest` pixels."""
+    share = longest / max(labels.shape)
+    if share >= 1:
+        return image, labels
+    height, width = (max(1, round(side * share)) for side in labels.shape)
+    return resize_with_labels(image, labels, (height, width))
+
+
+def count_columns(layout: Sequence[Element]) -> int:
+    """Count the windows in the fullest row; windows that overlap in height form a row."""
+    windows = sorted((e for e in layout if e.label == "window"), key=lambda e: e.y0 + e.y1)
+    best, row, bottom = 0, 0, -np.inf
+    for window in windows:
+        middle = (window.y0 + window.y1) / 2
+        if middle > bottom:
+            row, bottom = 0, window.y1
+        row += 1
+        best = max(best, row)
+    return best

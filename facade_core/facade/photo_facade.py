@@ -1,0 +1,196 @@
+"""Facade from a photo: parse, complete the layout, inpaint, fit lattice and variations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.errors import ImageError
+from facade_core.core.provenance import Provenance
+from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, ModelFiles
+from facade_core.facade.facade import Facade, time_stage
+from facade_core.facade.layout import model as layouts
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
+from facade_core.facade.texture.inpainting import inpaint
+from facade_core.facade.variation.encoding import encode
+from facade_core.parsing.confidence import FacadeEstimates, box_coverage, calibrate_elements, load_calibration
+from facade_core.parsing.elements import elements
+from facade_core.parsing.lattice import lattice
+from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, dilate, occluder_mask, remove_spill
+from facade_core.parsing.segmenter import parse
+
+# Smallest visible share of a facade to complete; with less the result would be a guess.
+MIN_VISIBLE_SHARE = 0.05
+# Largest hidden share of an observed element.
+MAX_HIDDEN_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class PhotoMasks:
+    """Knowledge of the pixels of a rectified photo, besides which do not show the facade.
+
+    Attributes
+    ----------
+    facade : (h, w) bool pixels known to show the facade; no occluder is searched there.
+    outside : (h, w) bool sky and street; the parser may use them as context.
+    private : (h, w) bool faces and number plates.
+    is_clean : True for a photo without occluders.
+    """
+
+    facade: BoolArray | None = None
+    outside: BoolArray | None = None
+    private: BoolArray | None = None
+    is_clean: bool = False
+
+
+@dataclass(frozen=True)
+class MappedDoors:
+    """Knowledge of a wall's doors from the map, as in `complete`.
+
+    Attributes
+    ----------
+    entrances : positions of mapped doors as shares of the width.
+    front : True for a wall on a street.
+    """
+
+    entrances: Sequence[float] = ()
+    front: bool = False
+
+
+NO_MASKS = PhotoMasks()
+NO_DOORS = MappedDoors()
+
+
+class CompletedPhoto(NamedTuple):
+    """Parsed and completed photo, before lattice and variations; fields as in `Facade`."""
+
+    image: UInt8Array
+    labels: UInt8Array
+    occluded: BoolArray
+    masked: tuple[Box, ...]
+    masked_share: float
+    elements: tuple[Element, ...]
+    completion: Completion | None
+    estimates: FacadeEstimates
+    seconds: dict[str, float]
+
+
+def build_facade_from_photo(
+    image: UInt8Array,
+    hidden: BoolArray,
+    *,
+    masks: PhotoMasks = NO_MASKS,
+    doors: MappedDoors = NO_DOORS,
+    models: ModelFiles = SHIPPED_MODELS,
+    seed: int = 0,
+) -> Facade:
+    """Run all stages on a rectified photo of a facade.
+
+    Occluders that the parser finds are inpainted, so that no tree, face or number plate stays in the texture.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool pixels known not to show the facade.
+    masks : knowledge of the other pixels.
+    doors : doors from the map.
+    models : models of parser and layout.
+    seed : seed of completion and inpainting.
+
+    Raises
+    ------
+    ImageError
+        If less than MIN_VISIBLE_SHARE of the facade is visible.
+    """
+    made = complete_photo(image, hidden, masks, doors, models=models, seed=seed)
+    seconds = made.seconds
+    with time_stage(seconds, "lattice"):
+        split = lattice(made.labels)
+    with time_stage(seconds, "encode"):
+        hierarchy = encode(made.image, made.elements)
+    return Facade(
+        evidence=image,
+        image=made.image,
+        labels=made.labels,
+        occluded=made.occluded,
+        provenance=np.where(made.occluded, Provenance.INPAINTED, Provenance.PHOTO).astype(np.uint8),
+        masked=made.masked,
+        masked_share=made.masked_share,
+        lattice=split,
+        elements=made.elements,
+        hierarchy=hierarchy,
+        completion=made.completion,
+        estimates=made.estimates,
+        floors=int(made.estimates.value.floors),
+        seconds=seconds,
+    )
+
+
+def complete_photo(
+    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: ModelFiles, seed: int
+) -> CompletedPhoto:
+    """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
+    seconds: dict[str, float] = {}
+    _require_visible(hidden, "of it")
+    with time_stage(seconds, "parse"):
+        alpha = np.where(hidden, 0, 255).astype(np.uint8)
+        parsing = parse(np.dstack([image, alpha]), model=models.parser)
+        occluded = np.zeros_like(hidden) if masks.is_clean else remove_spill(parsing.occluded, hidden)
+        if masks.facade is not None:
+            occluded &= ~masks.facade
+        occluders, masked = occluder_mask(occluded)
+        if masks.private is not None:
+            occluders |= masks.private
+        masked_share = float((occluders & ~hidden).mean())
+        hidden = hidden | occluders
+        if masks.outside is not None:
+            hidden |= dilate(masks.outside, OCCLUDER_RIM_SHARE)
+    _require_visible(hidden, "beside sky, trees, cars and the like")
+    with time_stage(seconds, "elements"):
+        observed = [e for e in elements(parsing) if box_coverage(hidden, e) <= MAX_HIDDEN_SHARE]
+    completion, result_parsing, result, layout = None, parsing, image, observed
+    if hidden.any():
+        height, width = hidden.shape
+        with time_stage(seconds, "complete"):
+            if observed:
+                region = visible_boxes(dilate_by_window(hidden, observed))
+                region += [(e.x0, e.y0, e.x1, e.y1) for e in observed]
+                evidence = replace(parsing, occluded=hidden | parsing.occluded)
+                completion = complete(
+                    observed,
+                    (0, 0, width, height),
+                    region,
+                    seed=seed,
+                    evidence=evidence,
+                    entrances=[share * width for share in doors.entrances],
+                    front=doors.front,
+                    model=None if models.layout is None else layouts.load_cached_model(models.layout),
+                )[0]
+                layout = list(completion.elements)
+        with time_stage(seconds, "inpaint"):
+            result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
+        # Labels and elements come from the completed picture, which may differ from the planned layout.
+        with time_stage(seconds, "parse"):
+            result_parsing = parse(result, model=models.parser)
+        with time_stage(seconds, "elements"):
+            layout = elements(replace(result_parsing, occluded=np.zeros_like(hidden)))
+    calibration = load_calibration(models.parser)
+    estimates = calibration.estimate(result_parsing, layout, hidden)
+    layout = calibrate_elements(layout, calibration, hidden)
+    return CompletedPhoto(
+        result, result_parsing.labels, hidden, masked, masked_share, tuple(layout), completion, estimates, seconds
+    )
+
+
+def _require_visible(hidden: BoolArray, cause: str) -> None:
+    seen = 1 - hidden.mean()
+    if seen < MIN_VISIBLE_SHARE:
+        raise ImageError(
+            f"only {seen:.1%} of the facade is seen {cause}, and {MIN_VISIBLE_SHARE:.0%} are the least; "
+            "give a photo that shows more of it, or none"
+        )
