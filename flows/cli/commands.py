@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, cast
@@ -89,6 +90,18 @@ def command_line() -> None:
     """
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run on the command line; see the command `run`."""
+
+    workers: int
+    dask: str | None
+    as_json: bool
+    redo: str | None = None
+    only: bool = False
+    keep: int | None = None
+
+
 def _compute_options(command: F) -> F:
     for option in (
         click.option(
@@ -134,7 +147,8 @@ def run(
     """
     if only and redo is None:
         raise click.UsageError("--only needs --redo STREET")
-    _run_block(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only, keep)
+    options = RunOptions(workers, dask, as_json, redo, only, keep)
+    _run_block(block_file, out or Path("out") / block_file.stem, options)
 
 
 @command_line.command()
@@ -157,21 +171,10 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 
     with lock_folder(out):
         block_file = write_demo(local_folder(out) / "input", exemplars)
-    _run_block(block_file, out, workers, dask, as_json, painted=has_painted_photos(block_file))
+    _run_block(block_file, out, RunOptions(workers, dask, as_json), painted=has_painted_photos(block_file))
 
 
-def _run_block(
-    block_file: Path,
-    out: Folder,
-    workers: int,
-    dask: str | None,
-    as_json: bool,
-    redo: str | None = None,
-    only: bool = False,
-    keep: int | None = None,
-    *,
-    painted: bool = False,
-) -> None:
+def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: bool = False) -> None:
     import time
 
     from flows.cli.interrupts import exit_on_signal_from_thread
@@ -180,7 +183,8 @@ def _run_block(
     from tasks.engine.store.disk_space import require_disk_space
 
     start = time.monotonic()
-    again = None if redo is None else partial(_redo_street, street=redo, only=only)
+    street = options.redo
+    again = None if street is None else partial(_redo_street, street=street, only=options.only)
     with open_run(block_file, out, notify=print_status, prepare=again, file_only=True) as entry:
         summary = entry.summary
         if summary is None:
@@ -188,19 +192,20 @@ def _run_block(
             if entry.run.local != out.resolve():
                 print_notice(f"log and the server's records are in {entry.run.local}")
             exit_on_signal_from_thread()
-            if dask is not None:  # fail before a server starts
+            if options.dask is not None:  # fail before a server starts
                 from tasks.engine.compute.connect import require_scheduler
 
-                require_scheduler(dask)
+                require_scheduler(options.dask)
             with show_progress():
-                summary = _texture_recorded(entry.source, out, workers, dask, redo if only else None)
-        if keep is not None:
+                only = street if options.only else None
+                summary = _texture_recorded(entry.source, out, options.workers, options.dask, only)
+        if options.keep is not None:
             from tasks.publish.prune import prune_or_explain
 
-            for line in prune_or_explain(out, keep):
+            for line in prune_or_explain(out, options.keep):
                 print_notice(line)
     summary["seconds"] = round(time.monotonic() - start, 2)
-    if as_json:
+    if options.as_json:
         click.echo(json.dumps(summary))
     else:
         print_summary(console, summary, painted=painted)

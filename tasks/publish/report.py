@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from catalogs.published.item_row import ReportRow
 from catalogs.published.report import ReportContent, ReportExemplar, write_report
+from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
@@ -22,25 +23,23 @@ _UNSHARED_POSE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_al
 
 
 def write_block_report(
-    folder: Path,
+    snapshot: Snapshot[Path],
     run: Run,
     block: StoredBlock,
     rows: ItemRows,
     summary: Mapping[str, object],
     images: ReportImages,
-    models: Sequence[str],
 ) -> None:
-    """Write the report of a block into the folder that already holds its images.
+    """Write the report of a block into the snapshot that already holds its images and models.
 
     Parameters
     ----------
-    folder : folder of the report.
+    snapshot : snapshot that is written.
     run : run of the block.
     block : block as its store holds it.
     rows : rows of the item table.
     summary : summary of the block.
     images : images in the folder.
-    models : paths of 3D models, relative to the folder of the snapshot.
     """
     journals = {stage: [record for record in journal if record] for stage, journal in block.records_by_stage.items()}
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
@@ -51,8 +50,9 @@ def write_block_report(
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
         if row["role"] == WALL_ROLES[WallRole.STREET] or row["status"] == "failed"
     ]
+    models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
     write_report(
-        folder,
+        snapshot.report,
         ReportContent(
             summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
             rows=reviewed,
@@ -79,7 +79,7 @@ def write_block_report(
                 for record in block.journals["exemplars"]
                 if record and record["status"] == "done"
             ],
-            models=models,
+            models=[path.relative_to(snapshot.folder).as_posix() for path in models],
             min_change=MIN_CHANGE,
             before=images.before,
         ),

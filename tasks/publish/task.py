@@ -183,9 +183,7 @@ def _write_snapshot(
         images = write_images(snapshot, block, files, failures)
     report_progress("publish", 1)
     with failures.attempt("report"):
-        models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
-        names = [path.relative_to(snapshot.folder).as_posix() for path in models]
-        write_block_report(snapshot.report, run, block, rows, summary, images, names)
+        write_block_report(snapshot, run, block, rows, summary, images)
     report_progress("publish", 1)
     with failures.attempt("stac"):
         work = run_facts(block.records_by_stage, block.ingest_time)

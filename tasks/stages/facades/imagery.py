@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from catalogs.features import file_stem
 from facade_core.core.types import AS_FOUND, FacadeCorrection, Pose
 
 
@@ -52,41 +51,3 @@ class FacadeImagery:
             "own": self.textured,
         }
         return (*(source for source, given in there.items() if given), "none")
-
-
-def collect_imagery(
-    names: Sequence[str],
-    photos: Mapping[str, Path],
-    rectified: bool,
-    panoramas: Sequence[Sequence[tuple[Path, Pose]]],
-    earlier: Sequence[Sequence[tuple[Path, Pose]]],
-    captured: Mapping[Path, str],
-    textured: Sequence[bool],
-    exemplars: Mapping[int, tuple[int, str]],
-    shops: Sequence[int],
-    entrances: Sequence[tuple[float, ...]],
-    corrected: Mapping[int, FacadeCorrection],
-) -> list[FacadeImagery]:
-    """Collect the imagery of every facade.
-
-    Parameters
-    ----------
-    names : ids of the facades.
-    photos : by file name.
-    captured : by path of the panorama; all others by facade.
-    """
-    return [
-        FacadeImagery(
-            photo=photos.get(name, photos.get(file_stem(name))),
-            rectified=rectified,
-            panoramas=tuple(panoramas[i]),
-            earlier=tuple(earlier[i]),
-            captured={path: captured[path] for path, _ in (*panoramas[i], *earlier[i]) if path in captured},
-            textured=bool(textured[i]),
-            exemplar=exemplars.get(i) if corrected.get(i, AS_FOUND).facade else None,
-            shops=shops[i] != 0,
-            corrected=corrected.get(i, AS_FOUND),
-            entrances=entrances[i],
-        )
-        for i, name in enumerate(names)
-    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -10,12 +11,13 @@ import shapely
 
 from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
+from catalogs.features import file_stem
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_table
 from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
-from facade_core.core.types import Street
+from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.walls import LEVEL_TOLERANCE_M
 from facade_core.plan.exemplar_inputs import walls_from_outlines
@@ -29,7 +31,7 @@ from tasks.stages.bundles.refined_poses import is_rejected, read_refined_poses, 
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import facade_captures
 from tasks.stages.facades.forecast import forecast_facades
-from tasks.stages.facades.imagery import FacadeImagery, collect_imagery
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import add_colour_part, facade_keys
 from tasks.stages.facades.record import FacadeRecord, facade_files
 from tasks.stages.facades.worker import process_facades
@@ -103,43 +105,52 @@ def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[t
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
     """Return the pictures of every facade, with the exemplar chosen for it."""
+    captures = facade_captures(plan, block)
     poses = read_refined_poses(group)
-    shown = facade_captures(plan, block)
-    panoramas, earlier = (
-        [
-            [
-                (block.panoramas[p].path, select_pose(plan.poses[p], poses[p]))
-                for p in of_one
-                if not is_rejected(poses[p])
-            ]
-            for of_one in of_all
-        ]
-        for of_all in ([one.newest for one in shown], [one.before for one in shown])
-    )
-    captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
+    days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = facade_shops(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
-    chosen = (
-        choose_facade_exemplars(
-            plan, read_journal(group, "exemplars", ExemplarRecord), exemplar_walls(plan, block, shops), seed=run.seed
+    exemplars = _facade_exemplars(run, block, plan, group, shops)
+    entrances = facade_entrances(plan, block.entrances)
+    corrections, _ = match_corrections(plan, block.corrections, block.crs)
+    textured = plan.textured[plan.facades.chart].tolist()
+
+    def posed(panoramas: Sequence[int]) -> tuple[tuple[Path, Pose], ...]:
+        return tuple(
+            (block.panoramas[p].path, select_pose(plan.poses[p], poses[p]))
+            for p in panoramas
+            if not is_rejected(poses[p])
         )
-        if run.texture.walls == "exemplar"
-        else {}
-    )
-    chosen |= _corrected_exemplars(plan, block, read_journal(group, "exemplars", ExemplarRecord)) if chosen else {}
-    own = plan.textured[plan.facades.chart].tolist()
-    return collect_imagery(
-        plan.facades.id,
-        block.photos,
-        block.photos_rectified,
-        panoramas,
-        earlier,
-        captured,
-        own,
-        chosen,
-        shops.tolist(),
-        facade_entrances(plan, block.entrances),
-        match_corrections(plan, block.corrections, block.crs)[0],
-    )
+
+    found = []
+    for i, name in enumerate(plan.facades.id):
+        newest, earlier = posed(captures[i].newest), posed(captures[i].before)
+        corrected = corrections.get(i, AS_FOUND)
+        found.append(
+            FacadeImagery(
+                photo=block.photos.get(name, block.photos.get(file_stem(name))),
+                rectified=block.photos_rectified,
+                panoramas=newest,
+                earlier=earlier,
+                captured={path: days[path] for path, _ in (*newest, *earlier) if path in days},
+                textured=bool(textured[i]),
+                exemplar=exemplars.get(i) if corrected.facade else None,
+                shops=int(shops[i]) != 0,
+                corrected=corrected,
+                entrances=entrances[i],
+            )
+        )
+    return found
+
+
+def _facade_exemplars(
+    run: Run, block: Block, plan: Plan, group: StoreGroup, shops: Int64Array
+) -> dict[int, tuple[int, str]]:
+    """Return the exemplar (index, name) of each facade, by correction or else by choice; empty if the block takes none."""
+    if run.texture.walls != "exemplar":
+        return {}
+    records = read_journal(group, "exemplars", ExemplarRecord)
+    chosen = choose_facade_exemplars(plan, records, exemplar_walls(plan, block, shops), seed=run.seed)
+    return chosen | _corrected_exemplars(plan, block, records) if chosen else {}
 
 
 def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:

@@ -113,7 +113,10 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
             if made is None:
                 start = prepared = time.time()
                 return False
-            about |= _write_facade(run, plan, group, unit, made, refused, start, prepared)
+            about |= describe_rejections(refused, _describe_source(unit.arguments[0], made.depth, made.source))
+            stages = made.facade.seconds if made.facade is not None else {}
+            seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
+            about |= _write_facade(run, plan, group, unit, made, seconds)
             records[unit.index] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
         return True
@@ -136,24 +139,24 @@ def _write_facade(
     group: StoreGroup,
     unit: Unit,
     made: _TexturedFacade,
-    refused: Sequence[Exception],
-    start: float,
-    prepared: float,
+    seconds: dict[str, float],
 ) -> dict[str, object]:
-    """Write a facade; returns the fields of its record."""
+    """Write a facade; returns the fields of its record.
+
+    Parameters
+    ----------
+    seconds : duration of the steps so far; the record has that of writing too.
+    """
     facade, imagery, result = unit.index, unit.arguments[0], made.facade
     about: dict[str, object] = {"source": made.source, "capture_date": made.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
         about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
-    about |= describe_rejections(refused, _describe_source(imagery, made.depth, made.source))
-    stages = result.seconds if result is not None else {}
-    seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
     if result is not None:
         begun = time.time()
         density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
         evidence = apply_privacy(result.evidence, result.occluded, run.privacy, density)
         digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
-        seconds["write"] = time.time() - begun
+        seconds = seconds | {"write": time.time() - begun}
         about |= _summarize(result) | {"digests": digests}
         if result.hierarchy is not None:
             about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
