@@ -120,7 +120,7 @@ def _recovered(
         if not somewhere.any():
             continue
         start = time.perf_counter()
-        ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
+        ours, provenance = finish_chart(scene, materials, chart, known)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
         before, beside = (
@@ -134,7 +134,7 @@ def _recovered(
             "truth": truth,
             "ours": ours,
             "plain": np.stack([v.rgb for v in views])[best, *np.indices(size)],
-            "material": finish_chart(scene, materials, chart, without, is_neural=False)[0],
+            "material": finish_chart(scene, materials, chart, without)[0],
             "somewhere": somewhere,
             "roof": np.full(size, scene.charts.kind[chart] == ChartKind.ROOF),
             "hidden": np.asarray(~(seen & ~before).any(axis=0)),

@@ -162,7 +162,7 @@ def _recovered(
         if not somewhere.any():
             continue
         start = time.perf_counter()
-        ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
+        ours, provenance = finish_chart(scene, materials, chart, known)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
         covered = np.stack(

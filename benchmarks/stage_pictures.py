@@ -212,7 +212,7 @@ def ground() -> np.ndarray:
     pictured = {c: part for c, part in shown.items() if part is not None}
     taken = np.where(pictured[chart].is_visible[..., None], pictured[chart].rgb, material)
     known = KnownTexture(shown_reader(scene, pictured), pictured, ())
-    return beside([material, taken, finish_chart(scene, materials, chart, known, is_neural=False)[0]], 420)
+    return beside([material, taken, finish_chart(scene, materials, chart, known)[0]], 420)
 
 
 def walls() -> np.ndarray:
@@ -242,7 +242,7 @@ def walls() -> np.ndarray:
         KnownTexture(shown_reader(scene, {}), (), ()),
         KnownTexture(shown_reader(scene, shown), shown, (), shown),
     )
-    material, finished = (finish_chart(scene, materials, chart, one, is_neural=False)[0] for one in (without, known))
+    material, finished = (finish_chart(scene, materials, chart, one)[0] for one in (without, known))
     taken = np.where(shown[chart].is_visible[..., None], shown[chart].rgb, 255)
     x, y = np.meshgrid(*((np.arange(n) + 0.5) / scene.placement.texels_per_metre[chart] for n in size[::-1]))
     truth = paint(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3).astype(np.uint8)

@@ -210,7 +210,7 @@ class BuildingModels:
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
-    """Centrelines and ground features of one source.
+    """Street centrelines and ground features of one source; either may be empty.
 
     Attributes
     ----------
@@ -275,7 +275,7 @@ def make_unique_id(identifier: str, id_counts: Counter[str], remarks: list[Remar
 
 
 def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
-    """Return the ids of the remarks by their reason."""
+    """Return reason -> ids of the features whose remarks state it."""
     found: dict[str, list[str]] = {}
     for remark in remarks:
         found.setdefault(remark.reason, []).append(remark.id)

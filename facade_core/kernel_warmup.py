@@ -86,7 +86,7 @@ def compile_street_kernels() -> None:
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 
     for chart in range(len(scene.charts)):
-        finish_chart(scene, swatches.materials, chart, KnownTexture(read, (), ()), is_neural=False)
+        finish_chart(scene, swatches.materials, chart, KnownTexture(read, (), ()))
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)

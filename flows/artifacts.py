@@ -245,7 +245,7 @@ def _read_facade_rows(items: Folder) -> list[dict[str, object]]:
 
 
 def describe_failures(summary: JsonObject) -> str:
-    """Return the number of failed or set aside units in words."""
+    """Return the number of failed or rejected units in words."""
     count = len(summary["failures"])
     return f"{count} unit{'' if count == 1 else 's'} failed or set aside"
 

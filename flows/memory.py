@@ -11,7 +11,7 @@ _LARGE_BYTES = 1 << 20
 
 
 def release_large_allocations() -> None:
-    """Return allocations over one megabyte to the operating system as soon as they are freed.
+    """Make malloc return allocations over one megabyte to the system once freed.
 
     By default glibc raises this threshold up to 32 MB with each freed allocation and keeps smaller ones in its heaps. A
     process that reads tile after tile then ends with a multiple of its peak of live memory.

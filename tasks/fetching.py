@@ -46,7 +46,7 @@ _LENS_CHECK_SIDE = 512
 
 @dataclass(frozen=True)
 class ImageryFetch:
-    """Result of a download.
+    """Result of a download of panoramas.
 
     Attributes
     ----------

@@ -196,9 +196,9 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     for record in records[:7]:
         seen, region = training_cases.hide_part("right", record.elements, record.domain, np.random.default_rng(0))
         start = initial_layout(seen, record.domain, np.array(region), model)
-        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_terms, 1, 1, 0)
+        optimise_policy(model.policies, start, model, 1, 1, 0)
         begin = time.process_time()
-        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_terms, 10, 10, 0)
+        optimise_policy(model.policies, start, model, 10, 10, 0)
         seconds.append(10 * (time.process_time() - begin))
     return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
 

@@ -141,7 +141,7 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
             _, contiguous = np.unique(grid, return_inverse=True)
             return score_candidate(
                 np.ascontiguousarray(rows[:, 1:]), rows[:, 0].astype(np.int64), contiguous.astype(np.int64),
-                start.domain, model.densities, model.weights, model.averages_terms,
+                start.domain, model,
             )  # fmt: skip
 
         current = value(rows, grid)
@@ -177,9 +177,7 @@ def policy_search(model: LayoutModel) -> Method:
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         start = initial_layout(seen, domain, np.array(region), model)
-        used, seeds, scores = optimise_policy(
-            model.policies, start, model.densities, model.weights, model.averages_terms, GENERATIONS, TRIES, 0
-        )
+        used, seeds, scores = optimise_policy(model.policies, start, model, GENERATIONS, TRIES, 0)
         box, label, _ = roll_out(used[scores.argmax()], start, int(seeds[scores.argmax()]))
         return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
 

@@ -22,7 +22,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import KnownTexture, finish_chart
+from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
 LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0
@@ -100,7 +100,8 @@ def _beside_photos(
         ("within each chart", apart, True),
         ("across charts", scene, True),
     ):
-        colours = [finish_chart(where, materials, p, around, is_neural=True, levelling=levelling)[0] for p in pieces]
+        settings = FinishSettings(is_neural=True, levelling=levelling)
+        colours = [finish_chart(where, materials, p, around, settings)[0] for p in pieces]
         middle = colours[3].shape[1] // 2
         result[name] = {
             "at_chart_borders": round(_seam(colours[:3]), 2),

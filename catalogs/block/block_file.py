@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class BlockFile:
-    """Path of a block file, for error messages."""
+    """Block file as the context of errors: turns a problem with a key into a BlockFileError with the file and key."""
 
     path: Path
 

@@ -30,7 +30,7 @@ MIN_WALL_HEIGHT_M = 2.0
 
 
 def apply_corrections(block: Block, corrections: Corrections) -> Block:
-    """Apply corrections to a block; the digest of the result is stale.
+    """Return the block with corrections applied to its buildings; its digest is stale.
 
     A part of a city has its surroundings corrected too, but keeps only the corrections of its own buildings.
     """
@@ -194,7 +194,7 @@ def select_corrections(
 
 
 def correction_owners(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
-    """Return the building id that each corrected id belongs to, empty if none.
+    """Return corrected id -> id of the building that the correction belongs to, empty if none.
 
     The building with that id (or the facade's building) is taken if the correction's location is close to it,
     otherwise the nearest building to the location, otherwise the building with that id.
@@ -220,7 +220,7 @@ def correction_owners(corrections: Corrections, buildings: Sequence[Building], c
 
 
 def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
-    """Find the building nearest to the location of each correction; the first of several.
+    """Return for each correction the index of the building nearest to its location, the first of several, or -1.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ NO_CORRECTIONS = Corrections()
 
 
 def city_or_block_file(block: Path) -> Path:
-    """Return the file that a block's corrections belong to: its own, or its city's."""
+    """Return the path of the block file, or of its city's file if the block is a part of a city."""
     try:
         values = read_yaml(block)
     except (OSError, ValueError):  # the reader reports an invalid block file
@@ -199,7 +199,7 @@ def read_corrections(block: Path) -> Corrections:
 
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
-    """Append corrections to the file of a block; either all or none are written.
+    """Append corrections to the corrections file of a block or its city; either all or none are written.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def _lock_folder(folder: Path) -> Iterator[None]:
 
 
 def validate_correction(correction: Correction) -> Correction:
-    """Return a correction with its value normalised.
+    """Validate a correction, and return it with its value normalised.
 
     Raises
     ------

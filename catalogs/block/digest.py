@@ -74,7 +74,7 @@ PLAN_SETTINGS = (
 
 
 def geometry_digest(block: Block) -> str:
-    """Compute the sha256 of the inputs of a block's plan, without panoramas."""
+    """Compute the sha256 of the inputs of a block's plan: geometry and settings, without panoramas."""
     texture, aerial = block.texture, block.aerial
     return _value_digest(
         {

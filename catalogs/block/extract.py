@@ -28,7 +28,7 @@ EXTRACT_FORMAT = 2
 
 
 def write_extract(path: Path, values: Mapping[str, object]) -> None:
-    """Write the values of a part of a city atomically; an identical file is not rewritten."""
+    """Write the file of a part of a city atomically; an identical file is not rewritten."""
     blob = bytearray()
     text = json.dumps(
         {"format": EXTRACT_FORMAT, "values": _encode_value(dict(values), blob, path.parent)}, ensure_ascii=False
@@ -45,7 +45,7 @@ def write_extract(path: Path, values: Mapping[str, object]) -> None:
 
 
 def read_extract(path: Path) -> dict[str, object]:
-    """Read the values of a part of a city.
+    """Read the file of a part of a city.
 
     Raises
     ------

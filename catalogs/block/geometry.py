@@ -285,7 +285,7 @@ def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile
 
 
 def buildings_extent(buildings: Iterable[Building]) -> Bounds:
-    """Return (xmin, ymin, xmax, ymax) of the buildings and their surroundings."""
+    """Return (xmin, ymin, xmax, ymax) of the buildings, widened by SURROUNDINGS_MARGIN_M on each side."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
     return (
         xmin - SURROUNDINGS_MARGIN_M,

@@ -92,7 +92,7 @@ MAX_CROSSING_OFFSET_M = 1.0
 
 
 def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
-    """Build the ways and areas within a polygon.
+    """Build a block's ways and areas of the ground within a polygon from map features.
 
     Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a
     fault. If two sources have a feature of the same id, the second is numbered.
@@ -193,7 +193,7 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
 
 
 def area_surface(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
-    """Return the surface of a closed outline, or None if it is no area of ground."""
+    """Return the surface class of a closed outline, such as "grass"; None if it is no area of ground."""
     closed = "Polygon" in geometry.geom_type or (
         geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
     )

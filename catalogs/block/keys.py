@@ -44,7 +44,7 @@ def _int_range(low: int, high: int) -> FieldInfo:
 
 @dataclass(frozen=True, slots=True)
 class MaterialSettings:
-    """Picture of a material, seen straight on."""
+    """File of a material's picture, seen straight on, and its metres per pixel."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -89,14 +89,20 @@ class _Keys(BaseModel):
 
 
 class PathKeys(_Keys):
+    """Section of a block file that holds only a path."""
+
     path: Annotated[str, Field(min_length=1)]
 
 
 class PartKeys(PathKeys):
+    """Section `part`: the file of a part of a city, and the city's file."""
+
     city: Annotated[str, Field(min_length=1)] | None = None
 
 
 class BuildingKeys(_Keys):
+    """Section `buildings`: files, CRS, offset and level of detail."""
+
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
     offset: Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
@@ -104,32 +110,44 @@ class BuildingKeys(_Keys):
 
 
 class StreetKeys(_Keys):
+    """Section `streets`: file, CRS and names of the streets to keep."""
+
     path: Annotated[str, Field(min_length=1)]
     crs: str | None = None
     names: Annotated[list[str], Field(min_length=1)] | None = None
 
 
 class GroundKeys(_Keys):
+    """Section `ground`: files of ground features and their CRS."""
+
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
 
 
 class PanoramaKeys(_Keys):
+    """Section `imagery.panoramas`: folder and poses file."""
+
     path: Annotated[str, Field(min_length=1)]
     poses: str | None = None
 
 
 class AerialKeys(_Keys):
+    """Section `imagery.aerial`: orthophoto and its CRS."""
+
     path: Annotated[str, Field(min_length=1)]
     crs: str | None = None
 
 
 class PhotoKeys(_Keys):
+    """Section `imagery.photos`: folder, and whether its photos are rectified."""
+
     path: Annotated[str, Field(min_length=1)]
     rectified: bool = True
 
 
 class ImageryKeys(_Keys):
+    """Section `imagery`: exemplars, panoramas, photos, orthophoto and the treatment of people and vehicles."""
+
     exemplars: PathKeys | None = None
     panoramas: PanoramaKeys | None = None
     photos: PhotoKeys | None = None
@@ -138,6 +156,8 @@ class ImageryKeys(_Keys):
 
 
 class ModelKeys(_Keys):
+    """Section `models`: model files that replace the shipped parser and layout model."""
+
     parser: Annotated[str, Field(min_length=1)] | None = None
     layout: Annotated[str, Field(min_length=1)] | None = None
 
@@ -147,7 +167,7 @@ MAX_NAME_LENGTH = 80
 
 
 class BlockKeys(_Keys):
-    """Keys of a block file after validation, before any file is opened."""
+    """Validated content of a block file, before any file that it names is opened."""
 
     name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}$")]
     crs: str | None = None
@@ -180,7 +200,7 @@ def value_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
 
 
 def check_keys(values: object) -> BlockKeys:
-    """Validate the content of a block file.
+    """Validate the content of a block file, and return its settings.
 
     Raises
     ------
@@ -256,7 +276,7 @@ def _range_text(key: str) -> str:
 
 
 def key_path(loc: Sequence[str | int]) -> str:
-    """Join the location of a fault: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
+    """Format the location of a fault as a dotted key: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
     end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic appends the tried alternative, text or list
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)

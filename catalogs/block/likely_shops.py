@@ -25,7 +25,7 @@ FRONT_TOLERANCE_M = 3.0
 def likely_shops(
     buildings: Sequence[Building], ways: Sequence[Way], places: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Choose buildings that are likely to have a shop.
+    """Return the (x, y) of shops on the fronts of buildings that are likely to have one.
 
     The choice depends only on the building, the road nearest to it, and whether a mapped shop is its own.
 

@@ -99,11 +99,11 @@ class _BlockSettings(TypedDict):
     """Attributes of a block that do not depend on its buildings."""
 
     name: str
-    photos_rectified: bool
-    privacy: Privacy
+    texture: TextureSettings
     roof_material: Material | None
     materials: tuple[MaterialPicture, ...]
-    texture: TextureSettings
+    privacy: Privacy
+    photos_rectified: bool
     storey: float
     geoid_separation: float | None
     failed_limit: float
@@ -233,11 +233,11 @@ def _read_settings(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> _Bloc
     """Return the attributes of a block that its file states, whether it is a part of a city or not."""
     return {
         "name": keys.name,
-        "photos_rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
-        "privacy": keys.imagery.privacy,
+        "texture": keys.texture,
         "roof_material": _find_roof_material(keys, files, file),
         "materials": _read_materials(files, file),
-        "texture": keys.texture,
+        "privacy": keys.imagery.privacy,
+        "photos_rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "storey": keys.storey,
         "geoid_separation": keys.geoid_separation,
         "failed_limit": keys.failed_limit,
@@ -272,7 +272,7 @@ def _model_files(files: NamedFiles) -> ModelFiles:
 
 
 def set_digest(block: Block, file: BlockFile) -> Block:
-    """Return the block with its digest."""
+    """Return a copy of the block with its computed digest."""
     return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 

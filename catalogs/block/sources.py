@@ -20,7 +20,7 @@ OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 
 
 def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
-    """Return the files and folders that a block file names, with licences as far as they are known.
+    """Return the files and folders that a block file names, each with its licence if known.
 
     A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A
     folder of fetched pictures gives one source per licence. Returns nothing if the block file cannot be read any

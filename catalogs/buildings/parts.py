@@ -45,7 +45,7 @@ class PartCandidate:
 
 
 def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> list[int]:
-    """Return for each outline the index of the outline that hosts it, -1 for none.
+    """Return for each outline the index of the outline of which it is a part, -1 for none.
 
     Only parts have a host: an outline of a whole building, else a larger part.
 

@@ -26,7 +26,7 @@ TILES_KEY = "tiles"
 
 @dataclass(frozen=True)
 class CityKeys:
-    """Checked keys of a city that is to be partitioned.
+    """Validated content of a city file that is to be partitioned.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ def read_city_name(path: Path) -> str:
 
 
 def check_city(values: object, path: Path) -> CityKeys | str:
-    """Validate the content of a city file.
+    """Validate the content of a city file, and return its settings or the folder of its block files.
 
     Returns
     -------

@@ -27,7 +27,7 @@ GridCell = tuple[int, int]
 
 @dataclass(frozen=True)
 class CityCell:
-    """Block of a city, as ids in the city's order.
+    """Ids of the buildings and streets of one block of a partitioned city, in the city's order.
 
     Attributes
     ----------

@@ -187,7 +187,7 @@ class HttpClient:
 
 
 def display_url(url: str) -> str:
-    """Return an address for messages, without query (it may hold a signature) and user name."""
+    """Return an address for messages, without user name and query, which may hold a signature."""
     parts = urlsplit(url)
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"[:120]
 

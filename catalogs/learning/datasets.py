@@ -212,7 +212,7 @@ def read_artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
 
 
 def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
-    """Read street photos with polygons from annotations.coco.json, in the order of that file.
+    """Read the Swiss street photos, labelled by polygons of annotations.coco.json, in the order of that file.
 
     Smaller polygons are drawn over larger ones. Where a part of a facade overlaps a tree or a car, their order is
     unknown.

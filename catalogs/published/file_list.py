@@ -110,13 +110,13 @@ def update_file_list(folder: Folder, names: Iterable[str]) -> None:
 
 
 def read_street_tags(folder: Folder) -> list[str]:
-    """Return the tags of the streets in a published snapshot."""
+    """Return the tags of street commits in the run's Icechunk store, as a published snapshot lists them."""
     content = read_file_list(folder)
     return content["tags"] if content else []
 
 
 def read_predecessor(folder: Folder) -> str | None:
-    """Return the snapshot that was published before, or None if unknown."""
+    """Return the id of the snapshot that was published before, or None if unknown."""
     content = read_file_list(folder)
     return content["predecessor"] if content else None
 

@@ -96,7 +96,7 @@ def file_size(path: Folder) -> int | None:
 
 
 def local_folder(place: Folder) -> Path:
-    """Return the folder on this machine for a run's log, server records and partial files.
+    """Return the folder on this machine for a run's log, server records and partial files; the run's own if local.
 
     For a run in a bucket it is in the user's cache ($XDG_CACHE_HOME).
     """

@@ -13,7 +13,7 @@ from catalogs.published.folders import Folder, join_path
 
 @dataclass
 class SnapshotFiles:
-    """Files of a snapshot that is being published, with digests of their inputs.
+    """Writer of the files of a snapshot that is being published; files with unchanged inputs are linked.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ _CONNECT_TIMEOUT_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class S3Folder:
-    """Folder or object in a bucket, with the part of pathlib's interface that runs need.
+    """Path of a folder or object in a bucket, with the part of pathlib's interface that runs need.
 
     Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
     AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise
@@ -45,30 +45,38 @@ class S3Folder:
 
     @property
     def name(self) -> str:
+        """Return the last component of the path."""
         return self.path.rpartition("/")[2]
 
     @property
     def parent(self) -> S3Folder:
+        """Return the folder above."""
         return S3Folder(self.path.rpartition("/")[0])
 
     @property
     def bucket(self) -> str:
+        """Return the name of the bucket."""
         return self.path.partition("/")[0]
 
     @property
     def prefix(self) -> str:
+        """Return the path below the bucket."""
         return self.path.partition("/")[2]
 
     def resolve(self) -> S3Folder:
+        """Return the path itself, which is always absolute."""
         return self
 
     def is_dir(self) -> bool:
+        """Return whether any object is below this path."""
         return self._kind() == "Directory"
 
     def is_file(self) -> bool:
+        """Return whether an object has this path."""
         return self._kind() == "File"
 
     def iterdir(self) -> Iterator[S3Folder]:
+        """Yield the objects and folders directly below this one."""
         from pyarrow.fs import FileSelector
 
         with translate_errors(self):
@@ -86,15 +94,19 @@ class S3Folder:
             raise _unreachable_error(self, error) from error
 
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
+        """Return the decoded text of the object."""
         return self.read_bytes().decode(encoding, errors)
 
     def write_text(self, text: str, encoding: str = "utf-8") -> None:
+        """Write a text as the object, replacing it atomically."""
         object_store.upload_object(self.path, text.encode(encoding))
 
     def touch(self) -> None:
+        """Write an empty object."""
         object_store.upload_object(self.path, b"")
 
     def unlink(self, missing_ok: bool = False) -> None:
+        """Delete the object."""
         object_store.delete_objects([self.path])
 
     def sizes(self) -> dict[str, int]:

@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Snapshot(Generic[F]):
-    """Snapshot in its folder OUT/published/ID, or in the folder in which it is being written."""
+    """Folder OUT/published/ID of a snapshot, or the folder in which it is being written: paths, locks and store."""
 
     folder: F
 
     @property
     def id(self) -> str:
+        """Return the id of the snapshot, which is the folder's name."""
         return self.folder.name
 
     @property
@@ -40,10 +41,12 @@ class Snapshot(Generic[F]):
 
     @property
     def items(self) -> F:
+        """Return the path of the catalogue items.parquet."""
         return self._file("items.parquet")
 
     @property
     def model(self) -> F:
+        """Return the path of the block's full model."""
         return self._file("block.glb")
 
     @property
@@ -67,14 +70,17 @@ class Snapshot(Generic[F]):
 
     @property
     def summary(self) -> F:
+        """Return the path of summary.json."""
         return self._file("summary.json")
 
     @property
     def mask_file(self) -> F:
+        """Return the path of masked.json, which lists the occluded regions of facades."""
         return self._file("masked.json")
 
     @property
     def stac(self) -> F:
+        """Return the folder of the STAC files."""
         return self._file("stac")
 
     def page(self, number: int) -> F:
@@ -165,7 +171,7 @@ class Snapshot(Generic[F]):
 
 
 def snapshot_at(out: F, id: str) -> Snapshot[F]:
-    """Return a snapshot of the run in a folder."""
+    """Return the folder of a run's snapshot by its id."""
     return Snapshot(cast(F, out / "published" / id))
 
 
@@ -192,7 +198,7 @@ def find_current_snapshot(out: F) -> Snapshot[F] | None:
 
 
 def current_pointer_tag(out: Folder) -> str | None:
-    """Return the version of `current` in a bucket, or None.
+    """Return the ETag of the object `current` of a run in a bucket; None without it.
 
     None on this machine, where the run's lock suffices.
     """

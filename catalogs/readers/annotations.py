@@ -19,7 +19,7 @@ MEASURED_HEIGHT = "measured height"
 
 
 class MeasuredHeight(NamedTuple):
-    """Height of a building in CityJSON, metres; None where it is not stated.
+    """Heights of a building in an edited CityJSON export, metres; None where it is not stated.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ IS_FACADE_COLUMN = "is_facade"
 
 
 def read_annotations(path: Path, facades: dict[str, str]) -> list[Annotation]:
-    """Read the annotations of a file, or of a folder of LabelMe files.
+    """Read corrections from a file of annotations, or from a folder of LabelMe files.
 
     Boxes become shares of the picture.
 

@@ -34,7 +34,7 @@ SURFACE_SEMANTICS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Planar face.
+    """Planar polygonal face of a building, with semantic and texture.
 
     Attributes
     ----------

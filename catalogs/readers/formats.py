@@ -96,7 +96,7 @@ def read_centrelines(path: Path) -> Centrelines:
 
 
 def read_ground(path: Path) -> Centrelines:
-    """Read the ground features of a file.
+    """Read the ground features of a file; only an OpenStreetMap extract gives centrelines too.
 
     Raises
     ------

@@ -101,7 +101,7 @@ def card_asset(folder: Path, name: str) -> Asset:
 
 
 def mirror_asset(folder: Path, name: str) -> Asset:
-    """Return the asset of the file with all Items of a Collection, in the Collection's folder."""
+    """Return the asset of a Collection's stac-geoparquet file, which holds all its Items."""
     media_type = "application/vnd.apache.parquet"
     return _file_asset(folder, name, "./", title="all Items", media_type=media_type, roles=["collection-mirror"])
 

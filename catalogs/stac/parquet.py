@@ -23,7 +23,7 @@ _NO_ASSETS = {"thumbnail": {"href": None}}
 
 
 def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Collection, crs: CRS) -> None:
-    """Write Items that have a place, and their Collection.
+    """Write the Items of a Collection that have a place as one stac-geoparquet file.
 
     Properties are columns, times are times, geometries are WKB (proj:geometry in `crs`). Links and assets are
     relative to the file's folder. Without Items the file has no rows, and `id` is its only column.
@@ -62,7 +62,7 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
 
 
 def remove_links(mirror: bytes, is_dead: Callable[[JsonObject], bool]) -> bytes | None:
-    """Return a mirror without the dead links of its Items and Collection; None if it has no dead link."""
+    """Return a stac-geoparquet file without the dead links of its Items and Collection; None if it has none."""
     import io
 
     import pyarrow as pa

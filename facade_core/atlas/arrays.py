@@ -93,7 +93,7 @@ ARRAYS = (
 
 
 def journal_array(stage: str) -> ArraySpec:
-    """Return the array that holds the records of a stage, one per unit."""
+    """Return the specification of the array that holds a stage's records, one per unit."""
     meaning = f"record of each unit of {stage}, JSON; empty until it is done"
     return ArraySpec(journal_path(stage), (_unit_dimension(stage),), STRING_DTYPE, meaning)
 

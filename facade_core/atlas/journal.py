@@ -45,7 +45,7 @@ class Record(TypedDict, total=False):
 
 
 class WaveRecord(Record, total=False):
-    """Record of a street, whose order is given by its wave."""
+    """Journal record of a street, with the wave that gives the order of writers."""
 
     wave: int
 

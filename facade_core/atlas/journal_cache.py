@@ -52,7 +52,7 @@ def cache_journals(store: StoreLocation) -> Iterator[None]:
 
 
 def read_cached_array(group: StoreGroup, path: str) -> AnyArray:
-    """Return an array (n,) with one chunk per element, read-only for the caller.
+    """Return a journal array (n,), from the cache where the store is cached; read-only.
 
     `facade_core.atlas.store` puts the store's folder on the root group's store.
     """

@@ -28,7 +28,7 @@ FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES)
 
 
 def hierarchy_path(chart: int) -> str:
-    """Return the path of a facade's variations, by the id of its chart."""
+    """Return the store path of a facade's encoded variation hierarchy, by its chart's id."""
     return f"{HIERARCHIES}/{chart:016x}"
 
 
@@ -38,7 +38,7 @@ def earlier_path(chart: int) -> str:
 
 
 def page_path(page: int) -> str:
-    """Return the path of a page's picture."""
+    """Return the store path of an atlas page's encoded picture."""
     return f"{PAGES}/{page}"
 
 
@@ -78,7 +78,7 @@ def read_stored_file(group: StoreGroup, path: str, digest: str) -> bytes:
 
 
 def read_verified_array(group: StoreGroup, path: str, digest: str) -> UInt8Array:
-    """Return a file or coarse rasters as a stored array.
+    """Return a stored file or coarse raster as an array, after its digest is checked.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class AtlasSpec:
 
 @dataclass(frozen=True)
 class Axis:
-    """Size of a dimension in one store, and of a chunk along it."""
+    """Size of one array dimension in a store, and of a chunk along it."""
 
     size: int
     chunk: int

@@ -28,7 +28,7 @@ class BlockFileError(InputError):
 
 
 class ModelError(FacadeError):
-    """Model file that is missing, has the wrong checksum or does not fit."""
+    """File of a trained model that is missing, has the wrong checksum or does not fit."""
 
 
 class StoreError(FacadeError):
@@ -36,11 +36,11 @@ class StoreError(FacadeError):
 
 
 class FormatError(StoreError):
-    """Store whose tables, arrays or records have the format of another version."""
+    """Store whose tables, arrays or records are of another store format version."""
 
 
 class WithheldError(FacadeError):
-    """Run with so many failed units that its result is not made current."""
+    """Too many units of a run failed, so its result is not made current."""
 
 
 class MachineError(FacadeError):

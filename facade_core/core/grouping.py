@@ -8,7 +8,7 @@ from facade_core.core.arrays import Int64Array, IntArray
 
 
 class RowIndex:
-    """Row index of an integer column (n,), without a full comparison per query."""
+    """Lookup of table rows by the value of an integer column (n,), without a scan per query."""
 
     def __init__(self, column: IntArray) -> None:
         self._order = np.argsort(column, kind="stable")
@@ -29,7 +29,7 @@ class RowIndex:
 
 
 def group_rows(values: IntArray) -> dict[int, Int64Array]:
-    """Return the ascending row indices of each distinct value of an integer column (n,)."""
+    """Return the ascending rows of each distinct value of an integer column (n,)."""
     order = np.argsort(values, kind="stable")
     different, first = np.unique(values[order], return_index=True)
     return dict(zip(different.tolist(), np.split(order, first[1:]), strict=True)) if len(values) else {}

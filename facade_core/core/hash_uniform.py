@@ -28,7 +28,7 @@ def hash_to_uniform(h: np.uint64) -> float:
 
 @njit(cache=True, inline="always")
 def hash_row(y: float, seed: np.uint64) -> np.uint64:
-    """Return the hash of a row of cells; add column * COLUMN_FACTOR for a cell."""
+    """Return the hash of a lattice row's cells; add column * COLUMN_FACTOR for one cell."""
     return (np.uint64(np.int64(y)) + seed) * ROW_FACTOR
 
 

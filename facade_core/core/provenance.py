@@ -26,7 +26,7 @@ class Provenance(IntEnum):
 def resolve_provenance(
     seed: UInt8Array, evidence: UInt8Array, street: UInt8Array, views: UInt16Array
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Combine the base layer of the facade stages with the result of the street stage.
+    """Merge base layer and street layer of the atlas by rank into colour and provenance.
 
     Rank: photo > inpainted > synthesised > translated > unseen. Unseen texels stay black; `facade_core.street.surfaces`
     fills them.

@@ -240,7 +240,7 @@ AS_FOUND = FacadeCorrection()
 
 @dataclass(frozen=True, slots=True)
 class ModelFiles:
-    """Files of trained models; None selects the shipped one.
+    """Files of the trained parser and layout models; None selects the shipped one.
 
     Attributes
     ----------
@@ -311,7 +311,7 @@ class Street:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Mapped way on the ground in the block's metric frame, metres; unlike a `Street` it carries no camera.
+    """Way on the ground, mapped or assumed, in the block's metric frame; carries no camera.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ class StoreGroup(Protocol):
 
 
 def get_subgroup(group: StoreGroup, path: str) -> StoreGroup:
-    """Return a group of a group.
+    """Return the group at a path inside another group.
 
     Raises
     ------

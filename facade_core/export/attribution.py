@@ -14,7 +14,7 @@ _EXTENT = ("startDate", "endDate")
 
 @dataclass(frozen=True, slots=True)
 class DataSource:
-    """Source of a block.
+    """Data source of a block with its licence.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class DataSource:
 
 @dataclass(frozen=True, slots=True)
 class Attribution:
-    """Attribution of a block.
+    """Data sources, licences and dates of a block.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ CONTEXT_TEXELS = 10
 
 
 def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> BoolArray:
-    """Mark the texels whose centre is in one of the boxes.
+    """Rasterise boxes to a mask of the texels whose centre is in one of them.
 
     Parameters
     ----------

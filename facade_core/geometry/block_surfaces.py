@@ -15,7 +15,7 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.buildings.chimneys import build_chimneys
 from facade_core.geometry.buildings.dormers import build_dormers
 from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
-from facade_core.geometry.buildings.extrusion import add_extrusion, facets_above
+from facade_core.geometry.buildings.extrusion import Extrusion, add_extrusion, facets_above
 from facade_core.geometry.buildings.facets import Facets, group_facets, wall_share
 from facade_core.geometry.buildings.gutters import build_gutters
 from facade_core.geometry.buildings.neighbours import (
@@ -29,7 +29,7 @@ from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSur
 from facade_core.geometry.buildings.roof_shapes import GRID_M, build_roof_shell
 from facade_core.geometry.buildings.shells import add_facets, add_skirt, lift_to_ground
 from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
-from facade_core.geometry.charts import ChartBuilder, Charts, Mesh
+from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_ground
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -84,9 +84,8 @@ def build_block_surfaces(
         try:
             adjoining = roof_neighbours(index, buildings, tree)
             surroundings = RoofSurroundings(eaves_obstacles(index, buildings, tree, terrain), eyes, tree)
-            outline, found = add_building(
-                pieces, index, building, terrain, adjoining, surroundings, largest=largest, grid=grid
-            )
+            target = SurfaceTarget(pieces, index, largest, grid)
+            outline, found = add_building(target, building, terrain, adjoining, surroundings)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
@@ -112,26 +111,19 @@ def build_block_surfaces(
 
 
 def add_building(
-    pieces: ChartBuilder,
-    index: int,
+    target: SurfaceTarget,
     building: Building,
     terrain: Terrain,
     adjoining: Sequence[Polygon | MultiPolygon] = (),
     surroundings: RoofSurroundings = OPEN_SURROUNDINGS,
-    *,
-    largest: float,
-    grid: float = 32.0,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
-    """Add the surfaces of one building.
+    """Add the charts and triangles of one building to a chart builder.
 
     Parameters
     ----------
-    pieces : charts collected so far; extended in place.
-    index : row of the building.
+    target : place of the surfaces.
     adjoining : footprints that its roof continues over.
     surroundings : surroundings of its roof edges.
-    largest : metres; longer surfaces are cut.
-    grid : step of the world grid in metres.
 
     Returns
     -------
@@ -162,14 +154,12 @@ def add_building(
                 details.append(build_parapet(outline, top, surroundings))
                 if assumed:
                     details.append(build_flat_roof_vents(building.id, outline, top, surroundings, building.height))
-            add_extrusion(pieces, index, outline, base, building.height, terrain, largest, grid, raised=building.raised)
+            add_extrusion(target, Extrusion(outline, base, building.height, building.raised), terrain)
         else:
             closed = facets_above(group_facets(roof_shell, outline), top)
             over = build_overhang(closed, onto_grid, surroundings)
             roof = over.roof
-            add_extrusion(
-                pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised
-            )
+            add_extrusion(target, Extrusion(onto_grid, base, building.height, building.raised), terrain, roof)
             details += [
                 over.coves,
                 build_gutters(building.id, over, lambda xy: _wall_foot(terrain, base, building.raised, xy)),
@@ -181,13 +171,13 @@ def add_building(
                 details += [stacks, lights, cowls]
         for trim in details:
             if trim is not None:
-                add_facets(pieces, index, trim.facets, largest, grid, trim.along)
+                add_facets(target, trim.facets, trim.along)
         return outline, None
     found = group_facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
-    add_facets(pieces, index, found, largest, grid)
-    add_skirt(pieces, index, found, outline, terrain, largest, grid)
+    add_facets(target, found)
+    add_skirt(target, found, outline, terrain)
     return outline, found
 
 

@@ -19,7 +19,7 @@ THIN_DIVISOR = 4
 
 @dataclass(frozen=True)
 class Placement:
-    """Places of n charts in the atlas. Rows (y, y + height) and columns (x, x + width) are half-open.
+    """Places of all n charts in the atlas; rows and columns are half-open.
 
     Attributes
     ----------

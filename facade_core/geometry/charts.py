@@ -144,7 +144,7 @@ class Charts:
         return shapely.STRtree(self.boxes)
 
     def texels(self, texels_per_metre: float | Float64Array) -> Int64Array:
-        """Return the raster sizes (n, 2) of all charts, width and height, at one density or at a density (n,) each."""
+        """Return the sizes (n, 2) of all charts in texels, at one density or a density (n,) each."""
         return raster_sizes(self.size, texels_per_metre)
 
 
@@ -220,6 +220,24 @@ def chart_axes(normal: Float64Array) -> tuple[Float64Array, Float64Array]:
     axis_u = np.where(level[:, None], east, along)
     axis_u /= np.linalg.norm(axis_u, axis=1, keepdims=True)
     return axis_u, np.cross(axis_u, normal)
+
+
+@dataclass(frozen=True)
+class SurfaceTarget:
+    """Place where the surfaces of one building are added, and how long ones are cut.
+
+    Attributes
+    ----------
+    pieces : charts collected so far; extended in place.
+    building : row of the building, -1 for ground.
+    largest : metres; longer surfaces are cut.
+    grid : step of the world grid in metres.
+    """
+
+    pieces: ChartBuilder
+    building: int
+    largest: float
+    grid: float
 
 
 class ChartBuilder:

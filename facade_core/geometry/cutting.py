@@ -43,7 +43,7 @@ def grid_crossings(a: Float64Array, b: Float64Array, length: float, grid: float)
 
 
 def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
-    """Cut a polygon into the cells of the world grid, row by row.
+    """Cut a polygon on the cell borders of the world grid and return its parts, row by row.
 
     A part does not depend on where the polygon's rings begin. Each cell is intersected with the polygon near it only:
     with holes that reach it, and with a frame in place of an outline that does not. Edges that cross the cell's border

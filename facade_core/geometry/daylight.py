@@ -92,7 +92,7 @@ class Daylight:
 def fill_hidden_places(
     clear: Float64Array, inside: BoolArray, first: Int64Array, rows: Int64Array, columns: Int64Array
 ) -> None:
-    """Fill places inside buildings with the mean of visible neighbours, ring by ring, in place.
+    """Fill the sky shares of places inside buildings from visible neighbours, ring by ring, in place.
 
     Parameters
     ----------

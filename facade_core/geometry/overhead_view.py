@@ -23,13 +23,13 @@ AerialSampler = Callable[[Float64Array, float], tuple[UInt8Array, BoolArray]]
 
 
 def roofs_seen_from_above(scene: Scene) -> BoolArray:
-    """Return the roofs that a picture from above can texture, (charts,)."""
+    """Mask the roof charts (charts,) that face up enough for a picture from above to texture."""
     is_seen_roof: BoolArray = (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
     return is_seen_roof
 
 
 def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[UInt8Array, BoolArray]:
-    """Sample a picture from above on a chart's raster.
+    """Resample an aerial picture to a chart's raster, where nothing of the block covers it.
 
     Parameters
     ----------

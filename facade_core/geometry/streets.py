@@ -38,7 +38,7 @@ class Viewpoint:
 
 
 def flat_ground(points: Float64Array) -> Float64Array:
-    """Return height 0 for points (n, 2)."""
+    """Return zero ground heights (n,) for points (n, 2), as on level ground."""
     return np.zeros(len(points))
 
 

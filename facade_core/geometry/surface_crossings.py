@@ -14,7 +14,7 @@ RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.00
 
 
 class CrossingCounter:
-    """Counter of ray crossings with triangles (t, 3, 3) of facets (t,); not picklable."""
+    """Counter of ray crossings with the triangles (t, 3, 3) of a shell; not picklable."""
 
     def __init__(self, corners: Float64Array, facet: Int64Array) -> None:
         self._facet = facet

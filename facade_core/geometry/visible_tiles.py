@@ -45,7 +45,7 @@ class FacingCharts(NamedTuple):
 def mark_visible_tiles(
     seen: Int32Array, surface: Int32Array, place: Int64Array, camera: Float64Array, charts: FacingCharts
 ) -> BoolArray:
-    """Mark the tiles below pixels that show their chart, and below adjoining pixels of the same surface.
+    """Mark the texel tiles of charts on which the pixels of a panorama may fall.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ FLOOR_HEIGHT_M = (2.6, 4.5)
 
 
 def is_main_surface(charts: Charts) -> BoolArray:
-    """Return the walls and roofs that are no details, (n,)."""
+    """Mask the charts (n,) that are large walls or roofs, not details."""
     large = (charts.size.min(axis=1) >= MIN_MAIN_SURFACE_M) & (charts.size.prod(axis=1) >= MIN_MAIN_SURFACE_M2)
     is_main: BoolArray = ((charts.kind == ChartKind.WALL) | (charts.kind == ChartKind.ROOF)) & large
     return is_main

@@ -47,7 +47,7 @@ _MIN_PROBABILITY = 1e-3
 
 
 class FacadeFigures(NamedTuple):
-    """Window share, number of windows and number of floors of a facade, or one value for each of them."""
+    """Window share, number of windows and number of floors, or one value for each of these."""
 
     window_share: float
     windows: float
@@ -173,7 +173,7 @@ def box_coverage(mask: BoolArray, element: Element) -> float:
 
 
 def estimate_window_error(chance: Float32Array, share: float, hidden: BoolArray) -> float:
-    """Compute the expected share of a facade with a wrong decision between window and other.
+    """Estimate the share of a facade's pixels that are wrongly classed as window or as other.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def _hidden_figures(value: FacadeFigures, elements_found: Sequence[Element], hid
 
 
 class ParseObservation(NamedTuple):
-    """Comparison of a parse with the truth.
+    """Comparison of one photo's parse with its true labels, as input of a calibration.
 
     Attributes
     ----------
@@ -294,7 +294,7 @@ def _comparable_counts(
 
 
 def match_elements(found: Sequence[Element], true: Sequence[Element]) -> BoolArray:
-    """Mark the elements that are paired with true ones of their class, one to one, for the highest total IoU.
+    """Mark the parsed elements that match a true element of their class, one to one by IoU.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ _MIN_GROUND_WINDOWS = 1.3
 
 @dataclass(frozen=True, slots=True)
 class FloorStructure:
-    """Floors and bays in pixels of the label map.
+    """Spans of floors and bays and the cuts between them, in pixels of the label map.
 
     Attributes
     ----------

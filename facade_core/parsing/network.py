@@ -108,7 +108,7 @@ def _channels_last(planes: Float32Array) -> Float32Array:
 
 
 def place_planes(height: int, width: int, corners: Float64Array) -> Float32Array:
-    """Compute the positions of an image's cells.
+    """Compute the positions of an image's cells as two network input planes, across and down.
 
     Parameters
     ----------

@@ -73,6 +73,7 @@ class ParserNetwork(nn.Module):
         self.head = nn.Conv2d(_FINE_CHANNELS, OUTPUT_COUNT, 1)
 
     def forward(self, image: Tensor, place: Tensor) -> Tensor:
+        """Compute logits (N, 9, H/2, W/2) of an image and of the positions of its cells."""
         x = functional.relu6(self.stem((image - 127.0) / 128.0))
         taps = []
         for number, block in enumerate(self.blocks):

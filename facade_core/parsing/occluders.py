@@ -17,7 +17,7 @@ MAX_SPILL_SHARE = 0.05
 
 
 def occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
-    """Remove specks from the parser's occluder mask (h, w) bool and add a rim.
+    """Remove specks from the parser's occluder mask, add a rim, and return its boxes too.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
 
 
 def remove_spill(occluded: BoolArray, hidden: BoolArray) -> BoolArray:
-    """Remove the parts of an occluder mask that only line a hole.
+    """Remove the parts of an occluder mask that stay within a narrow rim around a hole.
 
     A car that crosses the hole's border is no such part: it is kept up to there.
 

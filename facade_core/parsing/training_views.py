@@ -38,7 +38,7 @@ _MAX_WEIGHT = 4.0
 
 
 class LabelledPhoto(Protocol):
-    """Photo with labels.
+    """Photo with possible classes, occluders and surroundings per pixel, for training.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class TrainingView:
 
 @dataclass(frozen=True, slots=True)
 class Cutout:
-    """Cut-out occluder.
+    """Occluder cut out of a labelled photo, with alpha.
 
     Attributes
     ----------

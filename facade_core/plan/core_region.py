@@ -18,7 +18,7 @@ from facade_core.plan.facades import Facades
 
 @dataclass(frozen=True)
 class CoreRegion:
-    """Ids of the buildings and streets of a block's core; the others are halo."""
+    """Ids of the buildings and streets in a block's core; the others are halo."""
 
     buildings: Collection[str]
     streets: Collection[str]
@@ -27,7 +27,7 @@ class CoreRegion:
 def core_charts(
     charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], core: CoreRegion
 ) -> BoolArray:
-    """Return the charts of the core, (n,).
+    """Return the mask (n,) bool of the charts in the core.
 
     These are charts of core buildings, and ground charts whose nearest building or street is in the core. Buildings
     precede streets, and lower ids precede higher ones at equal distance.
@@ -64,7 +64,7 @@ def core_viewpoints(
     core: CoreRegion,
     visibility_range: float,
 ) -> list[Viewpoint]:
-    """Return renumbered viewpoints of core streets, and those within reach of a core building.
+    """Return the viewpoints of core streets or near core buildings, renumbered.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def core_facades(facades: Facades, buildings: Sequence[Building], core: CoreRegi
 def core_streets(
     streets: Sequence[Street], viewpoints: Sequence[Viewpoint], facades: Facades, core: CoreRegion
 ) -> tuple[tuple[Street, ...], list[int], list[Viewpoint], Facades]:
-    """Return the core streets and those of the facades, with renumbered viewpoints and facades.
+    """Restrict streets to the core and its facades, and renumber viewpoints and facades.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ MIN_BACKS_FOR_TWO_DOORS = 5
 
 
 def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
-    """Return whether a facade is a narrow wall on the ground that cuts off the corner of two street facades."""
+    """Return whether a facade is a narrow wall that cuts off the corner of two streets."""
     if facades.role[facade] != WallRole.SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
         return False
     own = facades.run_members(facade)

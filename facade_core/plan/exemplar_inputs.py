@@ -17,7 +17,7 @@ from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_floors
 def walls_from_outlines(
     buildings: Sequence[Building], streets: Sequence[str], shops: Sequence[int], floor_height: float
 ) -> StyleTargets:
-    """Return the outer edges of buildings as walls: those wide enough for a facade, or the widest.
+    """Return the footprint edges that are wide enough for a facade as target walls.
 
     Parameters
     ----------

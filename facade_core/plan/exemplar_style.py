@@ -207,7 +207,7 @@ def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int
 
 @dataclass(frozen=True)
 class ChoiceOrder:
-    """Order in which the buildings of a city choose.
+    """Order in which the buildings of a city choose their exemplars.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ TAGGED_FLOOR_HEIGHT_M = (2.2, 6.0)
 
 @dataclass(frozen=True)
 class Facades:
-    """Facades as columns.
+    """Facades of a block as columns.
 
     Attributes
     ----------

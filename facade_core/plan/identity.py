@@ -33,7 +33,7 @@ class ParallelMap(Protocol):
 
 
 def map_in_process(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """Apply a function to all items at once in this process."""
+    """Apply a function to all items at once in the calling process."""
     return function(items)
 
 

@@ -193,7 +193,7 @@ def _place_cameras(
 
 
 def place_poses(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
-    """Return poses with a height: unknown ones are `height` metres above the terrain."""
+    """Return poses with unknown heights set to `height` metres above the terrain."""
     return tuple(
         replace(pose, z=float(terrain.interpolate(np.array([[pose.x, pose.y]]))[0]) + height)
         if pose.z is None

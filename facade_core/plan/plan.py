@@ -203,7 +203,7 @@ class Plan:
         return RowIndex(self.street_charts[:, 0])
 
     def streets_of_charts(self, charts: Int64Array) -> Int64Array:
-        """Return the rows (k, 2) of street_charts with some charts (n,)."""
+        """Return the rows (k, 2) of the street and chart pairs with some charts (n,)."""
         return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
 
     @cached_property

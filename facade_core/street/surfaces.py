@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +35,7 @@ DETAIL_BATCH_TEXELS = 1 << 18
 
 
 class KnownTexture(NamedTuple):
-    """Texture from facades and streets.
+    """Reader of the texture from facades and streets, and the charts that have it.
 
     Attributes
     ----------
@@ -52,7 +53,7 @@ class KnownTexture(NamedTuple):
 
 
 class TranslatedViews(NamedTuple):
-    """Viewpoints of translated panoramas.
+    """Positions and width of the translated panoramas.
 
     Attributes
     ----------
@@ -62,6 +63,61 @@ class TranslatedViews(NamedTuple):
 
     positions: Float64Array
     width: int
+
+
+@dataclass(frozen=True)
+class FinishSettings:
+    """Settings by which a chart is finished.
+
+    Attributes
+    ----------
+    is_neural : the network translated the streets, so that their colours differ from the materials.
+    views : views whose pixels are coarser than texels; finer detail is added from the material.
+    levelling : level generated texels to seen ones of the same surface, and both to pictures. Pictures of ground fade
+        instead.
+    aerial : picture from above.
+    repaint : streets painted the chart with other materials; replaces theirs.
+    """
+
+    is_neural: bool = False
+    views: TranslatedViews | None = None
+    levelling: bool = True
+    aerial: AerialSampler | None = None
+    repaint: bool = False
+
+
+@dataclass(frozen=True)
+class ChartSunlight:
+    """Sunlight on a chart.
+
+    Attributes
+    ----------
+    sun : position of the sun.
+    labels : (h, w) class id of the facade on the chart, whose relief casts shadows.
+    """
+
+    sun: Sun
+    labels: UInt8Array | None = None
+
+
+DEFAULT_FINISH = FinishSettings()
+
+
+class _Surroundings(NamedTuple):
+    """Texels of other charts that a chart is levelled to.
+
+    Attributes
+    ----------
+    read : reads part of any chart.
+    charts : charts that count.
+    rank_limit : texels count if their rank exceeds it.
+    decay_m : metres over which the offset decays to a third.
+    """
+
+    read: ChartReader
+    charts: Collection[int]
+    rank_limit: int
+    decay_m: float = SEAM_DECAY_M
 
 
 def paint_visible_texels(buffer: TexelBuffer, placement: Placement, materials: MaterialField) -> None:
@@ -83,14 +139,8 @@ def finish_chart(
     materials: MaterialField,
     chart: int,
     known: KnownTexture,
-    *,
-    is_neural: bool,
-    views: TranslatedViews | None = None,
-    levelling: bool = True,
-    aerial: AerialSampler | None = None,
-    sun: Sun | None = None,
-    labels: UInt8Array | None = None,
-    repaint: bool = False,
+    settings: FinishSettings = DEFAULT_FINISH,
+    sunlight: ChartSunlight | None = None,
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute the final colour and provenance of a chart.
 
@@ -104,25 +154,20 @@ def finish_chart(
     materials : material field of the block.
     chart : row of the chart.
     known : texture from facades and streets.
-    is_neural : the network translated the streets, so that their colours differ from the materials.
-    views : views whose pixels are coarser than texels; finer detail is added from the material.
-    levelling : level generated texels to seen ones of the same surface, and both to pictures. Pictures of ground fade
-        instead.
-    aerial : picture from above.
-    sun : position of the sun, None for soft daylight only.
-    labels : (h, w) class id of the facade on this chart.
-    repaint : streets painted this chart with other materials; replaces theirs.
+    settings : settings by which the chart is finished.
+    sunlight : None for soft daylight only.
 
     Returns
     -------
     Colour (h, w, 3) uint8 and provenance (h, w) uint8 without UNSEEN.
     """
-    colour, provenance = _finish_unlit(scene, materials, chart, known, is_neural, views, levelling, aerial, repaint)
+    colour, provenance = _finish_unlit(scene, materials, chart, known, settings)
     remaining = contact_light(scene, chart)
     if remaining is not None:
         darkened = (provenance <= Provenance.TRANSLATED) & (remaining < 1)
         colour[darkened] = (colour[darkened] * remaining[darkened][:, None] + 0.5).astype(np.uint8)
-    if sun is not None:
+    if sunlight is not None:
+        sun, labels = sunlight.sun, sunlight.labels
         light, is_synthesised = sunlight_share(scene, chart, sun), provenance == Provenance.SYNTHESISED
         if labels is not None and is_synthesised.any():
             colour = relight_facade(scene, chart, sun, colour, is_synthesised, labels, light, materials.arrays.seed)
@@ -132,17 +177,10 @@ def finish_chart(
 
 
 def _finish_unlit(
-    scene: Scene,
-    materials: MaterialField,
-    chart: int,
-    known: KnownTexture,
-    is_neural: bool,
-    views: TranslatedViews | None,
-    levelling: bool,
-    aerial: AerialSampler | None,
-    repaint: bool,
+    scene: Scene, materials: MaterialField, chart: int, known: KnownTexture, settings: FinishSettings
 ) -> tuple[UInt8Array, UInt8Array]:
     """Compute `finish_chart` without contact shading and sunlight."""
+    is_neural, views, aerial = settings.is_neural, settings.views, settings.aerial
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     untextured = provenance == Provenance.UNSEEN
@@ -160,7 +198,7 @@ def _finish_unlit(
             rgb, has_aerial = render_from_above(scene, chart, aerial)
             has_aerial &= untextured
             colour[has_aerial], provenance[has_aerial] = rgb[has_aerial], Provenance.PHOTO
-    if repaint and not is_neural:
+    if settings.repaint and not is_neural:
         rows, columns = np.nonzero(provenance == Provenance.TRANSLATED)
         colour[rows, columns] = materials.texel_colours(chart, rows, columns)
     if views is not None:
@@ -169,35 +207,25 @@ def _finish_unlit(
             rows, columns = np.divmod(batch, width)
             grain = materials.fine_detail(chart, rows, columns, _smallest_footprint(scene, chart, rows, columns, views))
             colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
-    if not levelling:
+    if not settings.levelling:
         return colour, provenance
     free = untextured & (provenance == Provenance.PHOTO) if not is_neural else untextured
     if free.any():
-        neighbours = {*known.base_charts, *known.street_charts}
-        colour = _level_to_surroundings(
-            scene, chart, colour, ~untextured, free, known.read, neighbours, Provenance.UNSEEN
-        )
+        textured = _Surroundings(known.read, {*known.base_charts, *known.street_charts}, Provenance.UNSEEN)
+        colour = _level_to_surroundings(scene, chart, colour, ~untextured, free, textured)
     generated = untextured | (provenance <= Provenance.TRANSLATED)
     if scene.charts.kind[chart] != ChartKind.GROUND:
         pieces = {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()}
         if not pieces.isdisjoint(known.photo_charts):
             # a wall is one material, so that its pictures extend without limit
-            colour, filled, _ = _extend_photos(scene, None, chart, colour, generated & ~hidden, known, np.inf)
+            colour, filled, _ = _extend_photos(scene, None, chart, colour, generated & ~hidden, known)
             provenance[filled] = Provenance.INPAINTED
+            seen = _Surroundings(known.read, known.base_charts, Provenance.TRANSLATED, np.inf)
             return _level_to_surroundings(
-                scene,
-                chart,
-                colour,
-                ~generated | filled,
-                generated & ~filled,
-                known.read,
-                known.base_charts,
-                Provenance.TRANSLATED,
-                np.inf,
+                scene, chart, colour, ~generated | filled, generated & ~filled, seen
             ), provenance
-        return _level_to_surroundings(
-            scene, chart, colour, ~generated, generated, known.read, known.base_charts, Provenance.TRANSLATED
-        ), provenance
+        seen = _Surroundings(known.read, known.base_charts, Provenance.TRANSLATED)
+        return _level_to_surroundings(scene, chart, colour, ~generated, generated, seen), provenance
     # A ground picture says nothing about distant ground, so that is not levelled to it: the picture extends a little by
     # example and then fades into the material. With an aerial picture it does not end at a piece's border: the
     # neighbours' data do not contain the aerial picture yet.
@@ -208,7 +236,7 @@ def _finish_unlit(
         return colour, provenance
     has_photo, end = ~generated, provenance != Provenance.PHOTO
     if aerial is None:
-        colour, filled, end = _extend_photos(scene, materials, chart, colour, generated, known, MAX_FILL_M)
+        colour, filled, end = _extend_photos(scene, materials, chart, colour, generated, known)
         provenance[filled] = Provenance.INPAINTED
         has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
@@ -225,13 +253,14 @@ def _extend_photos(
     colour: UInt8Array,
     free: BoolArray,
     known: KnownTexture,
-    max_distance_m: float,
 ) -> tuple[UInt8Array, BoolArray, BoolArray]:
-    """Extend pictures by example into free texels, up to `max_distance_m`.
+    """Extend pictures by example into free texels.
 
     Returns the colour (h, w, 3), the filled texels (h, w), and texels without picture of the chart with
-    LEVELLING_MARGIN_M around it. `materials` gives the kinds of ground; None treats the surface as one kind.
+    LEVELLING_MARGIN_M around it. `materials` gives the kinds of ground, where pictures extend up to MAX_FILL_M; None
+    treats the surface as one kind, where they extend without limit.
     """
+    max_distance_m = np.inf if materials is None else MAX_FILL_M
     density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
     margin = round(LEVELLING_MARGIN_M * density)
     interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
@@ -303,15 +332,10 @@ def _level_to_surroundings(
     colour: UInt8Array,
     fixed: BoolArray,
     free: BoolArray,
-    read: ChartReader,
-    neighbours: Collection[int],
-    rank_limit: int,
-    decay_m: float = SEAM_DECAY_M,
+    around: _Surroundings,
 ) -> UInt8Array:
-    """Level the free texels (h, w) of a chart to the fixed ones and its neighbours.
-
-    Texels of `neighbours` count if their rank exceeds `rank_limit`. The offset decays to a third over `decay_m` metres.
-    """
+    """Level the free texels (h, w) of a chart to the fixed ones and its surroundings."""
+    read, neighbours, rank_limit, decay_m = around
     density, size = float(scene.placement.texels_per_metre[chart]), (fixed.shape[0], fixed.shape[1])
     reach = decay_m * density
     if not free.any():

@@ -17,7 +17,7 @@ MAX_RELIEF_M = 1.0  # metres that anything projects from a facade
 
 
 def light_canvas(canvas: Canvas) -> Float32Array:
-    """Light the canvas with its plates.
+    """Shade a canvas and its plates with sun, sky and cast shadows.
 
     Returns
     -------

@@ -21,7 +21,7 @@ _LIT_SILL = 236
 
 
 def relief_image(labels: UInt8Array, metres_per_pixel: float) -> UInt8Array:
-    """Render the relief of a facade in grey: openings have a shadow below their head and a lit sill.
+    """Render a label map as grey, untextured relief: openings are recessed and shadowed.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> Non
 
 
 def paint_floor_lines(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> list[float]:
-    """Paint string courses at the floor lines, quoins at the corners, and the plinth.
+    """Paint string courses at the floor lines, corner quoins and the plinth; return the courses.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePai
 
 
 def ground_pattern(street: SyntheticStreet) -> GroundPaint:
-    """Return a ground pattern unlike any material: a patched carriageway, kerbs, slabs of several sizes."""
+    """Return a function that paints ground points with a pattern unlike any material."""
     rng = np.random.default_rng(5)
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
     across = np.array([-street.axis[1], street.axis[0]])
@@ -38,7 +38,7 @@ def ground_pattern(street: SyntheticStreet) -> GroundPaint:
 
 
 def side_pattern(street: SyntheticStreet) -> SidePaint:
-    """Return a pattern of side walls and roofs unlike any material.
+    """Return a function that paints side walls and roofs with a pattern unlike any material.
 
     Bricks, worn plaster and courses of tiles; each building has its own tones and stains, and some charts have a patch.
     """
@@ -89,7 +89,7 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) 
 def ground_photos(
     street: SyntheticStreet, roadway: tuple[UInt8Array, float], pavement: tuple[UInt8Array, float]
 ) -> GroundPaint:
-    """Return a ground of two photographs with a kerb between them.
+    """Return a function that paints the ground from two photographs with a kerb between them.
 
     Parameters
     ----------

@@ -39,10 +39,12 @@ class CommandGroup(click.Group):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
     ) -> click.Context:
+        """Parse the command line; usage errors become one line."""
         with single_line_errors():
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: click.Context) -> object:
+        """Run the command; errors end it with one line and an exit code."""
         try:
             with single_line_errors(ctx):
                 return super().invoke(ctx)

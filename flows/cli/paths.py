@@ -21,6 +21,7 @@ class ExistingPath(PathType):
     """Existing file or folder; suggests similar names when the path does not exist."""
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Check that a path exists; the error suggests a similar name."""
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -54,6 +55,7 @@ class OutputFolder(FolderType):
     def convert(
         self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> Folder:
+        """Convert text to a local path or a folder in a bucket."""
         from catalogs.published.s3 import S3_SCHEME, folder_at
 
         if str(value).lower().startswith(S3_SCHEME):
@@ -65,6 +67,7 @@ class LocalPath(PathType):
     """File or folder to write; rejects addresses with a scheme, which would create a folder of that name."""
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Convert text to a local path; reject empty text and addresses with a scheme."""
         from facade_core.core.errors import InputError
 
         name = param.opts[0] if isinstance(param, click.Option) else param.human_readable_name if param else "path"

@@ -30,6 +30,7 @@ class FolderOfRuns(TextType):
     name = "folder"
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the text of an existing folder or of a bucket's address."""
         if value.lower().startswith("s3://"):
             return value
         return str(EXISTING_FOLDER.convert(value, param, ctx))
@@ -39,6 +40,7 @@ class QueryCommand(BboxCommand):
     """Command whose help ends with the columns of the published table."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the columns of the published table below the help."""
         from catalogs.published.items import COLUMNS
 
         with formatter.section("Columns (catalogs/README.md says what each means)"):

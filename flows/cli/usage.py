@@ -27,6 +27,7 @@ class CommandLineError(click.ClickException):
     exit_code = 2
 
     def show(self, file: IO[str] | None = None) -> None:
+        """Print the message as one line on stderr."""
         print_notice(self.message)
 
 
@@ -92,6 +93,7 @@ class BboxCommand(click.Command):
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: object
     ) -> click.Context:
+        """Parse the command line; an invalid --bbox gives an error of one line."""
         from facade_core.core.errors import InputError
 
         try:

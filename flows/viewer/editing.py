@@ -39,7 +39,7 @@ MAX_BODY_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Editor:
-    """Person who corrects facades in the viewer.
+    """User who may correct facades in the viewer: name, photo folder and token.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Editor:
 
 
 def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
-    """Return the routes for corrections; the middleware has rejected requests of other sites."""
+    """Return the HTTP routes for corrections of facades."""
     redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
 
     def state(request: Request) -> JsonObject:
@@ -96,7 +96,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
 
 
 def authorize_read(editor: Editor, handler: Callable[[Request], JsonObject | Response]) -> Endpoint:
-    """Return an endpoint that answers requests with the editor's token."""
+    """Return an endpoint that answers GET requests with the editor's token."""
 
     async def endpoint(request: Request) -> Response:
         if refused := _refusal_response(request, editor, writes=False):

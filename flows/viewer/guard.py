@@ -51,7 +51,7 @@ class HostGuard:
 
 
 def edit_refusal(token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool) -> tuple[int, str] | None:
-    """Return status and reason for rejecting a request of the editor, None to accept it.
+    """Return status and reason for rejecting an editor's request; None to accept it.
 
     Applies to requests that `HostGuard.refusal` accepts.
 

@@ -32,7 +32,7 @@ MAX_PHOTO_SIDE = 1600
 
 
 def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]:
-    """Return the routes that show and decide the matches of a folder of photos.
+    """Return the HTTP routes that show and decide the matches of a folder of photos.
 
     Decisions go into the table in the folder of the block file, then through `streetloom match --take`.
     """

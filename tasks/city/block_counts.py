@@ -57,7 +57,7 @@ NO_COUNTS = BlockCounts(0, 0, 0, 0, 0, 0)
 
 
 def count_from_map(block: Block) -> BlockCounts:
-    """Count the core of a block from its outlines and centrelines."""
+    """Estimate the counts of a block's core from its outlines and centrelines, without a plan."""
     part = block.part
     core = {b.id for b in block.buildings} if part is None else set(part.buildings)
     walked = {s.id for s in block.streets} if part is None else set(part.streets)
@@ -85,7 +85,7 @@ def count_from_map(block: Block) -> BlockCounts:
 
 
 def count_from_plan(block: Block) -> dict[str, float]:
-    """Count facades and texels from the plan, which takes seconds; the map takes a hundredth of one."""
+    """Count the facades and megatexels of a block from its plan, which takes seconds to make."""
     plan = make_plan(block)
     placement = plan.scene.placement
     texels = (placement.width.astype(float) * placement.height)[plan.in_core].sum()

@@ -40,7 +40,7 @@ _PATHS = (
 
 @dataclass(frozen=True)
 class CityBlock:
-    """Block of a city.
+    """Block of a city: its name, block file, input digest and counts.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
 
 
 def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
-    """Select the content of each block, with the distant buildings that its choice of exemplars depends on."""
+    """Yield the ids of each block: core, halo, and distant buildings that its style needs."""
     block = whole.block
     walls = walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
     order = choice_order(walls, seed=block.seed)

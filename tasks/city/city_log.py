@@ -64,7 +64,7 @@ class BlockResult:
 
 
 def block_tileset(block: Folder, snapshot: str) -> Folder:
-    """Return the path of a block's 3D Tiles; a bucket has one folder for each snapshot."""
+    """Return the path of a block's tileset.json; a bucket has one for each snapshot."""
     return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
 
 
@@ -117,7 +117,7 @@ class CityLog:
     over: str = ""
 
     def for_city(self, city: City, source: str) -> CityLog:
-        """Return the log for the city as it was read now; results of blocks that still exist are kept."""
+        """Return the log for a newly read city, with the results of blocks that still exist."""
         kept = {block.name: self.blocks.get(block.name, BlockResult()) for block in city.blocks}
         digests = {block.name: block.digest for block in city.blocks}
         told = {block.name: asdict(block.counts) for block in city.blocks}

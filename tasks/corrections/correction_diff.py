@@ -40,7 +40,7 @@ MODEL_SHAPE_KINDS = ("height", "roof_shape", "roof_height")
 
 
 class CorrectionDiff:
-    """Comparison of edited values with the current values: corrected, or else published.
+    """Comparison of edited values with the current ones, which are corrected or published.
 
     Attributes
     ----------

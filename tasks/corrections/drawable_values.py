@@ -11,7 +11,7 @@ PLASTER = "plaster"
 
 
 def drawable_values() -> dict[str, list[str]]:
-    """List the valid values of each kind of correction."""
+    """List the valid roof shapes, wall materials and roof materials of corrections."""
     from facade_core.street.materials.field import ROOF_MATERIAL_TAGS
 
     return {

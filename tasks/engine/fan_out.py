@@ -47,7 +47,7 @@ def make_batches(pieces: Iterable[UnitGroup], compute: Compute) -> Iterator[list
 
 
 def piece_memory(piece: UnitGroup) -> int:
-    """Return the memory of units that a worker processes one after the other, bytes."""
+    """Return the bytes for a unit group, whose units run one after the other."""
     return max(unit.memory for unit in piece)
 
 

@@ -57,7 +57,7 @@ NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_allo
 
 @dataclass(frozen=True)
 class Outcome:
-    """Counts of units of a task.
+    """Counts of the done, skipped, failed and rejected units of a task.
 
     Attributes
     ----------
@@ -98,12 +98,12 @@ class Outcome:
 
 
 def list_rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
-    """Return the units that are done without a rejected picture, as (unit, reason)."""
+    """List the units that are done without a rejected picture, as (unit, reason)."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
 
 def is_done(record: Record | None, *keys: str) -> bool:
-    """Whether the journal holds a unit for the inputs it has now, by one of its keys; failed units are tried again."""
+    """Report whether a record says that its unit is done for one of these keys."""
     return record is not None and record["key"] in keys and record["status"] == "done"
 
 
@@ -143,7 +143,7 @@ def error_reason(error: Exception) -> str:
 
 @contextmanager
 def collect_rejections(errors: list[Exception]) -> Iterator[None]:
-    """Append errors raised within to `errors`; faults of the machine pass."""
+    """Append errors of the input raised within to `errors`; faults of the machine pass."""
     try:
         yield
     except Exception as error:

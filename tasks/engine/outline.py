@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Outline:
-    """Streets, waves and rejected input of a plan, without arrays.
+    """Summary of a plan for scheduling: streets, waves and rejected input, without arrays.
 
     Attributes
     ----------

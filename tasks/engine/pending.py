@@ -19,7 +19,7 @@ from tasks.engine.unit import Unit, UnitGroup
 
 @dataclass(frozen=True)
 class PendingUnits:
-    """Pending units of a stage, in pieces of what one worker does in one go, and the records of the others."""
+    """Pending units of a stage in groups for one worker each, and the records of done ones."""
 
     stage: Stage
     pieces: tuple[UnitGroup, ...]

@@ -49,6 +49,7 @@ class Run:
 
     @property
     def folder(self) -> Folder:
+        """Return the folder of the run."""
         return folder_at(self.out)
 
     @property
@@ -58,4 +59,5 @@ class Run:
 
     @property
     def store(self) -> Folder:
+        """Return the folder of the store."""
         return self.folder / "store"

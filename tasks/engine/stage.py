@@ -25,7 +25,7 @@ Records = list[Record | None]
 
 @dataclass(frozen=True)
 class Change:
-    """A block that is ingested again after a change.
+    """Inputs for carrying over the units of the last ingest to a new plan.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Change:
 
 @dataclass(frozen=True)
 class StageForecast:
-    """Pending units of a stage.
+    """Forecast of the pending units of a stage.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class ForecastInputs:
 
 @dataclass(frozen=True)
 class StoreContents:
-    """A snapshot that is checked for data that are missing.
+    """Inputs of a stage's search for units whose data are missing from a snapshot.
 
     Attributes
     ----------

@@ -94,7 +94,7 @@ class CodeModule:
 
 @cache
 def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
-    """Return the digest of the code of a stage.
+    """Compute the digest of the code of a stage.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
 
 def worker_module(stage: str, root: Path = ROOT) -> str:
-    """Return the module that processes a stage's units."""
+    """Return the dotted name of the module that processes a stage's units."""
     places = (f"tasks.stages.{stage}.worker", f"tasks.stages.{stage}.task", f"tasks.{stage}.task")
     return next(name for name in places if _module_path(name, root) is not None)
 

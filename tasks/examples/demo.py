@@ -37,7 +37,7 @@ PHOTO_METRES = (6.0, 40.0)
 
 
 def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
-    """Write the demo's input into `folder` and return its block file; existing files are kept.
+    """Write the demo's map, pictures and block file into a folder; keep existing files.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ def fetch_block(
     sources: Mapping[str, ExampleSource] = EXAMPLE_SOURCES,
     paint: Callable[[Path], None] = paint_exemplars,
 ) -> tuple[Path, ExampleSource]:
-    """Write `folder`/NAME.yaml and all files that it names; existing files are kept.
+    """Download an example block's public data and write its block file.
 
     Parameters
     ----------

@@ -172,7 +172,7 @@ def city_objects(
     pool: VertexPool,
     taken: set[str],
 ) -> JsonObject:
-    """Build the city objects of a building and of its installations by id.
+    """Build the CityJSON objects of one building and of its installations, by id.
 
     The building is a Solid if its surfaces close.
 
@@ -217,7 +217,7 @@ def city_objects(
 
 
 def is_facade(results: PublishedBlock, facade: str) -> bool:
-    """Report whether a wall is still a facade, and is not corrected to be none."""
+    """Report whether a wall is still a facade: no correction denies it."""
     record = results.records[results.plan.facades.id.index(facade)]
     return record is None or record.get("facade") is not False
 

@@ -58,7 +58,7 @@ def select_lighting(
 
 
 def add_ground(results: PublishedBlock, buildings: IntArray) -> IntArray:
-    """Append the ground (-1) if the buildings are all of the block's."""
+    """Append the index of the ground (-1) if the buildings are all of the block's."""
     return np.append(buildings, -1) if len(buildings) == len(results.select_buildings(())) else buildings
 
 

@@ -37,7 +37,7 @@ class FacadeCandidate:
 
 @dataclass(frozen=True)
 class PhotoMatch:
-    """Row of one photo.
+    """Row of the match table: one photo, its facade and the candidates.
 
     Attributes
     ----------

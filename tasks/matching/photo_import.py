@@ -21,7 +21,7 @@ FOLDER = "photos"
 
 @dataclass(frozen=True)
 class PhotoImport:
-    """Checked plan of an import.
+    """Checked plan of a photo import: copies and removals.
 
     Attributes
     ----------

@@ -198,7 +198,7 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
 
 
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """Return the models that the facades and streets of a block were made with.
+    """List the learned models that the facades and streets of a block were made with.
 
     A model of the block replaces the shipped one. Empty where no unit used a model.
     """

@@ -56,7 +56,7 @@ class ReportImages:
 def write_images(
     snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
 ) -> ReportImages:
-    """Write the folder of report images, and record unreadable ones as failures.
+    """Write the images of the report; record unreadable ones as failures.
 
     Parameters
     ----------

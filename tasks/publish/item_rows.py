@@ -183,7 +183,7 @@ def _roof_columns(buildings: TableValues, building: int) -> dict[str, object]:
 
 
 def facade_facts(facades: Facades, index: int, record: FacadeRecord | None, height_source: str) -> dict[str, object]:
-    """Return the columns of a facade that come from its plan and journal record.
+    """Return the item-table columns of a facade that come from plan and journal record.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from tasks.publish.stored_block import StoredBlock
 
 
 def write_pages(snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures) -> None:
-    """Write pages/, and record unreadable pages as failures.
+    """Write the atlas pages of a snapshot; record unreadable pages as failures.
 
     Parameters
     ----------

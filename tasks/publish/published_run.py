@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PublishedBlock(StoredBlock):
-    """Block as a published snapshot holds it, with the files of that snapshot."""
+    """Block as a published snapshot holds it, with the store and the published files."""
 
     snapshot: Snapshot[Folder]
 

@@ -58,7 +58,7 @@ class CorrectedFacade:
 
     @property
     def boxes(self) -> tuple[Element, ...]:
-        """Elements in texels."""
+        """Return the elements in texels."""
         height, width = self.photo_mask.shape
         return tuple(
             Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in self.elements

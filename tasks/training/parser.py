@@ -93,7 +93,7 @@ def read_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFaca
 
 
 def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
-    """Continue from the network in `out` with one set of FOLD_SCHEDULES; write NAME.onnx and NAME.json.
+    """Fine-tune the network in `out` on one benchmark set; write NAME.onnx and NAME.json.
 
     The result serves only the benchmark of that set.
 
@@ -126,7 +126,7 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
 def train_corrected(
     facades: Sequence[CorrectedFacade], out: Path, *, seed: int, schedule: TrainingSchedule = CORRECTED_SCHEDULE
 ) -> Path:
-    """Continue from the shipped network with corrected facades; write network.onnx and network.json.
+    """Fine-tune the shipped network on corrected facades; write network.onnx and .json.
 
     Every fifth facade is held out for validation. Calibration is copied from the shipped network.
 
@@ -181,7 +181,7 @@ def train_corrected(
 
 
 def correct_pixel_share(photos: Sequence[LabelledFacade], model: Path) -> float:
-    """Compute the share of labelled pixels that a network parses as a possible class."""
+    """Compute the share of labelled pixels that a network parses correctly."""
     right = told = 0
     for photo in photos:
         known = photo.possible != ANY_CLASS

@@ -41,7 +41,7 @@ VALIDATION_STRIDE = 5
 
 @dataclass(frozen=True)
 class TrainingSplit:
-    """Assignment of panoramas by prefixes of their file names.
+    """File-name prefixes that assign panoramas to validation or exclude them.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRend
 
 
 def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
-    """Render runs of viewpoints in a block, best visible walls first; every other run is furnished."""
+    """Render sequences of viewpoints along a block's streets, best visible walls first."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = make_plan(replace(block, texture=texture, panoramas=()))
     scene = plan.scene

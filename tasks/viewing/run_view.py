@@ -78,7 +78,7 @@ class _PlanTables:
 
 @dataclass(frozen=True, eq=False)
 class RunView:
-    """Snapshot of a run's store."""
+    """Snapshot of a run's store, with its plan tables and journals."""
 
     out: Folder
     session: icechunk.Session
@@ -87,6 +87,7 @@ class RunView:
 
     @property
     def snapshot(self) -> str:
+        """Return the id of the snapshot."""
         return str(self.session.snapshot_id)
 
     @property
@@ -97,7 +98,7 @@ class RunView:
 
     @cached_property
     def journals(self) -> Journals:
-        """Records of every stage."""
+        """Read the records of every stage."""
         return read_typed_journals(self.group)
 
     @property
@@ -107,11 +108,12 @@ class RunView:
 
     @cached_property
     def buildings_with_corrections(self) -> frozenset[str]:
-        """Buildings with corrections."""
+        """Return the ids of buildings with corrections."""
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
     def facade_numbers(self) -> dict[str, int]:
+        """Return the index of each facade by id."""
         return {name: i for i, name in enumerate(self.tables.facades.id)}
 
     def find_facade(self, facade: str) -> int:
@@ -127,12 +129,12 @@ class RunView:
 
     @cached_property
     def exemplars(self) -> list[str]:
-        """Names of the prepared exemplars."""
+        """Return the names of the prepared exemplars."""
         return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
 
     @cached_property
     def id_by_former_id(self) -> dict[str, str]:
-        """Present id by the id at the time of a correction."""
+        """Return present ids by the id at the time of a correction."""
         return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
     def open_facade(self, index: int) -> StoredFacade:

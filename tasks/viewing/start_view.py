@@ -15,7 +15,7 @@ MIN_AHEAD_COSINE, MIN_DISTANCE_M = 0.35, 6.0
 
 @dataclass(frozen=True)
 class StartView:
-    """Start of a walk.
+    """Start of a walk through the block: position and heading.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ class _ReplayedStreet:
 
 
 class StreetReplay:
-    """Cache of the newest street, so that one step forward costs one propagation."""
+    """Drawing of streets after any viewpoint; the newest street stays cached."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

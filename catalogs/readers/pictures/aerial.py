@@ -109,7 +109,7 @@ class Aerial:
 
 
 def read_aerial(path: Path, crs: str | None, frame: CRS, places: Float64Array) -> Aerial:
-    """Check an orthophoto against positions in the frame of the block.
+    """Open an orthophoto, and check that it shows positions in the frame of the block.
 
     Parameters
     ----------

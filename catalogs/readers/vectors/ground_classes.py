@@ -76,7 +76,7 @@ _ONE_WAY_WORDS = frozenset(("ft", "tf"))
 
 
 def normalize_word(text: str) -> str:
-    """Return a word in the form of the tables."""
+    """Return a class word in lower case, with underscores and without umlauts, as the tables of words have it."""
     word = "_".join(re.findall(r"\w+", text.lower()))
     for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e")):
         word = word.replace(letter, letters)
@@ -84,7 +84,7 @@ def normalize_word(text: str) -> str:
 
 
 def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
-    """Return the tags of a ground feature with those of its classes or layer name.
+    """Return a ground feature's OpenStreetMap tags, with classes and layer names of other maps translated.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ MAX_GROUP_GAP_M = 0.05
 
 
 class SemanticSurfaces:
-    """Semantic surfaces of one object; surfaces without attributes are shared by type."""
+    """Growing list of one object's semantic surfaces; plain ones are shared by type."""
 
     def __init__(self) -> None:
         self.surfaces: list[SemanticSurface] = []
@@ -75,7 +75,7 @@ class ModelPart:
 
 @dataclass(frozen=True)
 class BuildingModel:
-    """Model of a building.
+    """Parts of a building's model: body, attachments, balconies and ledges.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def build_building_model(
     *,
     has_assumed_roof: bool = False,
 ) -> BuildingModel:
-    """Build the model of one building.
+    """Build the parts of one building's model.
 
     Windows and doors are recessed into the wall; balconies and ledges are bodies before it. Faces that close the body without a
     surface of the mesh, such as the ground, have no texture.

@@ -10,7 +10,7 @@ from facade_core.core.arrays import Float64Array
 
 @dataclass(frozen=True)
 class ModelFace:
-    """Planar face.
+    """Planar face of a building model with its semantic surface and texture.
 
     Attributes
     ----------

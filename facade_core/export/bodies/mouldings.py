@@ -27,7 +27,7 @@ PROFILE_SAMPLES = 12
 
 @dataclass(frozen=True)
 class WallBand:
-    """Band of a wall.
+    """Horizontal band of a wall: a field of one material, or a moulding.
 
     Attributes
     ----------
@@ -45,6 +45,7 @@ class WallBand:
 
     @property
     def height(self) -> float:
+        """Return the height of the band, metres."""
         return self.foot - self.top
 
 
@@ -70,7 +71,7 @@ def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float
 
 
 def segment_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
-    """Segment a wall into bands from its top.
+    """Split a wall picture into horizontal bands, from its top.
 
     Parameters
     ----------

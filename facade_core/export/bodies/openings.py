@@ -52,7 +52,7 @@ def chart_outlines(corners: Float64Array) -> list[Polygon]:
 
 
 def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
-    """Place the doors and windows of a wall, clipped to its inside and apart from each other.
+    """Return doors and windows with their polygons in a wall, clipped and kept apart.
 
     Parameters
     ----------

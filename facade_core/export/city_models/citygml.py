@@ -44,7 +44,7 @@ def expand_prefix(name: str) -> str:
 
 
 def add_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
-    """Add a child element; attributes are named as xlink_href for xlink:href."""
+    """Add a child XML element; attributes are named as xlink_href for xlink:href."""
     from lxml import etree
 
     child = etree.SubElement(parent, expand_prefix(name))

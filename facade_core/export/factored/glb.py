@@ -21,7 +21,7 @@ REPEAT_WRAP = 10497
 
 @dataclass(frozen=True, eq=False)
 class FactoredPart:
-    """Triangles of one node with one texture, in glTF's frame (y up).
+    """Triangles with one texture, in glTF's frame (y up).
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ EVENNESS_PARTS = 8
 
 
 def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
-    """Group similar grains and return the representative of each.
+    """Return, for each grain, the index of the grain that represents its group.
 
     The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.
     """

@@ -35,7 +35,7 @@ WALL_SMOOTHING_M = 0.35
 
 @dataclass(frozen=True, eq=False)
 class ElementType:
-    """Type of element with the picture of its representative.
+    """Picture that represents a type of elements, with its scale and light.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class MouldingTexture:
 
 @dataclass(frozen=True, eq=False)
 class FacadeLibrary:
-    """Units, types, grains and mouldings of one picture.
+    """Units, element types, grains and mouldings of one picture.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ MIN_RECESS_PIXELS = 2.0
 
 @dataclass(eq=False)
 class FactoredLeaves:
-    """Shared state of a block's factored leaves.
+    """Builder of a block's factored leaves, with their shared textures and counts.
 
     Attributes
     ----------

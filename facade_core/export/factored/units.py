@@ -30,7 +30,7 @@ MIN_GREY_DIFFERENCE = 14.0
 
 @dataclass(frozen=True)
 class FacadeUnit:
-    """Unit of a facade.
+    """Elements of a facade that belong together, such as a window with its balcony.
 
     Attributes
     ----------
@@ -45,6 +45,7 @@ class FacadeUnit:
 
     @property
     def size(self) -> tuple[float, float]:
+        """Return width and height, metres."""
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 

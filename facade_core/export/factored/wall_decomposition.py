@@ -25,7 +25,7 @@ SHADE_SMOOTHING_M = 0.4
 
 @dataclass(frozen=True, eq=False)
 class FactoredFacade:
-    """Stored wall of a facade.
+    """Stored texels and elements of a facade wall that is to be factored.
 
     Attributes
     ----------

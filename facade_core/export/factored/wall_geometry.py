@@ -36,7 +36,7 @@ TextureKey = tuple[str, int, int]
 
 
 class WallPiece(NamedTuple):
-    """Triangles with one picture.
+    """Triangles of a wall with one picture.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class WallPiece(NamedTuple):
 
 @dataclass(eq=False)
 class WallPieces:
-    """Pieces by picture.
+    """Wall pieces by picture.
 
     Attributes
     ----------
@@ -70,6 +70,7 @@ class WallPieces:
     elements: list[tuple[TextureKey, float]] = field(default_factory=list)
 
     def add(self, key: TextureKey, piece: WallPiece) -> None:
+        """Add a piece with its picture, unless it has no triangles."""
         if len(piece.triangles):
             self.by_picture.setdefault(key, []).append(piece)
 
@@ -95,7 +96,7 @@ def is_planar(plane: WallPolygon) -> bool:
 
 
 class WallDetail(NamedTuple):
-    """Level of detail of a wall.
+    """Settings of one level of detail of a wall.
 
     Attributes
     ----------

@@ -84,10 +84,12 @@ class FacadeOpening:
 
     @property
     def box(self) -> tuple[slice, slice]:
+        """Return the rows and columns of the opening as slices."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Return height and width in texels."""
         return self.bottom - self.top, self.right - self.left
 
 
@@ -194,9 +196,11 @@ class SeededRandom:
         self._building, self._wall = building, wall
 
     def per_building(self, *what: int) -> float:
+        """Return the number of integer keys that all walls of the building share."""
         return _hash_splitmix64(self._building, 0, *what)
 
     def per_wall(self, *what: int) -> float:
+        """Return the number of integer keys on this wall."""
         return _hash_splitmix64(self._building, self._wall, *what)
 
 

@@ -13,7 +13,7 @@ from facade_core.street.materials.field_kernels import SurfaceMaterial
 
 
 class PbrMaterial(IntEnum):
-    """Material class of a texel in a relit model; all are dielectric, because sheets and railings are painted."""
+    """Material classes of texels in a relit model; all are dielectric."""
 
     PLASTER = 0
     BRICK = 1
@@ -35,7 +35,7 @@ class PbrMaterial(IntEnum):
 
 
 class MaterialProperties(NamedTuple):
-    """Optical properties of a material.
+    """Roughness and relief of a material class.
 
     Attributes
     ----------

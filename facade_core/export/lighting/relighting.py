@@ -84,7 +84,7 @@ class RelightingInputs:
 
 
 def relight(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
-    """Return the mesh with base colours without light, and with maps."""
+    """Return the mesh with base colours without baked light, and with PBR maps."""
     charts, grounds = _ChartRelighter(source, inputs), GroundMaterials(inputs.ground)
     albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(charts.albedo)
     maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, albedo(chart), grounds))

@@ -41,7 +41,7 @@ class MetadataProperty:
     description: str
 
     def schema(self) -> dict[str, object]:
-        """Return the property of the metadata class."""
+        """Return the schema of the column as a property of a metadata class."""
         meaning = f"{self.description} ({self.unit})" if self.unit else self.description
         types: dict[str, dict[str, object]] = {
             "string": {"type": "STRING", "noData": NO_TEXT},

@@ -27,7 +27,7 @@ INDEXED_LISTS = ("accessors", "bufferViews", "images", "materials", "meshes", "t
 
 @dataclass(frozen=True)
 class GlbFile:
-    """GLB file with its parsed header.
+    """Header of a GLB file: its glTF document and the place of its binary data.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ TimeOfDay = Literal["day", "night", "day or night", "night or day"]
 
 
 def relative_texel_count(has_maps: bool, time: TimeOfDay) -> float:
-    """Return the upper bound of texels of all textures of a page per texel of its base colour.
+    """Return the texels of all textures of a page per texel of its base colour, at most.
 
     A map has a quarter of the texels of the base colour.
     """

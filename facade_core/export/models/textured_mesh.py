@@ -54,9 +54,11 @@ class LocalFrame:
     origin: Float64Array
 
     def points(self, world: Float64Array) -> Float64Array:
+        """Return points (n, 3) of the world in the frame, y up, metres."""
         return to_y_up(world - self.origin)
 
     def directions(self, world: Float64Array) -> Float64Array:
+        """Return directions (n, 3) of the world in the frame."""
         return to_y_up(world)
 
 

@@ -34,7 +34,7 @@ TIME_VARIANT_SET = "time"
 
 @dataclass(frozen=True)
 class TextureFiles:
-    """Asset paths of a page's textures relative to a building's stage.
+    """Asset paths of a page's textures, relative to a building's stage.
 
     Attributes
     ----------
@@ -61,9 +61,11 @@ class ZUpFrame:
     origin: Float64Array
 
     def points(self, world: Float64Array) -> Float64Array:
+        """Return points (n, 3) of the world relative to the origin, metres."""
         return world - self.origin
 
     def directions(self, world: Float64Array) -> Float64Array:
+        """Return directions (n, 3) of the world unchanged."""
         return world
 
 

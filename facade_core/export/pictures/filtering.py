@@ -16,7 +16,7 @@ MIN_GRAZING_SINE = 0.01
 
 
 class MipPyramid(NamedTuple):
-    """Raster with successive halves.
+    """Mip levels of a raster, each half as large as the previous one, as kernels read them.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class MipPyramid(NamedTuple):
 
 
 class PinholeCamera(NamedTuple):
-    """Camera as read by kernels.
+    """Position, axes and focal length of a camera, as kernels read them.
 
     Attributes
     ----------

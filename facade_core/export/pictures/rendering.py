@@ -102,7 +102,7 @@ class RenderedView:
 
 
 def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> RenderedView:
-    """Cast the rays of a picture.
+    """Cast the rays of a picture and return it with only the sky drawn.
 
     Parameters
     ----------

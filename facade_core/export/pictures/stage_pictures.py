@@ -35,7 +35,7 @@ VIEWER_SAMPLE_SEED = 1
 
 
 class StageTitle(NamedTuple):
-    """Name of a stage in addresses and file names, and its title."""
+    """Name of a stage in addresses and file names, and its title for readers."""
 
     name: str
     title: str

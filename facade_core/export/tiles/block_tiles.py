@@ -20,7 +20,7 @@ MAX_TILE_TEXELS = int(MAX_TILE_BYTES / BYTES_PER_TEXEL)
 
 @dataclass(frozen=True)
 class BlockTile:
-    """Planned tile.
+    """Planned tile of a block: its buildings, charts and origin.
 
     Attributes
     ----------

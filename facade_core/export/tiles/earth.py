@@ -41,6 +41,7 @@ class EarthFrame:
         return matrix
 
     def points(self, world: Float64Array) -> Float64Array:
+        """Return points (n, 3) of the world in the frame, y up, metres."""
         return to_y_up((self.to_earth_centred(world) - self.centre) @ self.axes.T)
 
     def directions(self, world: Float64Array) -> Float64Array:
@@ -51,7 +52,7 @@ class EarthFrame:
 
 
 def earth_frame(crs: str, origin: Float64Array, geoid_separation: float = 0.0) -> EarthFrame:
-    """Build the frame at a point of a block.
+    """Build the local tangent frame of the earth at a point of a block.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
 from facade_core.export.tiles.baking import bake_rasters
-from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh
+from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_level_surface, add_planar_chart
 
 # Tolerance of simplified outlines, metres.
@@ -140,22 +140,16 @@ def _shell_outlines(source: TexturedMesh, triangles: IntArray) -> tuple[list[Pol
 
 
 def _extrude(pieces: ChartBuilder, building: int, outline: Polygon, base: float, top: float) -> None:
+    target = SurfaceTarget(pieces, building, np.inf, np.inf)
     for ring in (outline.exterior, *outline.interiors):
         corners = np.asarray(ring.coords)
         for a, b in zip(corners[:-1], corners[1:], strict=True):
             length = float(np.hypot(*(b - a)))
             along = np.append((b - a) / length, 0.0)
-            add_planar_chart(
-                pieces,
-                ChartKind.WALL,
-                building,
-                np.array([*a, top]),
-                along,
-                _DOWN,
-                shapely.box(0, 0, length, top - base),
-            )
+            frame = np.array([*a, top]), along, _DOWN
+            add_planar_chart(target, ChartKind.WALL, frame, shapely.box(0, 0, length, top - base))
             pieces.surface_count += 1
-    add_level_surface(pieces, ChartKind.ROOF, building, outline, top, np.inf, np.inf)
+    add_level_surface(target, ChartKind.ROOF, outline, top)
 
 
 def _empty_mesh() -> tuple[Charts, Mesh]:

@@ -24,7 +24,7 @@ MIN_STEP_M = 2.0**-10
 
 @dataclass(frozen=True)
 class TileBatch:
-    """Triangles with one texture page, in glTF's frame (y up).
+    """Triangles of a tile with one texture page, in glTF's frame (y up).
 
     Attributes
     ----------

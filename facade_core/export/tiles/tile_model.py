@@ -21,7 +21,7 @@ ReadRasters = Callable[[Int64Array], Mapping[int, UInt8Array]]
 
 @dataclass(frozen=True)
 class TileModel:
-    """Built tile.
+    """GLB model of a tile with its bounds, coarse rasters and page digests.
 
     Attributes
     ----------

@@ -284,7 +284,7 @@ def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
 
 
 def bounding_corners(positions: Sequence[Float64Array]) -> Float64Array:
-    """Return the bounds (2, 3), z up, of points (n, 3) in glTF's frame."""
+    """Return the z-up bounds (2, 3) of points (n, 3) given in glTF's y-up frame."""
     points = np.concatenate(positions)
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,10 +21,10 @@ from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.ranking import predict_probability
 from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, pairwise_iou, pairwise_overlap
 from facade_core.facade.layout.scores import score
-from facade_core.facade.layout.selection import align_to_lines, select_proposals
+from facade_core.facade.layout.selection import PlacementSpace, align_to_lines, select_proposals
 from facade_core.facade.layout.shop_floor import select_shop_row
 from facade_core.facade.layout.validation import check_domain, check_elements, check_region
-from facade_core.facade.layout.window_rows import find_missing_windows, min_window_gap
+from facade_core.facade.layout.window_rows import RowLimits, find_missing_windows, min_window_gap
 
 # Alternatives select proposals from these multiples of the selection thresholds.
 _THRESHOLD_FACTORS = (1.0, 0.7, 1.5, 2.0, 0.3)
@@ -127,7 +127,7 @@ def rank_layouts(
     entrances: Sequence[float],
     front: bool,
 ) -> list[tuple[tuple[Element, ...], float]]:
-    """Return layouts of the hidden part with their scores, best first.
+    """Propose layouts of the hidden part and return them with their scores, best first.
 
     Parameters
     ----------
@@ -173,7 +173,11 @@ def rank_layouts(
             chosen[shops] = probability[shops].mean() >= factor * model.min_probability[SHOP]
         return chosen
 
-    first = select_proposals(proposals.box, proposals.label, preference, selectable(1.0), obstacles, min_gap)
+    def select(order: Float64Array, allowed: BoolArray) -> Int64Array:
+        """Select among allowed proposals by preference."""
+        return select_proposals(proposals.box, proposals.label, order, allowed, obstacles, min_gap)
+
+    first = select(preference, selectable(1.0))
     expected = float(probability[first].sum()) / 0.8
     choices = [(preference, selectable(factor)) for factor in _THRESHOLD_FACTORS]
     for support in proposals.support.T:
@@ -187,33 +191,25 @@ def rank_layouts(
         float(factor * model.min_probability[WINDOW])
         for factor in (_ROW_FACTOR, _GROUND_ROW_FACTOR if front else _ROW_FACTOR)
     )
+    limits = RowLimits(min_gap, row_threshold, ground_row_threshold)
     for order, chosen in choices if alternatives else choices[:1]:
-        selected = select_proposals(
-            proposals.box, proposals.label, order + 2 * certain, chosen | certain, obstacles, min_gap
-        )
+        selected = select(order + 2 * certain, chosen | certain)
         if selected.tobytes() in tried:
             continue
         tried.add(selected.tobytes())
         fill, strays = find_gaps_and_strays(
             proposals, selected, np.where(contradicted, 0, preference), observed, obstacles
         )
-        selected = _reselect(proposals, selected, fill & unobstructed, strays, order, obstacles, min_gap)
+        selected = _reselect(select, selected, fill & unobstructed, strays, order)
         fill = find_missing_windows(
-            proposals,
-            selected,
-            np.where(contradicted, 0, probability),
-            observed,
-            unobstructed,
-            min_gap,
-            row_threshold=row_threshold,
-            ground_row_threshold=ground_row_threshold,
+            proposals, selected, np.where(contradicted, 0, probability), observed, unobstructed, limits
         )
-        selected = _reselect(proposals, selected, fill, np.zeros_like(fill), order, obstacles, min_gap)
+        selected = _reselect(select, selected, fill, np.zeros_like(fill), order)
         is_door = proposals.label[selected] == DOOR
         selected = selected[~is_door | (np.cumsum(is_door) <= max_doors)]
         if layouts and not len(selected):  # an empty completion is no alternative
             continue
-        layout = align_to_lines(proposals, selected, probability, observed, domain, region, obstacles)
+        layout = align_to_lines(proposals, selected, probability, observed, PlacementSpace(domain, region, obstacles))
         correct = float(probability[selected].sum())
         value = 2 * correct / max(len(selected) + max(expected, correct), 1e-9)
         value += _SCORE_WEIGHT * score([*observed, *layout], domain, model=model)
@@ -235,19 +231,17 @@ def _mapped_doors(proposals: Proposals, entrances: Sequence[float]) -> BoolArray
 
 
 def _reselect(
-    proposals: Proposals,
+    select: Callable[[Float64Array, BoolArray], Int64Array],
     selected: Int64Array,
     fill: BoolArray,
     strays: BoolArray,
     preference: Float64Array,
-    obstacles: Float64Array,
-    min_gap: float,
 ) -> Int64Array:
     """Select again: the previous selection without its strays, and the proposals that fill its gaps."""
     before = np.zeros(len(fill), bool)
     before[selected] = True
     selectable = (before & ~strays) | fill
-    return select_proposals(proposals.box, proposals.label, preference + 4 * before, selectable, obstacles, min_gap)
+    return select(preference + 4 * before, selectable)
 
 
 def _find_unobstructed(

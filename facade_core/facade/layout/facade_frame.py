@@ -17,7 +17,7 @@ Rectangle = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FacadeFrame:
-    """Columns and floors of a facade as its windows show them.
+    """Columns, floors and window sizes of a facade, and its ground line.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ def fit_facade_frame(seen: Sequence[Element], domain: Rectangle) -> FacadeFrame:
 
 
 def cluster_centres(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
-    """Group values whose neighbours differ by at most `gap`.
+    """Cluster positions whose neighbours differ by at most `gap`.
 
     Parameters
     ----------

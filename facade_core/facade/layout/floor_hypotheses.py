@@ -45,7 +45,7 @@ def extrapolate_floors(
 
 
 def floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
-    """Return the logarithmic progression of a whole facade's floors below each floor from the third on.
+    """Return the log ratios of pitches and heights below each floor from the third on.
 
     Parameters
     ----------

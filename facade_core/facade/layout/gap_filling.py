@@ -26,7 +26,7 @@ def find_gaps_and_strays(
     observed: Sequence[Element],
     obstacles: Float64Array,
 ) -> tuple[BoolArray, BoolArray]:
-    """Find the proposals that fill gaps of a selection, and its windows that are isolated in their row.
+    """Find proposals that fill gaps of a selection, and its windows isolated in their row.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ _MAX_ADDED_LINES = 64
 
 @dataclass(frozen=True, slots=True)
 class Extension:
-    """Variant of grid extension.
+    """Options of one variant of grid extension.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def extension_context(seen: Sequence[Element], fitted: Sequence[Grid]) -> Extens
 def extend_grids(
     context: ExtensionContext, domain: tuple[float, float, float, float], variant: Extension
 ) -> Iterator[Element]:
-    """Yield proposals in order of trust: windows with balconies, shops, doors, other balconies.
+    """Yield the elements that extended grids propose, in order of trust.
 
     Overlaps are not removed yet.
     """
@@ -104,7 +104,7 @@ def extend_grids(
 def extend_lines(
     positions_seen: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool
 ) -> Float64Array:
-    """Fill gaps of whole multiples of the pitch and extend both ends within [low, high].
+    """Return line positions with gaps filled and both ends extended within [low, high].
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def _spacing_cycle(spacing: Float64Array) -> Float64Array:
 
 
 def balance_margins(start: float, new: list[float], target: float, pitch: float) -> list[float]:
-    """Bend new positions so that the last one meets `target`, if the spacing changes by little."""
+    """Space new positions evenly up to `target`, if the pitch changes by little."""
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
         return new

@@ -221,9 +221,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
         if seen:
             start = initial_layout(seen, domain, box_array([]) if not region else np.array(region, float), model)
             first = sample_policies(POLICY_POPULATION, rng)
-            used, _, scores = optimise_policy(
-                first, start, model.densities, model.weights, model.averages_terms, 4, 2, seed
-            )
+            used, _, scores = optimise_policy(first, start, model, 4, 2, seed)
             found.append(used[scores.argmax()])
         progress("policies", count + 1, len(chosen))
     policies = np.array(found)
@@ -263,16 +261,7 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
             if not seen:
                 continue
             start = initial_layout(seen, domain, box_array([]), model)
-            used, seeds, scores = optimise_policy(
-                model.policies,
-                start,
-                model.densities,
-                current.weights,
-                model.averages_terms,
-                1,
-                1,
-                seed + turn,
-            )
+            used, seeds, scores = optimise_policy(model.policies, start, current, 1, 1, seed + turn)
             best = int(scores.argmax())
             box, label, _ = roll_out(used[best], start, int(seeds[best]))
             completed = [
@@ -286,7 +275,7 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
 
 
 def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
-    """Return the median floor and column pitch in metres."""
+    """Return the median floor and column pitch of a database, metres."""
     pitches: list[list[float]] = [[], []]
     for elements, domain in layouts:
         facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)

@@ -68,12 +68,12 @@ class LayoutModel:
 
 @lru_cache(maxsize=1)
 def default_layout_model() -> LayoutModel:
-    """Return the model of this package."""
+    """Return the layout model that this package ships."""
     return load_layout_model(SHIPPED_LAYOUT_MODEL)
 
 
 def load_layout_model(path: str | Path) -> LayoutModel:
-    """Read a model.
+    """Read a layout model from its JSON file.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def load_layout_model(path: str | Path) -> LayoutModel:
 
 
 def load_cached_model(path: Path) -> LayoutModel:
-    """Load a model once for each version of its file."""
+    """Read a layout model once for each version of its file."""
     state = path.stat()
     return _load_version(path, state.st_size, state.st_mtime_ns)
 
@@ -112,7 +112,7 @@ def _load_version(path: Path, _size: int, _modified: int) -> LayoutModel:
 
 
 def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
-    """Write a model; equal models give equal bytes."""
+    """Write a layout model to a JSON file; equal models give equal bytes."""
     content = _to_record(model)
     record = {
         "format": MODEL_FORMAT,

@@ -19,7 +19,7 @@ _SNAP_SHARE = 0.4
 
 
 class InitialLayout(NamedTuple):
-    """Observed layout in the arrays that `roll_out` needs.
+    """Observed layout and database priors as the arrays that `roll_out_policy` needs.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def grid_spacings(box: Float64Array, grid: Int64Array) -> Float64Array:
 
 @njit(cache=True)
 def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
-    """Draw an observed spacing of the seed element's grid, else of any grid; -1 if none is observed."""
+    """Draw an observed spacing of the seed element's grid, else of any; -1 without one."""
     for attempt in range(8):
         i = np.random.randint(len(start.box))
         if (attempt >= 4 or start.grid[i] == own) and start.spacing[i, axis] > 0:
@@ -121,7 +121,7 @@ def _add_line(lines: Float64Array, count: int, value: float, near: float) -> int
 def nearest_gap(
     box: Float64Array, grid: Int64Array, n: int, at: int, x: float, y: float, width: float, height: float
 ) -> tuple[bool, float, float]:
-    """Find the nearest empty cell on the row or column of the seed element.
+    """Find the empty grid cell nearest to the seed element on its row or column.
 
     The other line of the cell must be a line of the grid, so that the cell does not enlarge the grid's bounding box.
 
@@ -164,7 +164,7 @@ def nearest_gap(
 
 @njit(cache=True)
 def concave_elements(box: Float64Array, grid: Int64Array) -> BoolArray:
-    """Mark, (N,) bool, elements next to an empty cell of their grid; Eq. 23 calls them concave."""
+    """Mark, (N,) bool, the elements next to an empty cell of their grid (Eq. 23)."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):
         x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2

@@ -15,7 +15,6 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
-from facade_core.facade.layout.densities import Densities
 from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.placement import InitialLayout, concave_elements, grid_spacings
@@ -69,22 +68,19 @@ def initial_layout(
 def optimise_policy(
     policies: Float64Array,
     start: InitialLayout,
-    densities: Densities,
-    weights: Float64Array,
-    mean: bool,
+    model: LayoutModel,
     generations: int,
     tries: int,
     seed: int,
 ) -> tuple[Float64Array, Int64Array, Float64Array]:
-    """Optimise the policy for one facade.
+    """Evolve policies for one facade and return every candidate that they completed.
 
     The value of a policy is the best score among its `tries` completions.
 
     Parameters
     ----------
     policies : (POLICY_POPULATION, POLICY_LENGTH) initial policies.
-    weights : (10,) weights of the terms.
-    mean : True to average terms over grids, False to sum them.
+    model : its densities and weights score the candidates.
 
     Returns
     -------
@@ -107,7 +103,7 @@ def optimise_policy(
             for _ in range(tries):
                 seeds[k] = seed * 1_000_003 % 2_147_000_000 + k
                 box, label, grid = roll_out(children[p], start, int(seeds[k]))
-                scores[k] = score_candidate(box, label, grid, start.domain, densities, weights, mean)
+                scores[k] = score_candidate(box, label, grid, start.domain, model)
                 used[k] = children[p]
                 fitness[p] = max(fitness[p], scores[k])
                 k += 1
@@ -126,11 +122,9 @@ def score_candidate(
     label: Int64Array,
     grid: Int64Array,
     domain: Float64Array,
-    densities: Densities,
-    weights: Float64Array,
-    mean: bool,
+    model: LayoutModel,
 ) -> float:
-    """Return the score of a candidate on the grids that the policy kept.
+    """Return the score of a candidate layout on the grids that the policy kept.
 
     Parameters
     ----------
@@ -138,16 +132,16 @@ def score_candidate(
     label : (N,) index into ELEMENT_CLASSES.
     grid : (N,) grid index of each element.
     domain : (4,) x0, y0, x1, y1 of the facade.
-    weights : (10,) weights of the terms.
-    mean : True to average terms over grids, False to sum them.
+    model : densities and weights of the terms.
     """
+    densities = model.densities
     unary, pairs, overall = measure_layout(box, label, grid, domain)
     total, count = sum_log_densities(
         unary, pairs, overall, densities.mixtures, densities.patterns, densities.symmetry, densities.compatibility
     )
     value = 0.0
-    for weight, score, times in zip(weights.tolist(), total.tolist(), count.tolist(), strict=True):
-        value += weight * (score / max(times, 1.0) if mean else score)
+    for weight, score, times in zip(model.weights.tolist(), total.tolist(), count.tolist(), strict=True):
+        value += weight * (score / max(times, 1.0) if model.averages_terms else score)
     return value
 
 
@@ -185,7 +179,7 @@ def _breed_policies(population: Float64Array, value: Float64Array, seed: int) ->
 
 @njit(cache=True)
 def project_to_simplex(policy: Float64Array) -> None:
-    """Scale the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it, in place."""
+    """Scale probabilities that share a simplex (lambda_5-6, 7-8) to at most 1, in place."""
     for a, b in ((OBSERVED_LABEL, DATABASE_LABEL), (COPY_SPACING, OBSERVED_SPACING)):
         total = policy[a] + policy[b]
         if total > 1:

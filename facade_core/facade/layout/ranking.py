@@ -34,7 +34,7 @@ class BoostedTrees(NamedTuple):
 
 @njit(cache=True)
 def predict_probability(trees: BoostedTrees, rows: Float32Array) -> Float64Array:
-    """Return the (N,) probability of each row.
+    """Return the (N,) probabilities that proposals with these features are correct.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Arr
 
 @njit(cache=True)
 def select_representatives(box: Float64Array) -> Int64Array:
-    """Return indices of rectangles (N, 4), in order, none of which nearly equals an earlier one."""
+    """Return indices of rectangles (N, 4) of which none nearly equals an earlier one."""
     kept = np.empty(len(box), np.int64)
     n = 0
     for i in range(len(box)):

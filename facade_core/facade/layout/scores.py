@@ -90,7 +90,7 @@ def measure_elements(
 
 
 def element_arrays(elements: Sequence[Element]) -> tuple[Float64Array, Int64Array, Int64Array]:
-    """Return the arrays that compiled functions need of elements of ELEMENT_CLASSES.
+    """Return boxes, labels and grids of elements as the arrays of compiled functions.
 
     Returns
     -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,21 @@ from facade_core.facade.layout.rectangles import WINDOW, may_overlap, pairwise_o
 
 # Largest distance between edges of one line, as a share of the side.
 _LINE_TOLERANCE = 0.2
+
+
+class PlacementSpace(NamedTuple):
+    """Place of new elements of a facade.
+
+    Attributes
+    ----------
+    domain : (x0, y0, x1, y1) of the facade.
+    region : (M, 4) visible boxes, where no element is added.
+    obstacles : (K, 4) boxes that no element may overlap.
+    """
+
+    domain: Rectangle
+    region: Float64Array
+    obstacles: Float64Array
 
 
 def select_proposals(
@@ -65,9 +81,7 @@ def align_to_lines(
     selected: Int64Array,
     probability: Float64Array,
     observed_elements: Sequence[Element],
-    domain: Rectangle,
-    region: Float64Array,
-    obstacles: Float64Array,
+    space: PlacementSpace,
 ) -> tuple[Element, ...]:
     """Return the selected proposals with nearly equal edges made equal.
 
@@ -79,8 +93,7 @@ def align_to_lines(
     selected : indices into `proposals`.
     probability : (N,) probability of each proposal; becomes the confidence of an element.
     observed_elements : observed elements of ELEMENT_CLASSES.
-    region : (M, 4) visible boxes.
-    obstacles : (K, 4) boxes that no element may overlap.
+    space : place of new elements.
 
     Returns
     -------
@@ -89,6 +102,7 @@ def align_to_lines(
     box, label = proposals.box[selected].copy(), proposals.label[selected].astype(int)
     observed = box_array(observed_elements)
     observed_label = np.array([ELEMENT_CLASSES.index(e.label) for e in observed_elements], int)
+    labels = np.concatenate([label, observed_label])
     order = np.argsort(-probability[selected], kind="stable")
     for axis in (0, 1):
         for k in np.unique(label).tolist():
@@ -102,7 +116,7 @@ def align_to_lines(
                     continue
                 moved = box[i].copy()
                 moved[axis], moved[axis + 2] = line
-                if _is_placeable(moved, label[i], i, box, label, observed, observed_label, region, obstacles, domain):
+                if _is_placeable(moved, i, np.concatenate([box, observed]), labels, space):
                     box[i] = moved
     elements = [
         Element(ELEMENT_CLASSES[n], x0, y0, x1, y1, round(chance, 3))
@@ -125,23 +139,14 @@ def _nearest_line(
 
 
 def _is_placeable(
-    moved: Float64Array,
-    label: int,
-    own: int,
-    box: Float64Array,
-    labels: Int64Array,
-    observed: Float64Array,
-    observed_label: Int64Array,
-    region: Float64Array,
-    blocked: Float64Array,
-    domain: Rectangle,
+    moved: Float64Array, own: int, boxes: Float64Array, labels: Int64Array, space: PlacementSpace
 ) -> bool:
-    one, kind = moved[None], np.array([label])
+    """Return whether element `own` of all elements (n, 4) may take the place `moved`."""
+    one, domain = moved[None], space.domain
     if moved[0] < domain[0] or moved[1] < domain[1] or moved[2] > domain[2] or moved[3] > domain[3]:
         return False
-    if pairwise_overlap(one, region).any() or pairwise_overlap(one, blocked).any():
+    if pairwise_overlap(one, space.region).any() or pairwise_overlap(one, space.obstacles).any():
         return False
-    others, other_labels = np.concatenate([box, observed]), np.concatenate([labels, observed_label])
-    met = (pairwise_overlap(one, others) & ~may_overlap(kind, other_labels))[0]
+    met = (pairwise_overlap(one, boxes) & ~may_overlap(labels[[own]], labels))[0]
     met[own] = False
     return not met.any()

@@ -38,7 +38,7 @@ _MAX_GROUND_GAP = 0.5
 
 @njit(cache=True)
 def cluster_lines(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
-    """Group values whose neighbours differ by at most `gap`.
+    """Cluster positions whose neighbours differ by at most `gap`, in compiled code.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ _THRESHOLD_ROUNDS = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrainingExample:
-    """Proposals for a facade with a part hidden.
+    """Proposals with features and truth for a facade with a part hidden.
 
     Attributes
     ----------

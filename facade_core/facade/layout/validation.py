@@ -33,7 +33,7 @@ def check_elements(elements: Sequence[Element], domain: Rectangle) -> None:
 
 
 def check_region(observed: Sequence[Element], domain: Rectangle, observed_region: Sequence[Rectangle]) -> Float64Array:
-    """Return the observed region as (M, 4) boxes.
+    """Check the observed region and return it as (M, 4) boxes.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,21 +34,33 @@ _INNER_ROW_FACTOR = 0.35
 _NO_BOXES = np.zeros((0, 4))
 
 
+class RowLimits(NamedTuple):
+    """Limits of a row of windows.
+
+    Attributes
+    ----------
+    min_gap : smallest distance between windows of a row.
+    threshold : least mean probability of a row above all others.
+    ground_threshold : the same below all others.
+    """
+
+    min_gap: float
+    threshold: float
+    ground_threshold: float
+
+
 def find_missing_windows(
     proposals: Proposals,
     selected: Int64Array,
     probability: Float64Array,
     observed: Sequence[Element],
     unobstructed: BoolArray,
-    min_gap: float,
-    *,
-    row_threshold: float,
-    ground_row_threshold: float,
+    limits: RowLimits,
 ) -> BoolArray:
     """Find windows that complete rows of a selection, and whole rows that it lacks.
 
-    A row is added if the mean probability of its windows reaches a threshold: `ground_row_threshold` below all
-    others, a share of `row_threshold` between two floors, `row_threshold` above.
+    A row is added if the mean probability of its windows reaches a threshold: `ground_threshold` below all others, a
+    share of `threshold` between two floors, `threshold` above.
 
     Parameters
     ----------
@@ -56,7 +69,7 @@ def find_missing_windows(
     probability : (N,) probability of each; 0 excludes a proposal.
     observed : observed elements.
     unobstructed : (N,) bool proposals without obstacles.
-    min_gap : smallest distance between windows of a row.
+    limits : distances and thresholds of a row.
 
     Returns
     -------
@@ -84,9 +97,7 @@ def find_missing_windows(
     fill[_continue_rows(proposals.box, probability, free, windows, picked, solid)] = True
     windows = np.concatenate([windows, proposals.box[fill]])
     free &= ~pairwise_overlap(proposals.box, windows).any(axis=1)
-    fill[
-        _find_missing_rows(proposals.box, probability, free, windows, min_gap, row_threshold, ground_row_threshold)
-    ] = True
+    fill[_find_missing_rows(proposals.box, probability, free, windows, limits)] = True
     return fill
 
 
@@ -131,11 +142,10 @@ def _find_missing_rows(
     likely: Float64Array,
     free: BoolArray,
     windows: Float64Array,
-    apart: float,
-    least: float,
-    standing: float,
+    limits: RowLimits,
 ) -> list[int]:
     """Return proposals of whole missing rows, the likeliest row first."""
+    apart, least, standing = limits
     label = np.full(len(box), WINDOW)
     size = np.median(windows[:, 2:] - windows[:, :2], axis=0)
     taken: list[int] = []

@@ -59,7 +59,7 @@ def compose_wall(
     texel_m: float | None = None,
     seed: int = 0,
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Compose a wall in an exemplar's style.
+    """Compose image and labels of a wall in an exemplar's style.
 
     Floor borders depend on the exemplar, the building's height and its floors only, so that they meet at corners. A
     floor shows windows where they fit into the free part of the wall, and wall elsewhere.

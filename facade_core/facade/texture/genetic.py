@@ -17,8 +17,16 @@ MAX_BLOCK = 5
 _DRAWS_PER_PAIR = 20  # random numbers that one pair of children uses
 
 
-class _NodeConstraints(NamedTuple):
-    """Allowed tiles of the nodes of the new grid, as in `evolve_tilings`."""
+class NodeConstraints(NamedTuple):
+    """Allowed tiles of the nodes of the new grid.
+
+    Attributes
+    ----------
+    rows : (M, rows) 1 for exemplar rows that a grid row may take, else 0.
+    columns : (N, columns) 1 for exemplar columns that a grid column may take, else 0.
+    frozen : (M, N) bool nodes that never change.
+    usable : (rows, columns) bool exemplar tiles that any node may take.
+    """
 
     rows: Int64Array
     columns: Int64Array
@@ -29,11 +37,8 @@ class _NodeConstraints(NamedTuple):
 def evolve_tilings(
     tables: EnergyTables,
     population: Int32Array,
+    nodes: NodeConstraints,
     *,
-    rows: BoolArray,
-    columns: BoolArray,
-    frozen: BoolArray,
-    usable: BoolArray,
     generations: int,
     rng: np.random.Generator,
 ) -> tuple[Int32Array, Float64Array]:
@@ -47,10 +52,7 @@ def evolve_tilings(
     ----------
     tables : energy of pairs of tiles.
     population : (POPULATION_SIZE, M, N) int32 first generation.
-    rows : (M, rows) bool exemplar rows that a grid row may take.
-    columns : (N, columns) bool exemplar columns that a grid column may take.
-    frozen : (M, N) bool nodes that never change.
-    usable : (rows, columns) bool exemplar tiles that any node may take.
+    nodes : allowed tiles.
     generations : number of generations.
     rng : draws crossovers and mutations.
 
@@ -61,7 +63,7 @@ def evolve_tilings(
     children = POPULATION_SIZE - ELITE_SIZE
     evolved: tuple[Int32Array, Float64Array] = _evolve(
         tables,
-        _NodeConstraints(rows.astype(np.int64), columns.astype(np.int64), frozen, usable),
+        nodes,
         population.astype(np.int32),
         rng.random((generations, children // 2, _DRAWS_PER_PAIR)),
         rng.random((generations * children, 6)),
@@ -83,7 +85,7 @@ def _count_true(flags: Int64Array) -> int:
 
 
 @njit(cache=True)
-def _mutate(tiles: Int32Array, u: Float64Array, nodes: _NodeConstraints) -> tuple[int, int, int, int]:
+def _mutate(tiles: Int32Array, u: Float64Array, nodes: NodeConstraints) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the constraints allow."""
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
@@ -117,7 +119,7 @@ def _copy_individual(tiles: Int32Array, cost: Float64Array, to: Int32Array, to_c
 
 @njit(cache=True)
 def _evolve(
-    tab: EnergyTables, nodes: _NodeConstraints, population: Int32Array, draws: Float64Array, tries: Float64Array
+    tab: EnergyTables, nodes: NodeConstraints, population: Int32Array, draws: Float64Array, tries: Float64Array
 ) -> tuple[Int32Array, Float64Array]:
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))

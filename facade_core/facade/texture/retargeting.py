@@ -11,7 +11,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, IntArra
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
-from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
+from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
 from facade_core.facade.texture.shortest_walks import cheapest_walk, jump_costs
 from facade_core.facade.texture.synthesis import cell_borders, mean_tile_sizes
 from facade_core.facade.texture.tile_composition import compose_tiles
@@ -27,7 +27,7 @@ _PIER_STRETCH = (0.45, 1.8)  # range of a pier's stretch before its windows chan
 
 @dataclass(frozen=True, eq=False)
 class ExemplarStyle:
-    """Analysed exemplar: its lattice, and the prices of jumps between floors and bays.
+    """Analysed exemplar: lattice, and prices of transitions between floors and bays.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ExemplarStyle:
 
     @cached_property
     def tables(self) -> EnergyTables:
-        """Return the tabulated energy of its tilings."""
+        """Return the tabulated energy of tilings of the exemplar."""
         return tabulate_energy(self.image, self.labels, self.grid)
 
 
@@ -112,7 +112,7 @@ def retarget(
 
 
 def extract_style(image: UInt8Array, labels: UInt8Array) -> ExemplarStyle:
-    """Analyse an exemplar.
+    """Analyse an exemplar: find its floors, bays and doors, and price transitions.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def choose_floors(
 def initial_tiling(
     style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> Int32Array:
-    """Return a first tiling: the rows of the floors times, for every band, its own cheapest walk over the bays."""
+    """Return a first tiling: on each floor the cheapest walk over the bays of its band."""
     exemplar, wide = style.structure, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
     ends = np.zeros(bays), np.zeros(bays)
@@ -302,10 +302,7 @@ def refine_tiling(
     tiles, lowest = evolve_tilings(
         style.tables,
         population,
-        rows=rows,
-        columns=columns,
-        frozen=frozen,
-        usable=np.ones((tall, wide), bool),
+        NodeConstraints(rows.astype(np.int64), columns.astype(np.int64), frozen, np.ones((tall, wide), bool)),
         generations=RETARGETING_GENERATIONS,
         rng=rng,
     )

@@ -45,7 +45,7 @@ def find_min_error_path(error: Float64Array) -> Int64Array:
 
 
 def diffuse_difference(difference: Float32Array, weight: Float32Array) -> Float32Array:
-    """Diffuse colour differences known on a rim over the whole area.
+    """Diffuse colour differences known on a rim over the whole patch.
 
     A membrane by normalised convolution: near the rim its local mean, farther off the mean over an ever wider part of
     it. Differences are clipped, so that one misplaced edge does not bleed into the patch.

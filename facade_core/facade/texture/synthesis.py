@@ -7,7 +7,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArray, NumericArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice, Synthesis
-from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
+from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
@@ -101,10 +101,12 @@ def evolve_random_tilings(
     return evolve_tilings(
         tables,
         source_row * wide + rng.integers(0, wide, (POPULATION_SIZE, *shape)),
-        rows=may_row,
-        columns=np.ones((shape[1], wide), bool),
-        frozen=np.zeros(shape, bool),
-        usable=np.ones((tall, wide), bool),
+        NodeConstraints(
+            may_row.astype(np.int64),
+            np.ones((shape[1], wide), np.int64),
+            np.zeros(shape, bool),
+            np.ones((tall, wide), bool),
+        ),
         generations=generations,
         rng=rng,
     )

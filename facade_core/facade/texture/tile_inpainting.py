@@ -10,7 +10,7 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
 from facade_core.core.levelling import fill_unknown
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
+from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
 from facade_core.facade.texture.seams import diffuse_difference
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import label_histograms, tabulate_energy
@@ -71,10 +71,7 @@ def fill_by_tiles(
     tiles, _ = evolve_tilings(
         tabulate_energy(image, np.where(mask, UNKNOWN, labels), grid, usable=usable),
         population,
-        rows=may_row,
-        columns=may_column,
-        frozen=frozen,
-        usable=usable,
+        NodeConstraints(may_row.astype(np.int64), may_column.astype(np.int64), frozen, usable),
         generations=int(np.clip(40 * (~frozen).sum(), 400, 5000)),
         rng=rng,
     )

@@ -26,7 +26,7 @@ _LIGHT_STEP = 1 / 128
 
 
 def quantise_light(light: FloatArray) -> FloatArray:
-    """Return the light at the precision of the file."""
+    """Quantise the light of elements to the precision of the hierarchy file."""
     return np.round(light / _LIGHT_STEP) * _LIGHT_STEP
 
 
@@ -37,7 +37,7 @@ def encode_file(
     representatives: Int32Array,
     levels: Sequence[Sequence[Int32Array]],
 ) -> bytes:
-    """Encode a hierarchy as the bytes of a file.
+    """Encode a variation hierarchy as the bytes of its file.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def encode_file(
 
 
 def decode_file(coded: bytes) -> HierarchyContents:
-    """Decode the bytes of a file.
+    """Decode the bytes of a hierarchy file.
 
     Raises
     ------

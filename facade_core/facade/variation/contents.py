@@ -10,7 +10,7 @@ from facade_core.core.arrays import Float64Array, Int32Array, IntArray, UInt8Arr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HierarchyLevel:
-    """Level of the hierarchy: structure matrices and statistics; types are numbered over the whole facade.
+    """Level of a variation hierarchy: structure matrices and statistics of its types.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class ElementGroup:
 
 
 class HierarchyContents(NamedTuple):
-    """Contents of a file.
+    """Contents of the file of a variation hierarchy.
 
     Attributes
     ----------

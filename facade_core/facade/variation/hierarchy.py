@@ -49,7 +49,7 @@ class Hierarchy:
         return bare_wall(self.photo, box_mask(element_boxes(self.groups), self.photo.shape[:2]))
 
     def types_at(self, level: int) -> Int32Array:
-        """Return the (elements,) int32 type of every element at a level.
+        """Return the (elements,) int32 types of all elements at a level.
 
         Raises
         ------

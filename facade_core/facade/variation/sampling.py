@@ -14,7 +14,7 @@ _MAX_NUMBERED = 10**12
 
 
 def make_generator(seed: int) -> np.random.Generator:
-    """Return the generator of a sample.
+    """Check the seed of a sample and return its random generator.
 
     Raises
     ------

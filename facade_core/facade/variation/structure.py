@@ -16,7 +16,7 @@ _ALPHA_GROWTH = 2.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relaxation:
-    """Solution for one weight of regularity.
+    """Relabelled structure matrix for one weight of regularity, with its energies.
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_shapes import GRID_M
 from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facets
-from facade_core.geometry.charts import ChartBuilder, ChartKind
+from facade_core.geometry.charts import ChartKind, SurfaceTarget
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, grid_crossings
 from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_level_surface, add_planar_chart
 from facade_core.geometry.ground.terrain import Terrain
@@ -21,68 +22,63 @@ from facade_core.geometry.ground.terrain import Terrain
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
-def add_extrusion(
-    pieces: ChartBuilder,
-    index: int,
-    outline: Polygon,
-    base: float,
-    height: float,
-    terrain: Terrain,
-    largest: float,
-    grid: float,
-    roof: Facets | None = None,
-    raised: float = 0.0,
-) -> None:
-    """Add the extrusion of a footprint: walls, a roof, and a skirt down to lower terrain, or an underside where it is raised.
+class Extrusion(NamedTuple):
+    """Footprint and heights of an extruded building.
 
-    Parameters
+    Attributes
     ----------
-    pieces : charts collected so far; extended in place.
-    index : row of the building.
     outline : footprint.
     base : ground height in metres.
     height : metres from `base` to the eaves.
-    terrain : ground heights.
-    largest : metres; longer surfaces are cut.
-    grid : step of the world grid in metres.
-    roof : facets of a pitched roof; None for a flat one.
     raised : metres from `base` to the underside.
     """
+
+    outline: Polygon
+    base: float
+    height: float
+    raised: float = 0.0
+
+
+def add_extrusion(target: SurfaceTarget, extrusion: Extrusion, terrain: Terrain, roof: Facets | None = None) -> None:
+    """Add the charts of an extruded footprint: walls, roof, and a skirt or an underside.
+
+    Parameters
+    ----------
+    target : place of the surfaces.
+    extrusion : footprint and heights.
+    terrain : ground heights.
+    roof : facets of a pitched roof; None for a flat one.
+    """
+    outline, base, height, raised = extrusion
     foot, eaves = base + raised, base + height
     joints = np.empty((0, 2)) if roof is None else roof.vertices[roof.vertices[:, 2] >= eaves, :2]
     rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
     edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
     for a, b in edges:
-        _add_wall(pieces, index, a, b, foot, eaves, largest, grid, joints)
+        _add_wall(target, a, b, foot, eaves, joints)
     if roof is None:
-        add_level_surface(pieces, ChartKind.ROOF, index, outline, eaves, largest, grid)
+        add_level_surface(target, ChartKind.ROOF, outline, eaves)
     if raised > 0:
-        add_level_surface(pieces, ChartKind.CEILING, index, outline, foot, largest, grid)
+        add_level_surface(target, ChartKind.CEILING, outline, foot)
     else:
-        _add_skirt_walls(pieces, index, edges, base, terrain, largest, grid)
+        _add_skirt_walls(target, edges, base, terrain)
     if roof is not None:
-        add_facets(pieces, index, roof, largest, grid)
+        add_facets(target, roof)
 
 
 def _add_skirt_walls(
-    pieces: ChartBuilder,
-    index: int,
-    edges: Sequence[tuple[Float64Array, Float64Array]],
-    base: float,
-    terrain: Terrain,
-    largest: float,
-    grid: float,
+    target: SurfaceTarget, edges: Sequence[tuple[Float64Array, Float64Array]], base: float, terrain: Terrain
 ) -> None:
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
-        steps = grid_crossings(a, b, length, grid / GRID_DIVISORS[-1]) / max(length, MIN_WALL_PIECE_M)
+        steps = grid_crossings(a, b, length, target.grid / GRID_DIVISORS[-1]) / max(length, MIN_WALL_PIECE_M)
         foot = float(terrain.interpolate(a + steps[:, None] * (b - a)).min())
         if base - foot > MIN_SKIRT_M:
-            _add_wall(pieces, index, a, b, foot, base, largest, grid)
+            _add_wall(target, a, b, foot, base)
 
 
 def facets_above(found: Facets, height: float) -> Facets:
-    """Return the facets above a height in metres."""
+    """Return the facets whose lowest vertex is above a height in metres."""
     low = np.full(len(found), np.inf)
     np.minimum.at(low, found.facet, found.vertices[found.triangles][..., 2].min(axis=1))
     kept = low > height - GRID_M
@@ -99,39 +95,36 @@ def facets_above(found: Facets, height: float) -> Facets:
 
 
 def _add_wall(
-    pieces: ChartBuilder,
-    index: int,
+    target: SurfaceTarget,
     a: Float64Array,
     b: Float64Array,
     low: float,
     high: float,
-    largest: float,
-    grid: float,
     joints: Float64Array | None = None,
 ) -> None:
     """Add the wall over an edge with the building on its left, so that it runs left to right seen from outside.
 
     `joints` (k, 2) are corners of the roof; the wall gets a vertex at those on its edge.
     """
+    grid = target.grid
     length, height = float(np.hypot(*(b - a))), high - low
     if length < MIN_WALL_PIECE_M:
         return
     along = np.append((b - a) / length, 0.0)
-    cuts = grid_crossings(a, b, length, grid) if length > largest else np.array([0.0, length])
-    levels = np.arange(0.0, height, grid) if height > largest else np.array([0.0])
+    cuts = grid_crossings(a, b, length, grid) if length > target.largest else np.array([0.0, length])
+    levels = np.arange(0.0, height, grid) if height > target.largest else np.array([0.0])
     levels = np.append(levels, height)
     steps = np.empty(0) if joints is None else _distances_on_edge(a, along[:2], length, joints)
     for left, right in zip(cuts[:-1], cuts[1:], strict=True):
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             origin = np.array([a[0], a[1], low + top]) + left * along
             met = steps[(steps > left) & (steps < right)] - left if top == height else steps[:0]
-            _add_rectangle(pieces, index, origin, along, right - left, top - bottom, met)
-    pieces.surface_count += 1
+            _add_rectangle(target, origin, along, right - left, top - bottom, met)
+    target.pieces.surface_count += 1
 
 
 def _add_rectangle(
-    pieces: ChartBuilder,
-    index: int,
+    target: SurfaceTarget,
     origin: Float64Array,
     along: Float64Array,
     width: float,
@@ -140,15 +133,16 @@ def _add_rectangle(
 ) -> None:
     """Add a chart of a wall with extra vertices at `met` (k,) metres from the left on its upper edge."""
     if not len(met):
-        add_planar_chart(pieces, ChartKind.WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
+        add_planar_chart(target, ChartKind.WALL, (origin, along, _DOWN), shapely.box(0, 0, width, height))
         return
+    pieces = target.pieces
     x = np.concatenate([[0.0, width, width], met[::-1], [0.0]])
     y = np.concatenate([[height, height], np.zeros(len(met) + 2)])
     fan = np.arange(1, len(x) - 1)
     triangles = np.column_stack([np.zeros(len(fan), np.int64), fan, fan + 1])
     one = [
         np.array([value])
-        for value in (ChartKind.WALL, pieces.surface_count, index, origin, along, _DOWN, (width, height))
+        for value in (ChartKind.WALL, pieces.surface_count, target.building, origin, along, _DOWN, (width, height))
     ]
     vertices = origin + x[:, None] * along + y[:, None] * _DOWN
     pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))

@@ -167,7 +167,7 @@ def _weld(shell: Shell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Ar
 
 
 def wall_share(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
-    """Return the share of a line with walls along it; 1 for no line.
+    """Return the share of a line's length that walls follow; 1 for an empty line.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ EAVES_TOLERANCE_M = 0.5
 
 
 def roof_neighbours(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> list[Polygon | MultiPolygon]:
-    """Return the footprints that a building's roof continues over; none for a building part.
+    """Return the adjoining footprints over which a building's roof continues; none for a part.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def free_outline(index: int, buildings: Sequence[Building], tree: shapely.STRtre
 
 
 def level_building_parts(buildings: Sequence[Building], terrain: Terrain) -> list[Building]:
-    """Return the buildings with all parts of one whole on the lowest ground along them."""
+    """Set the base of all parts of a building to the lowest ground height along any of them."""
     parts: dict[str, list[Building]] = defaultdict(list)
     for building in buildings:
         if building.part_of is not None:

@@ -12,7 +12,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Shell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
-from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
+from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -43,17 +43,12 @@ def lift_to_ground(shell: Shell, lowest: float) -> Shell:
     return replace(shell, vertices=vertices)
 
 
-def add_facets(
-    pieces: ChartBuilder, index: int, facets: Facets, largest: float, grid: float, along: Float64Array | None = None
-) -> None:
+def add_facets(target: SurfaceTarget, facets: Facets, along: Float64Array | None = None) -> None:
     """Add facets as charts, and cut long ones on the world grid.
 
     Parameters
     ----------
-    pieces : charts collected so far; extended in place.
-    index : row of the building.
-    largest : metres; longer facets are cut.
-    grid : step of the world grid in metres.
+    target : place of the surfaces.
     along : (f, 3) right axes of the charts; default by `chart_axes`.
     """
     axis_u, axis_v = chart_axes(facets.normal) if along is None else (along, np.cross(along, facets.normal))
@@ -64,7 +59,7 @@ def add_facets(
     for axis in (axis_u, axis_v):
         place = np.einsum("tcj,tj->tc", corners, axis[facets.facet])
         extent = np.maximum.reduceat(place.max(axis=1), first) - np.minimum.reduceat(place.min(axis=1), first)
-        long |= extent > largest
+        long |= extent > target.largest
     if not long.any():
         parts = [(facets.facet, np.zeros(len(triangles), np.int64), triangles, uv, facets.texture)]
     else:
@@ -74,37 +69,26 @@ def add_facets(
         ]
         for f in np.flatnonzero(long):
             mine = facets.facet == f
-            vertices, cut, cut_uv, source, cell = cut_triangles(vertices, triangles[mine], uv[mine], grid)
+            vertices, cut, cut_uv, source, cell = cut_triangles(vertices, triangles[mine], uv[mine], target.grid)
             parts.append((np.full(len(cut), f), cell, cut, cut_uv, facets.texture[mine][source]))
     facet, cell, triangles, uv, texture = (np.concatenate(column) for column in zip(*parts, strict=True))
     surface, chart = np.unique(facet * (cell.max() + 1) + cell, return_inverse=True)
     surface //= cell.max() + 1
     order = np.argsort(chart, kind="stable")
-    pieces.add_surfaces(
-        facets.kind[surface], surface, index, axis_u[surface], axis_v[surface],
+    target.pieces.add_surfaces(
+        facets.kind[surface], surface, target.building, axis_u[surface], axis_v[surface],
         vertices, triangles[order], chart[order], texture[order], uv[order],
     )  # fmt: skip
 
 
-def add_skirt(
-    pieces: ChartBuilder,
-    index: int,
-    facets: Facets,
-    outline: Polygon | MultiPolygon,
-    terrain: Terrain,
-    largest: float,
-    grid: float,
-) -> None:
-    """Add walls from the open lower edges of a shell down to the terrain, one surface per facet.
+def add_skirt(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPolygon, terrain: Terrain) -> None:
+    """Add wall charts from the open lower edges of a shell down to the terrain, one surface per facet.
 
     Parameters
     ----------
-    pieces : charts collected so far; extended in place.
-    index : row of the building.
+    target : place of the surfaces.
     outline : footprint of the building.
     terrain : ground heights.
-    largest : metres; longer walls are cut.
-    grid : step of the world grid in metres.
     """
     edges = np.concatenate([facets.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(edges, axis=1) @ [len(facets.vertices), 1]
@@ -146,4 +130,4 @@ def add_skirt(
         kind=np.full(len(of_facet), ChartKind.WALL, np.uint8),
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
     )
-    add_facets(pieces, index, skirt, largest, grid)
+    add_facets(target, skirt)

@@ -35,7 +35,7 @@ MIN_CORNER_SINE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeSlabs:
-    """Slabs over the edges (n,) of an outline, in the frame of each edge: along it from its start, and inwards.
+    """Slabs of an outline's straight skeleton, one per edge (n,), in the frame of each edge.
 
     Attributes
     ----------

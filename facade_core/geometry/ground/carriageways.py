@@ -30,7 +30,7 @@ MIN_YARD_M2 = 12.0
 
 
 def assume_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
-    """Return ways with assumed carriageways and pavements for streets with known lines only."""
+    """Return road ways of assumed width with pavements, one along each street centreline."""
     return tuple(
         Way(
             street.id, street.line, "road", ASSUMED_ROAD_M, "asphalt", pavement=(ASSUMED_PAVEMENT_M, ASSUMED_PAVEMENT_M)

@@ -11,7 +11,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array
-from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
+from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes
 from facade_core.geometry.cutting import cut_polygon
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -34,8 +34,9 @@ def add_ground(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terra
     grid : step of the world grid in metres.
     """
     if terrain.is_level:
+        target = SurfaceTarget(pieces, -1, 0.0, grid)
         for polygon in polygons:
-            add_level_surface(pieces, ChartKind.GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
+            add_level_surface(target, ChartKind.GROUND, polygon, float(terrain.heights[0, 0]))
         return
     cut = [_cut_fine(polygon, terrain, grid) for polygon in polygons]
     lines = _corner_lines([part for pieces_of in cut for part, _ in pieces_of])
@@ -126,25 +127,21 @@ def _drape_piece(part: Polygon, terrain: Terrain) -> _DrapedPiece:
     return vertices, index.reshape(-1, 3), normal / np.linalg.norm(normal), off
 
 
-def add_level_surface(
-    pieces: ChartBuilder, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float
-) -> None:
-    """Add a horizontal surface, cut on the grid where it is longer than `largest`.
+def add_level_surface(target: SurfaceTarget, kind: int, polygon: Polygon, z: float) -> None:
+    """Add a horizontal surface, cut on the grid where it is too long.
 
     It faces up, with north up in its chart; a ceiling faces down, with south up.
 
     Parameters
     ----------
-    pieces : charts collected so far; extended in place.
+    target : place of the surface.
     kind : `ChartKind`.
-    index : row of the building, -1 for ground.
     z : height in metres.
-    largest : metres; longer surfaces are cut.
-    grid : step of the world grid in metres.
     """
     down = kind == ChartKind.CEILING
     west, south, east, north = polygon.bounds
-    for part in cut_polygon(polygon, grid) if max(east - west, north - south) > largest else [polygon]:
+    is_long = max(east - west, north - south) > target.largest
+    for part in cut_polygon(polygon, target.grid) if is_long else [polygon]:
         if part.area < 1e-3:
             continue
         left, bottom, _, top = part.bounds
@@ -153,27 +150,20 @@ def add_level_surface(
             part,
             lambda xy, left=left, first=first, way=way: np.column_stack([xy[:, 0] - left, way * (xy[:, 1] - first)]),
         )
-        add_planar_chart(pieces, kind, index, np.array([left, first, z]), _EAST, -way * _SOUTH, frame)
-    pieces.surface_count += 1
+        add_planar_chart(target, kind, (np.array([left, first, z]), _EAST, -way * _SOUTH), frame)
+    target.pieces.surface_count += 1
 
 
 def add_planar_chart(
-    pieces: ChartBuilder,
-    kind: int,
-    index: int,
-    origin: Float64Array,
-    axis_u: Float64Array,
-    axis_v: Float64Array,
-    polygon: Polygon,
+    target: SurfaceTarget, kind: int, frame: tuple[Float64Array, Float64Array, Float64Array], polygon: Polygon
 ) -> None:
     """Add one chart of the current surface.
 
     Parameters
     ----------
-    pieces : charts collected so far; extended in place.
+    target : place of the chart.
     kind : `ChartKind`.
-    index : row of the building, -1 for ground.
-    origin, axis_u, axis_v : (3,) frame.
+    frame : (3,) origin, axis_u and axis_v.
     polygon : outline in the frame in metres, touching x = 0 and y = 0.
     """
     rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
@@ -184,7 +174,9 @@ def add_planar_chart(
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     # y runs down: counter-clockwise seen from outside is a negative area here
     triangles[area > 0] = triangles[area > 0][:, ::-1]
-    one = [np.array([value]) for value in (kind, pieces.surface_count, index, origin, axis_u, axis_v, flat.max(axis=0))]
+    pieces, (origin, axis_u, axis_v) = target.pieces, frame
+    columns = (kind, pieces.surface_count, target.building, origin, axis_u, axis_v, flat.max(axis=0))
+    one = [np.array([value]) for value in columns]
     vertices = origin + flat[:, :1] * axis_u + flat[:, 1:] * axis_v
     zeros = np.zeros(len(triangles), np.int64)
     pieces.add_charts(tuple(one), (vertices, triangles, zeros, np.zeros(len(flat), np.int64)))

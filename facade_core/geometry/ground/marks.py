@@ -15,7 +15,7 @@ from facade_core.core.types import Way
 
 
 class GroundMark(IntEnum):
-    """Kind of a mark, in the order in which marks cover each other, lowest first."""
+    """Kind of a ground mark, in the order in which marks cover each other, lowest first."""
 
     PATCH = 0
     JOINT = 1

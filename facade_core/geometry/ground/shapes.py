@@ -70,7 +70,7 @@ class GroundTileArrays(NamedTuple):
 
 
 def serialise_way(way: Way) -> str:
-    """Serialise the look of a way, without id and line, as JSON for digests; the list starts with its version."""
+    """Serialise what a way looks like, without id and line, as JSON for digests."""
     return json.dumps(
         [
             WAY_FORMAT,
@@ -89,7 +89,7 @@ def serialise_way(way: Way) -> str:
 
 @dataclass(frozen=True)
 class GroundTile:
-    """Ways and areas within GROUND_TILE_MARGIN_M of a tile; low is its south-western corner."""
+    """Ways and areas clipped to a tile of the world grid and its margin."""
 
     low: tuple[float, float]
     ways: tuple[Way, ...]
@@ -107,7 +107,7 @@ class GroundTile:
 
 
 class GroundTiles:
-    """Ground of a block by tiles."""
+    """Ground shapes of a block, cut to tiles of the world grid on demand."""
 
     def __init__(self, ground: Ground, charts: Charts) -> None:
         self._ground = ground

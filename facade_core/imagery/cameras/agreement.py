@@ -28,7 +28,7 @@ THIN_RIM_CELLS = 2
 
 
 class SquareAgreement(NamedTuple):
-    """Comparison of n views of one surface by squares.
+    """Agreement of n views of one surface in mean colour, square by square.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreeme
 
 
 def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolArray]:
-    """Find texels that contrast with their surroundings and that no other view confirms.
+    """Mask texels of each view that contrast with their surroundings and that no other view confirms.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class PanoramaCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraView:
-    """Chart as cameras see it.
+    """Chart fused from the views of several panorama cameras.
 
     Attributes
     ----------

@@ -44,7 +44,7 @@ FACTOR_STEP = 1 / 64
 
 
 class GroundSamples(NamedTuple):
-    """Ground samples of one camera.
+    """Colours of ground squares around one camera, and the camera's height.
 
     Attributes
     ----------

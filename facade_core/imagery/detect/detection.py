@@ -37,7 +37,7 @@ def _no_boxes() -> Float64Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
-    """Faces, number plates and text of a picture.
+    """Detected faces, number plates and lines of text of one picture.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def detect_on_image(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> 
 
 
 def detect_on_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> Detections:
-    """Detect on a strip of a full panorama, whose left and right borders meet.
+    """Detect faces, plates and text on a full-turn panorama strip, whose left and right borders meet.
 
     Objects across the border are detected whole, and returned at both sides.
 
@@ -120,7 +120,7 @@ def detect_on_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> 
 
 
 def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float]) -> Detections:
-    """Detect on a panorama between SEARCH_TOP_SHARE and SEARCH_BOTTOM_SHARE of the full height.
+    """Detect faces, plates and text on a panorama, in a band of its full height.
 
     Parameters
     ----------

@@ -267,7 +267,7 @@ def find_place(
     heading_deg: float,
     height_is_assumed: bool = False,
 ) -> PlaceEstimate:
-    """Find the position near a pose at which the outline fits best.
+    """Fit the camera position near a pose at which mesh outlines match image edges best.
 
     Searches a grid on coarse gradients, then runs simplexes on coarse and fine ones. Positions farther from the pose
     must fit better.

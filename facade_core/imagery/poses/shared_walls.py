@@ -89,7 +89,7 @@ class GradientImage(NamedTuple):
 
 
 class WallAgreement(NamedTuple):
-    """Correlation, -1 to 1, of what two panoramas show of one surface."""
+    """Correlation, -1 to 1, of one wall or ground surface between two panoramas."""
 
     panorama: tuple[int, int]
     chart: int
@@ -105,7 +105,7 @@ def match_shared_walls(
     *,
     poses_agree: bool = False,
 ) -> tuple[PatchMatches, list[WallAgreement]]:
-    """Match patches of surfaces between panoramas.
+    """Match patches of shared walls and ground between panoramas, by gradient correlation.
 
     Uses normalised correlation of gradient magnitudes, which depend less on the exposure than colours. A parabola
     through three correlations gives the subpixel position.

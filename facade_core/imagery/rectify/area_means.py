@@ -54,7 +54,7 @@ def area_mean(
     repeat: bool,
     out: UInt8Array,
 ) -> None:
-    """Write the mean colour of a parallelogram into `out`.
+    """Write an image's mean colour over a parallelogram into `out`.
 
     Beyond the image the content repeats, or the border does. Magnified pixels are interpolated by a cubic
     (Catmull-Rom).

@@ -80,7 +80,7 @@ class ChartView:
 
     @property
     def clear(self) -> BoolArray:
-        """Return the texels (h, w) bool that show the wall itself."""
+        """Return the texels (h, w) bool that are seen and not occluded."""
         return self.seen if self.occluded is None else self.seen & ~self.occluded
 
 

@@ -121,7 +121,7 @@ def point_visibility(
     *,
     max_distance: float = MAX_SIGHTING_DISTANCE_M,
 ) -> Float64Array:
-    """Compute how well panoramas show the sample points of a chart.
+    """Compute how well each panorama shows the sample points of a chart, 0 to 1.
 
     Parameters
     ----------

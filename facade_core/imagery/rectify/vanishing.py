@@ -107,7 +107,7 @@ def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None
 
 
 def is_upright(rotation: Float64Array) -> bool:
-    """Return True if a camera in front of a facade may have this rotation (3, 3)."""
+    """Return True if yaw, pitch and roll of a rotation (3, 3) are plausible before a facade."""
     return all(
         abs(turn) <= most
         for turn, most in zip(camera_angles(rotation), (MAX_YAW_DEG, MAX_PITCH_DEG, MAX_ROLL_DEG), strict=True)

@@ -34,7 +34,7 @@ MAX_AMBIENT_LIGHT = 1.6
 
 
 def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[Float32Array, Float32Array]:
-    """Compute the sky's light and the reflected sunlight on a grid over a chart.
+    """Compute grids of skylight and of reflected sunlight over a chart.
 
     A ray that hits nothing within OCCLUDER_RANGE_M brings the sky's light. A ray that hits a surface brings its
     reflected skylight, and its reflected sunlight if the sun reaches it. Nothing farther than MAX_SHADOW_REACH_M has an

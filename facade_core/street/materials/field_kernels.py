@@ -46,7 +46,7 @@ from facade_core.street.propagation.sampling import DaylightGrid, interpolate_li
 
 
 class SurfaceMaterial(IntEnum):
-    """Material of a chart."""
+    """Procedural materials of charts."""
 
     GROUND = 0
     SHEET_METAL = 1
@@ -125,7 +125,7 @@ NO_OVERRIDE = MaterialOverride(np.zeros(0, np.int64), 0, 0, np.zeros(3))
 
 
 class FieldArrays(NamedTuple):
-    """Inputs of a colour except the light.
+    """Inputs of the material field's kernels, except the light.
 
     Attributes
     ----------
@@ -323,7 +323,7 @@ def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -
 
 @njit(cache=True)
 def draw_uniform(number: Int64Array, seed: int) -> Float64Array:
-    """Draw a uniform number in 0..1 for each number (n,)."""
+    """Hash each number (n,) to a uniform number in 0..1."""
     out = np.empty(len(number))
     for i in range(len(number)):
         out[i] = hash_uniform(number[i], seed)

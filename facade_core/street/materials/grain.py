@@ -46,7 +46,7 @@ assert tuple(DEFAULT_EXAMPLES) == MATERIALS
 
 
 class GrainKind(IntEnum):
-    """Grain of a material, in the order of `MATERIALS`."""
+    """Kinds of grain, in the order of `MATERIALS`."""
 
     ASPHALT = 0
     GRAVEL = 1
@@ -118,7 +118,7 @@ class GrainTables(NamedTuple):
 
 
 class Grain(NamedTuple):
-    """Grain of a material.
+    """Grain example of a material with the weight of its tone.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Grain(NamedTuple):
 
 
 def learn_grain(picture: UInt8Array, width: float, *, structure: float | None = None) -> GrainExample:
-    """Learn an example from a tileable picture.
+    """Learn a grain example from a tileable picture.
 
     Parameters
     ----------

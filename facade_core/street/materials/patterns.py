@@ -69,7 +69,7 @@ def stripe_share(position: float, wide: float, first: float, width: float) -> fl
 def running_bond_share(
     column: float, row: float, wide: float, high: float, joint: float, across: float, down: float
 ) -> float:
-    """Return the share of a footprint off the joints of a running bond.
+    """Return the share of a footprint on the stones of a running bond, off its joints.
 
     Odd courses shift by half a stone.
 

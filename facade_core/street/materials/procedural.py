@@ -41,7 +41,7 @@ PAVING_COLOUR = np.array([1.0, 0.985, 0.955])
 
 
 class GroundSurface(IntEnum):
-    """Surface of the ground: those of `SURFACES`, and leaves over them."""
+    """Surfaces of the ground: those of `SURFACES`, and leaves over them."""
 
     GRAVEL = 0
     ASPHALT = 1
@@ -233,7 +233,7 @@ def brick_tone(
 def glass_reflection(
     x: Float64Array, y: Float64Array, height: float, side: Float64Array, seed: int, out: Float64Array
 ) -> None:
-    """Write the share of sky in a window pane, more towards its top.
+    """Write the share of reflected sky in a window pane, more towards its top.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ class PanoramaPixels(NamedTuple):
 
 
 class ChartTexels(NamedTuple):
-    """Frames of all n charts and the place of their texels in the buffer.
+    """Frames of all n charts and the offsets of their texels in the buffer.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class ViewGate(NamedTuple):
 
 
 class DaylightGrid(NamedTuple):
-    """Soft daylight on charts, as in `Daylight`.
+    """Soft daylight grids of all charts, as in `Daylight`.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ def shade_pixels(
     rgb: UInt8Array,
     textured: BoolArray,
 ) -> None:
-    """Colour the pixels that show a chart, in place.
+    """Colour the pixels that show a chart from its texels, in place.
 
     A pixel is textured if at least half of the texels under it are known. Its colour is their mean, or bilinear where
     the pixel is smaller than a texel. Within the gate a fallback colour does not count as known: colour seen from far

@@ -34,7 +34,7 @@ LAST_LAYER_SCALE = 0.3
 
 
 def pad_edges(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
-    """Repeat the edges, or wrap at the sides."""
+    """Pad an image by repeated edges, or by wrapping at the left and right sides."""
     x = functional.pad(x, (margin, margin, 0, 0), mode="circular" if wraps else "replicate")
     return functional.pad(x, (0, 0, margin, margin), mode="replicate")
 
@@ -51,6 +51,7 @@ class PaddedConvolution(nn.Module):
         self.weights = nn.Conv2d(inputs, outputs, 3, stride)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        """Convolve padded features (n, channels, h, w)."""
         return self.weights(pad_edges(x, 1, wraps=wraps))
 
 
@@ -65,6 +66,7 @@ class ResidualBlock(nn.Module):
         self.first, self.second = PaddedConvolution(width, width), PaddedConvolution(width, width)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        """Add a fifth of two convolutions of the features to them."""
         return x + RESIDUAL_SHARE * self.second(_leaky_relu(self.first(x, wraps)), wraps)
 
 
@@ -79,6 +81,7 @@ class UpsamplingConvolution(nn.Module):
         self.weights = nn.ConvTranspose2d(inputs, outputs, 3, 2, padding=1, output_padding=1)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        """Upsample features to twice their height and width."""
         x = self.weights(pad_edges(x, 1, wraps=wraps))[..., 1:-1, 1:-1]
         return functional.avg_pool2d(functional.avg_pool2d(x, 2, 1), 2, 1)
 
@@ -175,6 +178,7 @@ class Discriminator(nn.Module):
         self.layers = nn.Sequential(*layers, nn.Conv2d(8 * width, 1, 4, 1, 1))
 
     def forward(self, x: Tensor) -> Tensor:
+        """Return the scores of overlapping patches of images (n, 3, h, w)."""
         return self.layers(x)
 
 

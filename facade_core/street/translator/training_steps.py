@@ -47,7 +47,7 @@ MAX_GRADIENT_NORM = 0.5
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecipe:
-    """Size of the network and length of its training. Defaults of the rest follow the paper.
+    """Size of the network, length of its training and variants of the method.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ class TrainingRendering:
 
 @dataclass(frozen=True, slots=True)
 class TrainingCrop:
-    """Part of a panorama.
+    """Crop of a panorama, with its textured pixels and its place.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ class SubmittedUnit(Protocol[R_co]):
 
 @dataclass(eq=False)
 class UnitCopy:
-    """A unit as submitted to Dask once.
+    """One submission of a unit to Dask.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class UnitCopy:
 
 @dataclass(eq=False)
 class UnitAttempt(Generic[R_co]):
-    """A unit on a cluster, and the bytes that it declares.
+    """A unit on a cluster, with all its submissions and the bytes that it declares.
 
     Attributes
     ----------
@@ -66,6 +66,7 @@ class UnitAttempt(Generic[R_co]):
 
     @property
     def stage(self) -> str:
+        """Return the name of the unit's function, by which durations are compared."""
         return getattr(self.call[0], "__name__", "unit")
 
     def result(self) -> R_co:

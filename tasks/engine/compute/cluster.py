@@ -98,11 +98,13 @@ class Cluster:
 
     @property
     def memory(self) -> int:
+        """Return the bytes that units on all workers may declare together."""
         with self._changed:
             return sum(worker.share for worker in self._registry.usable.values())
 
     @property
     def threads(self) -> int:
+        """Return the number of units that run at once."""
         with self._changed:
             return sum(worker.threads for worker in self._registry.usable.values())
 
@@ -136,6 +138,7 @@ class Cluster:
         yield from suspects
 
     def result(self, unit: UnitAttempt[R]) -> R:
+        """Wait for the result of a unit; submit the unit again if its workers died."""
         with ExitStack() as alone:
             while True:
                 future = unit.answer.result()
@@ -362,4 +365,5 @@ class Cluster:
 
 
 def cluster_gone_error() -> ClusterGone:
+    """Build the error for a cluster that went away."""
     return ClusterGone("the Dask cluster went away; run again to go on from here")

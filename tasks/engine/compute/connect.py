@@ -56,6 +56,7 @@ class DeferredUnit(Generic[R_co]):
     serial: SerialCompute
 
     def result(self) -> R_co:
+        """Run the unit in this process and return its result."""
         with self.serial.lock:
             self.serial.require_open()
             return run_unit(self.function, *self.arguments)
@@ -78,6 +79,7 @@ class SerialCompute:
     def submit(
         self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
     ) -> DeferredUnit[R]:
+        """Defer a unit until its result is requested; `memory` and `worker` have no effect."""
         if self._until is not None and time.monotonic() > self._until:
             raise RunOverran(OVERRUN_MESSAGE)
         return DeferredUnit(function, args, self)
@@ -107,6 +109,7 @@ class SerialCompute:
         self._open = False
 
     def require_open(self) -> None:
+        """Raise MachineError if the run has ended."""
         if not self._open:
             raise MachineError("the run has ended")
 

@@ -23,7 +23,7 @@ RUNS_PER_THREAD, AHEAD, MIN_RUN_ITEMS = 4, 2, 8
 
 
 def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """Apply a function to runs of items on the workers; returns the results in the order of the items."""
+    """Apply a function to slices of items on the workers; return the results in order."""
     workers = compute.result()
     length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
     waiting = deque(range(0, len(items), length))

@@ -50,6 +50,7 @@ class Leases:
         return False
 
     def end(self, name: str) -> Lease:
+        """Remove a lease and return it."""
         return self._held.pop(name)
 
     def _fits(self, memory: int, address: str, worker: Worker) -> bool:

@@ -27,7 +27,7 @@ QueryAnswer = tuple[dict[str, WorkerFields], dict[str, str], list[str]]
 
 @dataclass(frozen=True)
 class Worker:
-    """A worker.
+    """State of a Dask worker at one poll.
 
     Attributes
     ----------
@@ -131,6 +131,8 @@ def restart_workers(client: Client, workers: dict[str, Worker]) -> None:
 
 
 def scheduler_query() -> Callable[[Scheduler], QueryAnswer]:
+    """Return the function that a scheduler runs to report its workers and their units."""
+
     def ask(
         dask_scheduler: Scheduler,
     ) -> QueryAnswer:  # sent by value, being local: a scheduler need not have this code

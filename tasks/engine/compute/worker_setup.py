@@ -173,7 +173,7 @@ def _import_workers() -> None:
 
 
 def inspect_worker(token: str) -> tuple[bool, dict[str, str]]:
-    """Return whether a worker sees a file and can write beside it, and its environment."""
+    """Report whether this worker can use the run's folder, and its environment."""
     return _can_see(folder_at(token)), environment_versions()
 
 

@@ -37,11 +37,12 @@ class LastIngest:
 
     @property
     def places(self) -> PreviousPlacement:
+        """Return the chart ids and atlas places of the last ingest."""
         return PreviousPlacement(self.plan.ids, self.plan.scene.placement)
 
 
 def store_settings(run: Run) -> dict[str, object]:
-    """Return the settings of a store; nothing is taken over from a store with other settings."""
+    """Return the settings in which stores must agree for units to be carried over."""
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
         "crs": run.crs,
@@ -87,7 +88,7 @@ def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | 
 
 
 def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
-    """Adapt the arrays of the last ingest to a new plan, in place.
+    """Carry the arrays and records of the last ingest over to a new plan, in place.
 
     Charts that are gone, moved or written by other stages are cleared. Records move to the new indices of their units.
     """
@@ -117,7 +118,7 @@ def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan:
 
 
 def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
-    """Return the number of units of a block, by stage."""
+    """Return the number of units of each stage of a block."""
     return {stage.stage: stage.count(block, plan) for stage in all_stages()}
 
 

@@ -68,6 +68,7 @@ def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
 
 
 def sample_evenly(values: Sequence[T], count: int | None) -> Sequence[T]:
+    """Return at most `count` values, evenly spread; all if it is None."""
     if count is None or len(values) <= count:
         return values
     return [values[int(i)] for i in np.linspace(0, len(values) - 1, count)]

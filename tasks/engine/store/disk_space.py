@@ -18,7 +18,7 @@ STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 
 def store_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
-    """Return the bytes that a block takes at least, in its store and published; without its store, which may be in a bucket."""
+    """Estimate the least bytes of a block, published and, unless in a bucket, in its store."""
     texels = int(plan.texel_counts().sum())
     if not stored:
         return int(texels * PUBLISHED_TEXEL)

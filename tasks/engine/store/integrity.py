@@ -61,17 +61,17 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
 
 
 def mark_suspect(out: Folder) -> None:
-    """Request a complete check of the store by the next run: differences were found that sizes and listings do not show."""
+    """Request a complete check of the store by the next run."""
     (out / SUSPECT).touch()
 
 
 def is_suspect(out: Folder) -> bool:
-    """Return whether a complete check was requested."""
+    """Report whether a complete check of the store was requested."""
     return (out / SUSPECT).is_file()
 
 
 def repair_store(run: Run) -> list[str]:
-    """Delete the records of units whose data are lost, so that they are done again; returns lines that say what was lost.
+    """Delete the records of units whose data are lost; return lines on the losses.
 
     Raises
     ------

@@ -29,13 +29,13 @@ MAX_PIECE_M = 32.0
 
 @dataclass(frozen=True)
 class NearbyPanoramas:
-    """The usable panoramas of a block, and a tree of their places."""
+    """Spatial index of the usable panoramas of a block."""
 
     panoramas: tuple[SurfacePanorama, ...]
     places: shapely.STRtree
 
     def near(self, corners: Float64Array, reach: float) -> tuple[SurfacePanorama, ...]:
-        """Return the panoramas near some corners, seen from above, at most MAX_PANORAMAS_PER_SURFACE, in their order.
+        """Select the panoramas near some corners on the map, at most MAX_PANORAMAS_PER_SURFACE.
 
         Parameters
         ----------
@@ -53,14 +53,14 @@ class NearbyPanoramas:
         return tuple(self.panoramas[i] for i in sorted(sorted(found.tolist(), key=away)[:MAX_PANORAMAS_PER_SURFACE]))
 
     def for_building(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[SurfacePanorama, ...]]:
-        """Return the panoramas of some charts (k,) of a building: the same for all charts of a short building."""
+        """Select the panoramas of each chart of a building; a short building shares them."""
         corners = charts.points_at_shares(np.array(some), CORNER_SHARES)[..., :2].reshape(-1, 2)
         if np.ptp(corners, axis=0).max() <= MAX_PIECE_M:
             return [self.near(corners, reach)] * len(some)
         return [self.facing(charts, chart, reach) for chart in some]
 
     def facing(self, charts: Charts, chart: int, reach: float) -> tuple[SurfacePanorama, ...]:
-        """Return the panoramas within `reach` metres that a chart faces, at most MAX_PANORAMAS_PER_SURFACE, in their order.
+        """Select the panoramas in front of a chart, at most MAX_PANORAMAS_PER_SURFACE.
 
         They are chosen in turn: the nearest to the middle of each piece of the chart.
         """
@@ -84,7 +84,7 @@ class NearbyPanoramas:
 def find_panoramas(
     block: Block, plan: Plan, group: StoreGroup, usable: Callable[[PoseRecord | None], bool]
 ) -> NearbyPanoramas:
-    """Find the panoramas that are usable by their record, with refined poses and exposure factors."""
+    """Index the panoramas with a usable record, with refined poses and exposure factors."""
     records = read_refined_poses(group)
     squares = [_squares(record) for record in records]
     gains = exposure_factors(squares)

@@ -8,7 +8,7 @@ from facade_core.atlas.journal import Record
 
 
 class BundleFields(TypedDict, total=False):
-    """Fields of a panorama's record that its bundle replaces; without a new pose how far the others are off."""
+    """Fields of a panorama's pose record that its bundle replaces."""
 
     shared: int
     apart_before_m: float | None
@@ -36,7 +36,7 @@ class BundledPose(TypedDict):
 
 
 class BundleRecord(Record, total=False):
-    """Record of panoramas that were refined together.
+    """Record of a bundle: panoramas whose poses were refined together.
 
     Attributes
     ----------

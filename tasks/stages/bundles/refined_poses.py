@@ -20,12 +20,12 @@ def select_pose(pose: Pose, record: PoseRecord | None) -> Pose:
 
 
 def is_rejected(record: Record | None) -> bool:
-    """Return whether a panorama could not be placed: nothing is taken from it."""
+    """Report whether a panorama's record says that it could not be placed."""
     return record is not None and record["status"] == "failed"
 
 
 def read_refined_poses(group: StoreGroup) -> list[RefinedPoseRecord | None]:
-    """Read the records of panoramas, with the fields that their bundles replace.
+    """Read the pose records of panoramas, with the fields that their bundles replace.
 
     A bundle counts for a panorama that still has the pose from which the bundle was refined.
     """

@@ -38,7 +38,7 @@ SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units: of each bundle the panoramas that were refined alone, without rejected ones."""
+    """List the units of stage `bundles`: one for each bundle, without rejected panoramas."""
     records = read_journal(group, "poses", PoseRecord)
     units = []
     for index, (name, bundle) in enumerate(zip(bundle_names(plan, block), panorama_bundles(plan, block), strict=True)):
@@ -125,6 +125,7 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: 
 
 
 def estimate_parts(one: PriorPose) -> list[object]:
+    """Return the key parts of a prior pose: the pose and its covariance."""
     return [pose_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 

@@ -30,6 +30,7 @@ from tasks.stages.shared.memory import (
 
 
 def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """List the units of stage `exemplars`: one for each exemplar of the block."""
     return [
         Unit(i, path.stem, (exemplar_key(run, path),), (path,), exemplar_memory(path))
         for i, path in enumerate(block.exemplars)
@@ -60,6 +61,7 @@ def _copy_arrays(group: StoreGroup, last: StoreGroup, new: int, old: int) -> Non
 
 
 def exemplar_key(run: Run, path: Path) -> str:
+    """Return the key of an exemplar: its picture, label map, settings and parser."""
     return join_key_parts(
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
@@ -69,6 +71,7 @@ def exemplar_key(run: Run, path: Path) -> str:
 
 
 def exemplar_memory(path: Path) -> int:
+    """Return the bytes that preparing an exemplar takes at most."""
     kept = min(decoded_pixels([path]), MAX_EXEMPLAR_SIDE**2)
     return (
         LIBRARY_BYTES

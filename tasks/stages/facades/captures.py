@@ -19,7 +19,7 @@ MIN_DAYS_BETWEEN_CAPTURES = 30
 
 
 class Captures(NamedTuple):
-    """Panoramas of a facade, best first.
+    """Panoramas of a facade by capture, best first.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
 
 
 def facade_captures(plan: Plan, block: Block) -> list[Captures]:
-    """Return the panoramas of each facade, by capture."""
+    """Split the panoramas of each facade by capture."""
     days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
     return [
         split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))

@@ -44,7 +44,7 @@ MIN_SHOWN_SHARE = 0.3
 
 @dataclass(frozen=True)
 class FacadeEvidence:
-    """Image of a facade from pictures.
+    """Rectified image of a facade from pictures, with its masks and provenance.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ def read_evidence(
     refused: list[Exception],
     parser: Path | None = None,
 ) -> FacadeEvidence | None:
-    """Read the evidence of a source of imagery for a chart; None if it shows too little.
+    """Read the image and masks of a facade from a source; None if it shows too little.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from tasks.stages.facades.record import FacadeRecord
 
 
 def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
-    """Find the facades that are pending once panoramas and exemplars are done again; their keys do not show that yet."""
+    """Find the facades that become pending once panoramas and exemplars are done again."""
     plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
     records = read_journal(inputs.group, "facades", FacadeRecord)
     poses = {*inputs.pending["poses"], *bundle_members(plan, block, sorted(inputs.pending["bundles"]))}

@@ -96,5 +96,5 @@ def facade_keys(
 
 
 def add_colour_part(key: str, pictured: Sequence[str]) -> str:
-    """Return the key of a facade without a picture, extended by the keys of pictured facades that give its wall colour."""
+    """Extend a facade's key by the keys of pictured facades that give its wall colour."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

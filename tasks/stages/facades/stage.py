@@ -52,7 +52,7 @@ _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units, by the refined poses and the prepared exemplars."""
+    """List the units of stage `facades`, with keys by refined poses and prepared exemplars."""
     imagery = facade_imagery(run, block, plan, group)
     exemplars = {
         i: r["key"]
@@ -104,7 +104,7 @@ def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[t
 
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
-    """Return the pictures of every facade, with the exemplar chosen for it."""
+    """Return the pictures and the chosen exemplar of every facade."""
     captures = facade_captures(plan, block)
     poses = read_refined_poses(group)
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
@@ -165,7 +165,7 @@ def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | No
 
 
 def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
-    """Return the mapped entrances of each facade's wall: metres from the start of its run, ascending."""
+    """Return the positions of mapped entrances along each facade's wall, metres."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
     low = np.flatnonzero((np.abs(facades.foot) < LEVEL_TOLERANCE_M) & ~facades.raised)
@@ -297,6 +297,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
 
 
 def facade_memory(texels: int, imagery: FacadeImagery) -> int:
+    """Return the bytes that texturing a facade takes at most."""
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
     tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
     kept = max(decoded_pixels(pictures) for pictures in tried)

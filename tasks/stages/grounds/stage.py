@@ -37,7 +37,7 @@ LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
 
 
 def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units, by the refined poses and the ground that their pictures show."""
+    """List the units of stage `grounds`: pieces of ground near panoramas."""
     charts = plan.ground_near_cameras()
     if not len(charts):
         return []
@@ -54,7 +54,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 
 def ground_names(plan: Plan) -> list[str]:
-    """What its pieces that panoramas may show are called."""
+    """Return the names of the pieces of ground that panoramas may show."""
     return [_name(number) for number in plan.ids[plan.ground_near_cameras()].tolist()]
 
 

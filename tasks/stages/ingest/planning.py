@@ -52,13 +52,12 @@ def make_plan(block: Block, last: PreviousPlacement | None = None, each: Paralle
 
 
 def plan_key(block: Block) -> str:
-    """Return a digest of the inputs of a block's plan, without panoramas: the plan of the last ingest stays
-    valid if it is equal."""
+    """Return the digest of a plan's inputs without panoramas; if equal, the plan is reused."""
     return f"{geometry_digest(block)} {stage_code('ingest')}"
 
 
 def update_plan(block: Block, plan: Plan) -> Plan:
-    """Return the plan of a block from the plan of its last ingest with the same key: only panoramas are placed again."""
+    """Return the last ingest's plan with the panoramas placed again."""
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
         poses = place_poses(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)

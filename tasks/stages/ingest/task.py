@@ -115,7 +115,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
 
 
 def missing_facade_reasons(plan: Plan) -> list[str]:
-    """Return why a block has no facade on a street, in one line with the remedy; empty if it has one."""
+    """Explain in one line why no facade is on a street; empty list if one is."""
     if (plan.facades.role == WallRole.STREET).any():
         return []
     charts = plan.scene.charts

@@ -27,6 +27,7 @@ PAGE_TEXEL = 40
 
 
 def page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """List the units of stage `pages`: one for each page of the atlas."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     memory = page_memory(plan.scene.spec.page**2)
     names = _page_names(plan)
@@ -44,6 +45,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
 
 
 def page_memory(texels: int) -> int:
+    """Return the bytes that encoding a page takes at most."""
     return LIBRARY_BYTES + texels * PAGE_TEXEL
 
 

@@ -46,7 +46,7 @@ FACADES_PER_GROUP = 8
 
 
 def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units: the views, then each facade's pictures."""
+    """List the units of stage `pictures`: the views, then each facade's pictures."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
@@ -111,6 +111,7 @@ def view_memory(page: int) -> int:
 
 
 def facade_pictures_memory(texels: int) -> int:
+    """Return the bytes that drawing the pictures of a facade takes at most."""
     return LIBRARY_BYTES + texels * DRAWN_TEXEL
 
 

@@ -26,6 +26,7 @@ POSE_PIXEL = 24
 
 
 def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """List the units of stage `poses`: one for each panorama."""
     units = []
     for i, (panorama, carried) in enumerate(zip(block.panoramas, carries_heights(block), strict=True)):
         key = pose_key(run, plan, i, panorama.path, carried)
@@ -34,7 +35,7 @@ def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
 
 
 def carries_heights(block: Block) -> list[bool]:
-    """Return for each panorama whether its height over the ground is more reliable than the roofs around it.
+    """Return for each panorama whether height over ground is trusted more than the roofs.
 
     That holds without a stated height, and near a roof whose height is a guess.
     """
@@ -52,6 +53,7 @@ def _match_previous(change: Change) -> dict[int, int]:
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
+    """Return the key of a panorama's refinement: picture, pose and surrounding objects."""
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
     return join_key_parts(
@@ -64,6 +66,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
 
 
 def pose_memory(path: Path) -> int:
+    """Return the bytes that refining a pose takes at most."""
     return LIBRARY_BYTES + decoding_bytes([path]) + decoded_pixels([path]) * POSE_PIXEL
 
 

@@ -9,7 +9,7 @@ from tasks.engine.stage import ForecastInputs, StageForecast
 
 
 def forecast_after_poses(stage: str, inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
-    """Find the pending units of a stage: all of them once a pose changes, as all panoramas share one exposure."""
+    """Forecast a stage that uses panoramas: all units are pending once a pose changes."""
     if inputs.pending["poses"] or inputs.pending["bundles"]:
         return StageForecast(dict.fromkeys((unit.index for unit in inputs.units[stage]), REASONS["panoramas"]))
     return StageForecast(own)

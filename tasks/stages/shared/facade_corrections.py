@@ -38,7 +38,7 @@ def match_corrections(
 
 
 def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> dict[str, str]:
-    """Return the present id of each corrected facade whose id changed: within PLACE_M of the recorded place, and as wide."""
+    """Map the recorded id of each corrected facade whose id changed to its present id."""
     facades, known = plan.facades, set(plan.facades.id)
     said = corrections.select_kinds(FACADE_CORRECTION_KINDS)
     lost = [(id, next(iter(of.values()))) for id, of in said.items() if id not in known]

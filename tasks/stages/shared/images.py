@@ -51,7 +51,7 @@ def capture_date(path: Path) -> str | None:
 
 
 def read_textures(paths: Sequence[Path], used: IntArray, refused: list[Exception]) -> dict[int, UInt8Array]:
-    """Read the used pictures (h, w, 3) uint8.
+    """Read the used texture pictures by index, (h, w, 3) uint8.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ MIN_OCCLUDER_RISE_M = 0.01
 
 
 def material_digests(run: Run) -> list[object]:
-    """Return digests of a block's own material pictures."""
+    """Return name, scale and file digest of each of the block's material pictures."""
     return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
 
 
@@ -54,10 +54,12 @@ def panorama_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]
 
 
 def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
+    """Return the ids of some charts as 16 hexadecimal digits."""
     return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
 def pose_parts(pose: Pose) -> list[object]:
+    """Return the key part of a pose: place, angles and view."""
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
 
@@ -89,4 +91,5 @@ def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path
 
 
 def all_hex_chart_ids(plan: Plan) -> list[str]:
+    """Return the ids of all charts of a plan as 16 hexadecimal digits."""
     return [f"{number:016x}" for number in plan.ids.tolist()]

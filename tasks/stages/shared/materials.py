@@ -47,7 +47,7 @@ def aerial_sampler(run: Run) -> Sampler | None:
 def material_field(
     plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
 ) -> MaterialField:
-    """Return the material field of a block.
+    """Build the material field of a block.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def material_field(
 
 
 def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
-    """Return the grain of all materials with that of a block's pictures; None without any."""
+    """Build grain tables with grains learnt from a block's pictures; None without any."""
     examples = {}
     for name, path, metres in pictures:
         try:

@@ -33,11 +33,12 @@ CAMERA_PIXEL = 8
 
 
 def detection_bytes() -> int:
+    """Return the bytes of the optional detectors; 0 if they are not installed."""
     return DETECTION_BYTES if detectors_available() else 0
 
 
 def decoded_pixels(pictures: Iterable[Path]) -> int:
-    """Return the pixels of pictures that are kept."""
+    """Count the pixels of pictures as held in memory, each at most MAX_PIXELS."""
     return sum(min(count, MAX_PIXELS) for count in map(_picture_pixels, pictures))
 
 

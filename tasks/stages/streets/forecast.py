@@ -16,7 +16,7 @@ from tasks.stages.streets.keys import street_keys
 
 
 def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
-    """Find the pending streets, and count the later ones that follow if texels that they share change."""
+    """Find the streets that are pending, and note later ones that may follow."""
     run, plan, group, rewritten = inputs.run, inputs.plan, inputs.group, inputs.rewritten
     records = read_journal(group, "streets")
     blends = run.texture.translator == "neural"  # else texels of a material field: independent of viewpoints
@@ -57,7 +57,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
 
 
 def forecast_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
-    """Find the viewpoints that show charts of the base layer that are written again, outside pending streets.
+    """Find the viewpoints that see rewritten base-layer charts, outside pending streets.
 
     Returns None for the neural translator: its viewpoints are counted with their streets.
     """

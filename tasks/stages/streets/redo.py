@@ -22,7 +22,7 @@ class RedoneStreets:
 
 
 def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[str]]:
-    """Delete the records of a street, given by id or name, and of its dependants.
+    """Make a street and its dependants pending again by deleting their records.
 
     With `only`, dependants keep their texels and are marked stale; the next run updates them.
 
@@ -56,7 +56,7 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
 
 
 def find_redo(plan: Plan, street: str) -> RedoneStreets:
-    """Find the streets of an id or name, and the streets that read their texels. Raises InputError if there is none."""
+    """Find the streets of an id or name, and the later ones that read their texels."""
     chosen = [i for i, one in enumerate(plan.streets) if street in (one.id, one.name)]
     if not chosen:
         known = sorted({one.name or one.id for one in plan.streets})
@@ -73,7 +73,7 @@ def find_redo(plan: Plan, street: str) -> RedoneStreets:
 
 
 def select_streets(run: Run, only: str | None) -> frozenset[int] | None:
-    """Return the streets to texture if only some are requested; None for all."""
+    """Return the streets with the requested id or name; None if none is requested."""
     return None if only is None else frozenset(find_redo(plan_of_run(run), only).streets)
 
 

@@ -35,7 +35,7 @@ from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointRes
 
 @dataclass(frozen=True)
 class StreetContext:
-    """State of a worker between the units of a run, read once per process.
+    """Plan and translator that a worker keeps between the units of a run.
 
     Attributes
     ----------
@@ -51,6 +51,7 @@ class StreetContext:
 
 @lru_cache(maxsize=2)
 def street_context(run: Run) -> StreetContext:
+    """Load the plan and the translator of a run, once per process."""
     plan = plan_of_run(run)
     if run.texture.translator == "neural":
         return StreetContext(plan, neural_translator.load_translator(), None)
@@ -234,7 +235,7 @@ def _keep_buffer(entry: _Street, mark: object, progress: _Progress) -> None:
 def replay_street(
     plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
 ) -> TexelBuffer:
-    """Rebuild a street's buffer after its first `step` viewpoints.
+    """Rebuild a street's texel buffer after its first `step` viewpoints.
 
     It holds the base layer, the panoramas of earlier waves that show its charts, and its own.
 
@@ -274,7 +275,7 @@ def _earlier_viewpoints(plan: Plan, group: StoreGroup, street: int, charts: Int6
 def add_viewpoint(
     plan: Plan, group: StoreGroup, window: TexelBuffer, viewpoint: Viewpoint, *, field: bool, threads: int = 1
 ) -> None:
-    """Add a viewpoint that is done to a buffer: its panorama, or its visibility."""
+    """Add a finished viewpoint to a texel buffer: its panorama, or its visibility."""
     if field:
         mark_first_visible(
             plan.scene, window, viewpoint, plan.scene.cast_panorama(viewpoint, group["panoramas/rgb"].shape[2])[2]

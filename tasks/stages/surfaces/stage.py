@@ -39,7 +39,7 @@ CONTEXT_CHART = -2
 
 
 def block_parts(plan: Plan) -> list[tuple[str, list[int]]]:
-    """Return the units, as name and charts: the block's own buildings, then its pieces of ground."""
+    """List name and charts of the block's own buildings, then of its pieces of ground."""
     owner = RowIndex(np.where(plan.in_core, plan.scene.charts.building, CONTEXT_CHART))
     buildings = [(name, owner.rows_with(building).tolist()) for building, name in enumerate(plan.scene.names)]
     ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.rows_with(-1).tolist()]
@@ -47,7 +47,7 @@ def block_parts(plan: Plan) -> list[tuple[str, list[int]]]:
 
 
 def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units, by the results of facades, textures and streets."""
+    """List the units of stage `surfaces`, keyed by facades, textures and streets."""
     seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets", StreetRecord))

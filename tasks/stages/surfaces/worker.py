@@ -20,7 +20,7 @@ from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.surfaces import KnownTexture, TranslatedViews, finish_chart
+from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, TranslatedViews, finish_chart
 from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
@@ -58,13 +58,16 @@ def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
             field,
             chart,
             known,
-            is_neural=run.texture.translator == "neural",
-            views=_network_pixels(run, plan, chart),
-            levelling=run.texture.levelling,
-            aerial=above,
-            repaint=chart in own,
-            sun=run.texture.sun,
-            labels=None if run.texture.sun is None or chart not in seeded else _facade_labels(group, plan, chart),
+            FinishSettings(
+                is_neural=run.texture.translator == "neural",
+                views=_network_pixels(run, plan, chart),
+                levelling=run.texture.levelling,
+                aerial=above,
+                repaint=chart in own,
+            ),
+            None
+            if run.texture.sun is None
+            else ChartSunlight(run.texture.sun, _facade_labels(group, plan, chart) if chart in seeded else None),
         )
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)

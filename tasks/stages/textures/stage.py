@@ -25,7 +25,7 @@ TEXTURE_TEXEL = 40
 
 
 def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return a unit for each building with textures of its own, without its facades."""
+    """List the units of stage `textures`: buildings with textures of their own."""
     buildings = plan.buildings_with_textures()
     if not buildings:
         return []
@@ -86,6 +86,7 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
+    """Return the bytes that writing a building's own textures takes at most."""
     return (
         LIBRARY_BYTES + max(texels * TEXTURE_TEXEL, decoding_bytes(pictures)) + decoded_pixels(pictures) * PICTURE_PIXEL
     )

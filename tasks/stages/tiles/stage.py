@@ -31,6 +31,7 @@ TILE_TEXEL = 1
 
 
 def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """List the units of stage `tiles`: one for each tile of the block."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     texels = plan.texel_counts()
     return [
@@ -59,6 +60,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
 
 
 def tile_memory(texels: int) -> int:
+    """Return the bytes that encoding a tile takes at most."""
     return LIBRARY_BYTES + MAX_SHELF_PAGE_TEXELS**2 * PICTURE_TEXEL + texels * TILE_TEXEL
 
 

@@ -35,7 +35,7 @@ from tasks.stages.walls.worker import process_walls
 
 
 def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """Return the units, by the refined poses and the common exposure of their pictures.
+    """List the units of stage `walls`: buildings with plain walls or roofs near panoramas.
 
     Buildings with the same panoramas follow each other, whatever their order in the source: their occluders are found once.
     """
@@ -55,7 +55,7 @@ def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
 
 
 def wall_names(plan: Plan) -> list[str]:
-    """Return the names of the buildings with such walls."""
+    """Return the names of the buildings with walls or roofs that panoramas may show."""
     return [plan.scene.names[building] for building in plan.walls_near_cameras()]
 
 
@@ -97,7 +97,7 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
 
 
 def wall_memory(texels: IntArray, pictures: Sequence[Sequence[Path]]) -> int:
-    """Return the memory of a building.
+    """Return the bytes that writing a building's walls and roofs takes at most.
 
     Parameters
     ----------

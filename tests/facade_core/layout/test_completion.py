@@ -14,7 +14,7 @@ from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.shop_floor import select_shop_row
-from facade_core.facade.layout.window_rows import find_missing_windows, min_window_gap
+from facade_core.facade.layout.window_rows import RowLimits, find_missing_windows, min_window_gap
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 LEFT = [(0.0, 0.0, 100.0, 160.0)]
@@ -152,14 +152,13 @@ def test_a_row_goes_on_in_the_rhythm_of_the_one_beside_it_and_no_floor_is_left_o
     assert apart == pytest.approx(2.4), "three fifths of what is between the two, or less"
     kept, likely = np.array([2, 3, 4, 5, 6, 8, 11]), np.full(18, 0.2)
     clear = ~np.isin(np.arange(18), (0, 1))
-    fill = find_missing_windows(found, kept, likely, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1)
+    limits = RowLimits(apart, 0.1, 0.1)
+    fill = find_missing_windows(found, kept, likely, things, clear, limits)
     assert np.flatnonzero(fill).tolist() == [7, 9, 10, *range(12, 18)]
-    fill = find_missing_windows(found, kept, likely, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.3)
+    fill = find_missing_windows(found, kept, likely, things, clear, RowLimits(apart, 0.1, 0.3))
     assert np.flatnonzero(fill).tolist() == [7, 9, 10], "the ground floor is too unlikely"
     denied = np.where(np.arange(18) == 9, 0.0, likely)
-    assert not find_missing_windows(
-        found, kept, denied, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1
-    )[9], "what the picture denies"
+    assert not find_missing_windows(found, kept, denied, things, clear, limits)[9], "what the picture denies"
 
 
 def test_windows_keep_their_distance():

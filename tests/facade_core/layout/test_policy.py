@@ -65,7 +65,7 @@ def test_observed_elements_are_hard_constraints_for_any_policy():
 def test_search_is_deterministic_improves_and_can_be_replayed():
     model = default_layout_model()
     given = start(windows((20, 60), (30, 70, 110)))
-    arguments = (model.policies, given, model.densities, model.weights, model.averages_terms, 6, 2)
+    arguments = (model.policies, given, model, 6, 2)
     used, seeds, scores = optimise_policy(*arguments, 3)
     again = optimise_policy(*arguments, 3)
     assert (again[2] == scores).all()

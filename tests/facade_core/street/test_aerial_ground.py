@@ -18,7 +18,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.tiled_material import TiledMaterial
-from facade_core.street.surfaces import KnownTexture, finish_chart
+from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(0, -9), (20, -9)]))
 DENSITY = 10.0
@@ -87,7 +87,7 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
 
     materials = MaterialField(scene, [STREET], seed=0)
     colour, provenance = finish_chart(
-        scene, materials, chart, KnownTexture(read, (), {chart}), is_neural=False, levelling=False, aerial=picture
+        scene, materials, chart, KnownTexture(read, (), {chart}), FinishSettings(levelling=False, aerial=picture)
     )
     rgb, known = render_from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000

@@ -31,7 +31,7 @@ from facade_core.street.materials.stains import (
     stain_weights,
     wall_deviations,
 )
-from facade_core.street.surfaces import KnownTexture, finish_chart
+from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
 NOON = Sun(180.0, 45.0)
@@ -188,7 +188,7 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
         known = KnownTexture(read, (), ())
-        return finish_chart(scene, materials, chart, known, is_neural=False, sun=NOON, labels=labels)[0]
+        return finish_chart(scene, materials, chart, known, sunlight=ChartSunlight(NOON, labels))[0]
 
     np.testing.assert_array_equal(
         finished(Provenance.SYNTHESISED + 1), apply_sunlight(colour, sunlight_share(scene, chart, NOON))

@@ -19,7 +19,7 @@ from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.relief import cast_shadows
-from facade_core.street.surfaces import KnownTexture, finish_chart
+from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
 DENSITY = 8.0
@@ -131,9 +131,9 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
 
         return KnownTexture(read, (), ())
 
-    photo, _ = finish_chart(scene, materials, chart, known(Provenance.PHOTO), is_neural=False)
+    photo, _ = finish_chart(scene, materials, chart, known(Provenance.PHOTO))
     assert (photo == 200).all()
-    bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False)
+    bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN))
     left = contact_light(scene, chart)
     assert left is not None
     expected = np.where(
@@ -141,7 +141,7 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
     )
     np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
     assert (bare[left == 1] == materials.chart_raster(chart)[left == 1]).all()
-    sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False, sun=SOUTH)
+    sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), sunlight=ChartSunlight(SOUTH))
     assert (sunny != bare).any()
     np.testing.assert_array_equal(sunny, apply_sunlight(bare, sunlight_share(scene, chart, SOUTH)))
 

@@ -22,6 +22,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import (
+    FinishSettings,
     KnownTexture,
     TranslatedViews,
     finish_chart,
@@ -81,7 +82,7 @@ def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:
 
 def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: MaterialField) -> None:
     for chart in range(len(scene.charts)):
-        colour, provenance = finish_chart(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), is_neural=False)
+        colour, provenance = finish_chart(scene, materials, chart, known(scene, -1, bare(scene, 0), 0))
         np.testing.assert_array_equal(colour, footed(scene, chart, materials.chart_raster(chart)))
         assert (provenance == Provenance.MATERIAL).all()
 
@@ -91,10 +92,10 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     rank = bare(scene, chart)
     rank[:, :40] = Provenance.PHOTO
     read = known(scene, chart, rank, 160)
-    colour, provenance = finish_chart(scene, materials, chart, read, is_neural=False)
+    colour, provenance = finish_chart(scene, materials, chart, read)
     assert (colour[:, :40] == 160).all()
     assert (provenance[:, 40:] == Provenance.MATERIAL).all()
-    plain, _ = finish_chart(scene, materials, chart, read, is_neural=False, levelling=False)
+    plain, _ = finish_chart(scene, materials, chart, read, FinishSettings(levelling=False))
     np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.chart_raster(chart))[:, 40:])
     step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
     assert step[1] < 0.35 * step[0]
@@ -136,7 +137,7 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
         colour, ranks = plain(one, rows, columns)
         return (colour * stripes[rows] if one == chart else colour), ranks
 
-    colour, provenance = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, {chart}), is_neural=False)
+    colour, provenance = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, {chart}))
     hole = provenance[60:80, 40:70]
     assert (hole == Provenance.INPAINTED).all()
     assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
@@ -164,7 +165,7 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     step = {}
     for levelling in (False, True):
         colour, _ = finish_chart(
-            scene, materials, other, known(scene, one, photo, 120), is_neural=False, levelling=levelling
+            scene, materials, other, known(scene, one, photo, 120), FinishSettings(levelling=levelling)
         )
         step[levelling] = abs(colour[:, :6].astype(float).mean() - 120)
     assert step[True] < 0.35 * step[False]
@@ -199,7 +200,8 @@ def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials
     grain = []
     for up in (1.5, 30.0):
         pixels = TranslatedViews(middle + np.array([0, 0, up]), 512)
-        colour, provenance = finish_chart(scene, materials, chart, read, is_neural=True, views=pixels, levelling=False)
+        settings = FinishSettings(is_neural=True, views=pixels, levelling=False)
+        colour, provenance = finish_chart(scene, materials, chart, read, settings)
         assert (provenance == Provenance.TRANSLATED).all()
         assert abs(colour.astype(float).mean() - 120) < 2
         grain.append(float(colour.astype(float).std()))
@@ -226,9 +228,7 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     assert shut[covered] == 1
     assert shut[party] == pytest.approx(0.5, abs=0.06)
     assert not np.delete(shut, [party, covered]).any()
-    colour, provenance = finish_chart(
-        scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), is_neural=False
-    )
+    colour, provenance = finish_chart(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0))
     assert (provenance == Provenance.MATERIAL).all()
     assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
     np.testing.assert_array_equal(colour[:55], materials.chart_raster(int(party))[:55])

@@ -116,7 +116,7 @@ def surface(height, width):
     from facade_core.geometry.ground.terrain import build_terrain
     from facade_core.geometry.scene import Scene
     from facade_core.street.materials.field import MaterialField
-    from facade_core.street.surfaces import KnownTexture, finish_chart
+    from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
@@ -137,7 +137,7 @@ def surface(height, width):
         return known[rows, columns], rank[rows, columns]
 
     def unit():
-        finish_chart(scene, field, chart, KnownTexture(read, {chart}, ()), is_neural=True)
+        finish_chart(scene, field, chart, KnownTexture(read, {chart}, ()), FinishSettings(is_neural=True))
         return shape[0] * shape[1]
 
     return unit
