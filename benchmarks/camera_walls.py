@@ -31,16 +31,16 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import is_main_surface
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.geometry.walls import main_surface_mask
+from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
-from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view
+from facade_core.imagery.cameras.walls import chart_coverage_mask, fuse_wall_view
 from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_from_world, camera_position
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import ground_pattern, side_pattern
+from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
 from facade_core.synth.street_truth import SyntheticStreet, is_behind_cutout, synthetic_street
 
 # Of the charts that are measured; the fronts stay as they are painted.
@@ -54,9 +54,9 @@ def measure(
 ) -> dict[str, Any]:
     """A street of so many houses and cameras; pictures: a folder for those of its walls and roofs."""
     street = synthetic_street(buildings, seed=seed, with_roofs=True)
-    paint = side_pattern(street)
+    paint = side_pattern_painter(street)
     true, given, gains, images = photographed_street(
-        street, cameras, width, seed, ground=ground_pattern(street), sides=paint
+        street, cameras, width, seed, ground=ground_pattern_painter(street), sides=paint
     )
     scene = _coarser(street)
     start = time.perf_counter()
@@ -85,8 +85,8 @@ def _recovered(
     poses: Sequence[Pose],
     pictures: Path | None,
 ) -> dict[str, Any]:
-    paint = side_pattern(street)
-    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    paint = side_pattern_painter(street)
+    squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
         PanoramaCamera(
             image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own)
@@ -98,8 +98,8 @@ def _recovered(
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     seconds: dict[str, list[float]] = {"take": [], "finish": []}
-    charts = [c for c in np.flatnonzero(is_main_surface(scene.charts)).tolist() if c not in street.charts]
-    shown: dict[int, CameraView] = {}
+    charts = [c for c in np.flatnonzero(main_surface_mask(scene.charts)).tolist() if c not in street.charts]
+    shown: dict[int, FusedCameraView] = {}
     for chart in charts:
         start = time.perf_counter()
         found = fuse_wall_view(scene, chart, cameras)
@@ -112,8 +112,8 @@ def _recovered(
     for chart in charts:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
-        views = [rectify_view(scene, chart, c.image, c.pose, size) for c in cameras]
-        own = chart_coverage(scene, chart)
+        views = [rectify_chart_from_panorama(scene, chart, c.image, c.pose, size) for c in cameras]
+        own = chart_coverage_mask(scene, chart)
         near = [np.linalg.norm(points - camera_position(c.pose), axis=2) <= WALL_REACH_M for c in cameras]
         seen = np.stack([v.seen & own & n for v, n in zip(views, near, strict=True)])
         somewhere = np.asarray(seen.any(axis=0))

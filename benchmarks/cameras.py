@@ -32,15 +32,15 @@ from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import ground_pattern
+from facade_core.synth.street_paint import ground_pattern_painter
 from facade_core.synth.street_truth import (
     GroundPaint,
     SidePaint,
@@ -60,7 +60,9 @@ def measure(
 ) -> dict[str, Any]:
     """A street of so many houses and cameras; pictures: a folder for those of its ground."""
     street = synthetic_street(buildings, seed=seed)
-    true, given, gains, images = photographed_street(street, cameras, width, seed, ground=ground_pattern(street))
+    true, given, gains, images = photographed_street(
+        street, cameras, width, seed, ground=ground_pattern_painter(street)
+    )
     scene = _finer(street.scene)
     found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
     for name, poses in (("given", given), ("refined", None), ("true", true)):
@@ -124,12 +126,12 @@ def _recovered(
     gains: Sequence[float],
     pictures: Path | None,
 ) -> dict[str, Any]:
-    paint = ground_pattern(street)
+    paint = ground_pattern_painter(street)
     seconds: dict[str, list[float]] = {"look": [], "mask": [], "ground": [], "finish": []}
     cameras, squares = [], []
     for image, pose in zip(images, poses, strict=True):
         start = time.perf_counter()
-        squares.append(sample_ground(scene, image, pose).squares)
+        squares.append(sample_ground_colours(scene, image, pose).squares)
         looked = time.perf_counter()
         hidden = mask_ground_occluders(image, pose)
         seconds["look"].append(looked - start)
@@ -143,7 +145,7 @@ def _recovered(
     )
     materials = MaterialField(scene, (street_line,), seed=1)
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
-    shown: dict[int, CameraView] = {}
+    shown: dict[int, FusedCameraView] = {}
     for chart in grounds:
         start = time.perf_counter()
         found = fuse_ground_view(scene, chart, cameras)
@@ -154,7 +156,7 @@ def _recovered(
     parts: list[dict[str, np.ndarray]] = []
     for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-        views = [rectify_view(scene, chart, c.image, c.pose, size) for c in cameras]
+        views = [rectify_chart_from_panorama(scene, chart, c.image, c.pose, size) for c in cameras]
         points = _points(scene, chart, size)
         away = [np.hypot(points[..., 0] - c.pose.x, points[..., 1] - c.pose.y) for c in cameras]
         seen = np.stack([v.seen & (a <= GROUND_REACH_M) for v, a in zip(views, away, strict=True)])
@@ -219,7 +221,7 @@ def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any
     return found
 
 
-def shown_reader(scene: Scene, shown: Mapping[int, CameraView]) -> ChartReader:
+def shown_reader(scene: Scene, shown: Mapping[int, FusedCameraView]) -> ChartReader:
     """What cameras show of charts, as a run reads it."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

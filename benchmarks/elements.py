@@ -19,22 +19,22 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split_facades
-from facade_core.parsing.confidence import FacadeFigures, load_calibration, observe_parse
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split_facades_for_training
+from facade_core.parsing.confidence import FacadeStatistics, compare_parse_with_truth, load_calibration
 from facade_core.parsing.segmenter import parse
 
 _BINS = 10
 # What counts as near the truth: five points of the window share, the very number of windows and storeys.
-NEAR = FacadeFigures(0.05, 0, 0)
+NEAR = FacadeStatistics(0.05, 0, 0)
 
 
 def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, Any]:
     sure = load_calibration(model)
     said: dict[str, list[tuple[float, float, bool]]] = {}
-    misses: list[FacadeFigures] = []
-    halves: list[FacadeFigures] = []
+    misses: list[FacadeStatistics] = []
+    halves: list[FacadeStatistics] = []
     for facade in facades:
-        seen = observe_parse(parse(facade.image, model=model), facade.labels, facade.possible)
+        seen = compare_parse_with_truth(parse(facade.image, model=model), facade.labels, facade.possible)
         misses.append(seen.misses)
         halves.append(sure.half_widths(seen.uncertainty, seen.hidden_part))
         for element, is_right in zip(seen.found, seen.is_correct.tolist(), strict=True):
@@ -45,7 +45,7 @@ def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, 
         **{
             name: held(np.array(miss), np.array(half), near)
             for name, near, miss, half in zip(
-                FacadeFigures._fields, NEAR, zip(*misses, strict=True), zip(*halves, strict=True), strict=True
+                FacadeStatistics._fields, NEAR, zip(*misses, strict=True), zip(*halves, strict=True), strict=True
             )
         },
         "images": len(misses),
@@ -95,8 +95,8 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     folder = options.data / "facades"
     sets = {
-        "cmp": split_facades(list(read_dataset(CMP, folder / "cmp")))[1],
-        "ecp": split_facades(list(read_dataset(ECP, folder / "ecp")))[1],
+        "cmp": split_facades_for_training(list(read_dataset(CMP, folder / "cmp")))[1],
+        "ecp": split_facades_for_training(list(read_dataset(ECP, folder / "ecp")))[1],
         "artdeco": read_dataset(ARTDECO, folder / "artdeco"),
     }
     result = {name: measure(facades, options.model) for name, facades in sets.items()}

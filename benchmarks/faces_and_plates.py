@@ -24,12 +24,12 @@ from facade_core.core.types import Box
 from facade_core.imagery.detect.detection import (
     SEARCH_BOTTOM_SHARE,
     SEARCH_TOP_SHARE,
-    Detections,
-    detect_on_image,
-    find_plates,
+    FacesPlatesAndText,
+    detect_faces_plates_text,
+    find_plates_and_text,
 )
 from facade_core.imagery.detect.faces import box_ious, find_faces
-from facade_core.parsing.occluders import occluder_mask
+from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 
 FACES, PLATES = "faces", "plates"
@@ -74,7 +74,7 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
         first, last = (round(share * len(image)) for share in (SEARCH_TOP_SHARE, SEARCH_BOTTOM_SHARE))
-        seen = Detections(faces=find_faces(image[first:last])[0]).translate(0, first)
+        seen = FacesPlatesAndText(faces=find_faces(image[first:last])[0]).translate(0, first)
         _count(counts, boxes, seen, image.shape[:2])
     return counts
 
@@ -91,7 +91,7 @@ def measure_photos(folder: Path) -> dict[str, Any]:
     for name, kinds in marked.items():
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
-        in_front = occluder_mask(parse(image).occluded)[0]
+        in_front = clean_occluder_mask(parse(image).occluded)[0]
         for kind, boxes in kinds.items():
             for box in boxes:
                 (part, place), counts = _around(image, [box]), result[kind]
@@ -109,7 +109,7 @@ def measure_photos(folder: Path) -> dict[str, Any]:
 
 def measure_clean(pictures: Sequence[np.ndarray]) -> dict[str, Any]:
     """What is found on pictures on which there is nothing: how many faces and plates, and the share of pixels they hide."""
-    seen = [detect_on_image(picture) for picture in pictures]
+    seen = [detect_faces_plates_text(picture) for picture in pictures]
     hidden = [one.private_mask(picture.shape[:2]).mean() for one, picture in zip(seen, pictures, strict=True)]
     return {
         "pictures": len(pictures),
@@ -127,15 +127,15 @@ def _told(kind: str, pictures: Iterator[tuple[np.ndarray, list[Box]]]) -> dict[s
     return counts
 
 
-def _looked(kind: str, image: np.ndarray) -> Detections:
+def _looked(kind: str, image: np.ndarray) -> FacesPlatesAndText:
     return (
-        Detections(faces=find_faces(image)[0])
+        FacesPlatesAndText(faces=find_faces(image)[0])
         if kind == FACES
-        else Detections(plates=find_plates(image, plates_top=0.0)[0])
+        else FacesPlatesAndText(plates=find_plates_and_text(image, plates_top=0.0)[0])
     )
 
 
-def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Detections, shape: tuple[int, int]) -> None:
+def _count(counts: dict[str, int], boxes: Sequence[Box], seen: FacesPlatesAndText, shape: tuple[int, int]) -> None:
     hidden = seen.private_mask(shape)
     for x0, y0, x1, y1 in boxes:
         overlaps = box_ious(np.array([x0, y0, x1, y1], float), np.concatenate([seen.faces, seen.plates]))

@@ -22,7 +22,7 @@ from PIL import Image, ImageDraw
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models.glb import read_glb_header
-from facade_core.export.models.textured_mesh import local_frame
+from facade_core.export.models.textured_mesh import mesh_y_up_frame
 from tasks.export.formats import export_run
 from tasks.publish.published_run import open_published_run
 
@@ -58,7 +58,7 @@ def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[flo
     with open_published_run(out) as found:
         plan, scene = found.plan, found.plan.scene
         facades, charts = plan.facades, scene.charts
-        frame = local_frame(scene.mesh)
+        frame = mesh_y_up_frame(scene.mesh)
         names = list(facades.id)
         if wanted:
             chosen = [names.index(name) for name in wanted]

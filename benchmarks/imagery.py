@@ -30,7 +30,7 @@ from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
-from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.synth.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 
 # Views of a wall that are compared or fused, and the least share of it that each shows.
@@ -107,7 +107,9 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         entry, views = {}, {}
         for when, taken in (("before", given), ("after", refined)):
-            views[when] = [rectify_view(scene, chart, images[s.panorama], taken[s.panorama], size) for s in shown]
+            views[when] = [
+                rectify_chart_from_panorama(scene, chart, images[s.panorama], taken[s.panorama], size) for s in shown
+            ]
             entry[when] = [edge_tilt(view) for view in views[when]]
             tilts[when] += [abs(v) for e in entry[when] for v in e.values() if v is not None]
         measured["walls"][wall] = entry
@@ -183,7 +185,7 @@ def speed(*, width: int = 8192, density: float = 40.0, repeats: int = 3) -> dict
     with ThreadPoolExecutor(2) as threads:
         for _ in range(repeats + 1):
             start = time.perf_counter()
-            views = list(threads.map(lambda pose: rectify_view(scene, 0, image, pose, size), poses))
+            views = list(threads.map(lambda pose: rectify_chart_from_panorama(scene, 0, image, pose, size), poses))
             between = time.perf_counter()
             fuse_views(views)
             seconds["rectify"].append(between - start)
@@ -216,7 +218,7 @@ def _recovered(
         shown = find_sightings(street.scene, chart, poses, [image.shape[:2] for image in images])[:VIEWS]
         views = []
         for s in shown:
-            view = rectify_view(street.scene, chart, images[s.panorama], poses[s.panorama], size)
+            view = rectify_chart_from_panorama(street.scene, chart, images[s.panorama], poses[s.panorama], size)
             before = cutout_mask(street, facade, true[s.panorama], size, assumed_pose=poses[s.panorama])
             views.append(replace(view, occluded=before))
         if not views:

@@ -31,8 +31,8 @@ from benchmarks.layout.baselines import ours
 from benchmarks.layout.figures import matches as matched
 from benchmarks.parsing import confusion, f1, matches, scores
 from catalogs.block.corrections import Correction, validate_correction
-from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split_facades
-from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
+from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split_facades_for_training
+from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts_for_training
 from facade_core.core.errors import InputError
 from facade_core.core.labels import UNKNOWN
 from facade_core.facade.layout import training_cases
@@ -43,7 +43,7 @@ from facade_core.parsing.network import SHIPPED_NETWORK
 from facade_core.parsing.segmenter import parse
 from tasks.training.corrected_facades import CorrectedFacade
 from tasks.training.layout import train_layout
-from tasks.training.parser import train_corrected
+from tasks.training.parser import fine_tune_on_corrections
 
 CORRECTED = 50
 SETS = ("artdeco", "ruemonge2014")
@@ -54,7 +54,7 @@ def city(data: Path, name: str) -> tuple[list[LabelledFacade], list[LabelledFaca
     """The facades of a set that somebody corrects, and its others."""
     folder = data / "facades" / name
     if name == "artdeco":
-        others, held_out = split_facades(list(read_dataset(ARTDECO, folder)))
+        others, held_out = split_facades_for_training(list(read_dataset(ARTDECO, folder)))
         return others[:CORRECTED], held_out
     train = list(read_dataset(RUEMONGE, folder / "train"))
     return [train[k * len(train) // CORRECTED] for k in range(CORRECTED)], list(read_dataset(RUEMONGE, folder / "val"))
@@ -118,11 +118,11 @@ def of_parser(data: Path, out: Path, name: str, seed: int) -> dict[str, Any]:
     mine, others = city(data, name)
     start = time.process_time()
     try:
-        model = train_corrected([corrected(name, facade) for facade in mine], out / "parser" / name, seed=seed)
+        model = fine_tune_on_corrections([corrected(name, facade) for facade in mine], out / "parser" / name, seed=seed)
     except InputError as error:
         return {"corrected": len(mine), "refused": str(error)}
     seconds = time.process_time() - start
-    _, ecp = split_facades(list(read_dataset(ECP, data / "facades" / "ecp")))
+    _, ecp = split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))
     return {
         "corrected": len(mine),
         "others": len(others),
@@ -133,7 +133,7 @@ def of_parser(data: Path, out: Path, name: str, seed: int) -> dict[str, Any]:
 
 
 def of_layout(data: Path, out: Path, seed: int) -> dict[str, Any]:
-    mine, others = split_layouts(list(read_layouts(data / "layouts" / "artdeco.jsonl")))
+    mine, others = split_layouts_for_training(list(read_layouts(data / "layouts" / "artdeco.jsonl")))
     mine = mine[:CORRECTED]
     start = time.process_time()
     path = train_layout(data, out / "layout", seed=seed, corrected=mine)

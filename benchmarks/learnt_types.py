@@ -23,14 +23,14 @@ from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.window_types import STATES, UNSEEN
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import box_array, group_by_size
-from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_from_similar
+from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_unknown_from_similar
 from facade_core.facade.variation.patches import (
     align_boxes,
     box_mask,
     cut_patches,
     patch_size,
-    relative_light,
-    wall_integrals,
+    relative_wall_brightness,
+    wall_integral_images,
 )
 from facade_core.facade.variation.rendering import drawing_depth
 from facade_core.synth.facade import paint_facade
@@ -52,13 +52,13 @@ class Windows(NamedTuple):
 def windows_of(image: np.ndarray, elements: Sequence[Element], states: Sequence[str]) -> Iterator[Windows]:
     """As `facade_core.facade.variation.variations` cuts them."""
     box = box_array(elements).astype(np.int32)
-    sums = wall_integrals(image, box_mask(box, image.shape[:2]))
+    sums = wall_integral_images(image, box_mask(box, image.shape[:2]))
     front = box_mask(box[[drawing_depth(e.label) > drawing_depth("window") for e in elements]], image.shape[:2])
     for members in group_by_size(elements):
         if elements[members[0]].label == "window":
             size = patch_size(box[members])
             own = align_boxes(image, box[members], size)
-            shade = relative_light(sums, box[members])[:, None, None, None].astype(np.float32)
+            shade = relative_wall_brightness(sums, box[members])[:, None, None, None].astype(np.float32)
             seen = cut_patches(front.astype(np.float32), own, size) < 0.5
             yield Windows(cut_patches(image, own, size) / shade, seen, [states[i] for i in members])
 
@@ -76,7 +76,7 @@ def features(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
         value[..., 3] = cv2.resize(np.abs(across) / usual, SIZE, interpolation=cv2.INTER_AREA)
         value[..., 4] = cv2.resize(np.abs(down) / usual, SIZE, interpolation=cv2.INTER_AREA)
         whole[:] = cv2.resize(visible.astype(np.float32), SIZE, interpolation=cv2.INTER_AREA) > 0.9
-    flat = fill_from_similar(values, known).reshape(len(patches), -1)
+    flat = fill_unknown_from_similar(values, known).reshape(len(patches), -1)
     return np.concatenate([flat, flat - np.median(flat, axis=0)], axis=1)
 
 
@@ -169,7 +169,9 @@ def main() -> None:
     hanging = [next(name for name in HANGING if state.endswith(name)) for state in truth]
     metrics = {
         "one type a size group": lambda patches, seen: np.zeros(len(patches), int),
-        "present": lambda patches, seen: cluster_types(compute_descriptors(fill_from_similar(patches, seen), seen))[0],
+        "present": lambda patches, seen: cluster_types(
+            compute_descriptors(fill_unknown_from_similar(patches, seen), seen)
+        )[0],
         "types": learn(np.concatenate(plain), truth, given.epochs),
         "states": learn(np.concatenate(plain + worn), hanging * 2, given.epochs),
     }

@@ -35,10 +35,10 @@ from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
 from tasks.publish.published_run import PublishedBlock, open_published_run
-from tasks.stages.bundles.refined_poses import is_rejected, select_pose
+from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record
 from tasks.stages.shared.images import read_panorama
 
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
@@ -187,9 +187,9 @@ def _taken(block: Block, out: Path) -> dict[str, Taken]:
     found = {}
     with open_published_run(out / "run") as run:
         for panorama, pose, record in zip(block.panoramas, run.plan.poses, run.refined_poses, strict=True):
-            if not is_rejected(record):
+            if not is_rejected_panorama(record):
                 image = read_panorama(panorama.path)
-                at = select_pose(pose, record)
+                at = pose_from_record(pose, record)
                 found[panorama.path.name] = Taken(image, at, mask_building_occluders(image, at))
     return found
 
@@ -198,9 +198,9 @@ def _placed(found: PublishedBlock, names: Sequence[str], taken: dict[str, Taken]
     """The panoramas of a run of some, at the poses that this run found."""
     poses = zip(names, found.plan.poses, found.refined_poses, strict=True)
     return {
-        name: Taken(taken[name].image, select_pose(pose, record), taken[name].hidden)
+        name: Taken(taken[name].image, pose_from_record(pose, record), taken[name].hidden)
         for name, pose, record in poses
-        if name in taken and not is_rejected(record)
+        if name in taken and not is_rejected_panorama(record)
     }
 
 
@@ -238,7 +238,7 @@ def _kinds(found: PublishedBlock, chart: np.ndarray) -> dict[str, np.ndarray]:
 
 def _sampled(one: Taken, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a panorama shows in directions (..., 3): colours (..., 3) uint8, and where it does, clear of what is before."""
-    share = project_to_panorama(directions, one.pose)
+    share = project_directions_to_panorama(directions, one.pose)
     left, top, width, height = one.pose.view
     rows, columns = one.image.shape[:2]
     x = ((share[..., 0] - left) % 1.0 / width * columns - 0.5).astype(np.float32)

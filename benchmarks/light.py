@@ -22,7 +22,7 @@ from PIL import Image
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.core.types import Sun
-from facade_core.export.models.textured_mesh import local_frame, to_y_up
+from facade_core.export.models.textured_mesh import mesh_y_up_frame, to_y_up
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.street.lighting.sun import sun_direction
 from tasks.export.formats import export_run
@@ -48,7 +48,7 @@ def main() -> None:
         parser.error("Chromium and three.js draw it; install chromium, and run `make clients`")
     with open_published_run(asked.out) as found:
         view = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))[asked.view]
-        frame = local_frame(found.plan.scene.mesh)
+        frame = mesh_y_up_frame(found.plan.scene.mesh)
         sun = relighting_inputs(found).sun or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
     seen = {

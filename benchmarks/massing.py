@@ -16,12 +16,12 @@ import numpy as np
 
 from catalogs.block.reader import Block, read_block
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Ground
+from facade_core.core.types import MappedGround
 from facade_core.geometry import block_surfaces as surfaces
 from facade_core.geometry.buildings.eaves import Overhang
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.carriageways import fit_ground
+from facade_core.geometry.ground.carriageways import fit_ground_between_buildings
 from facade_core.geometry.ground.terrain import build_terrain
 
 DENSITY = 16.0
@@ -30,7 +30,9 @@ DENSITY = 16.0
 def measure(block: Block) -> dict[str, Any]:
     """Counts of charts, triangles, texels and chunks; and how far roofs leave the planes of their charts at most, metres."""
     spec = AtlasSpec(1, DENSITY)
-    ground = fit_ground(block.ground or Ground(), block.streets, [building.footprint for building in block.buildings])
+    ground = fit_ground_between_buildings(
+        block.ground or MappedGround(), block.streets, [building.footprint for building in block.buildings]
+    )
     charts, mesh, _ = surfaces.build_block_surfaces(
         block.buildings,
         block.streets,

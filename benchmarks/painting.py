@@ -27,7 +27,7 @@ from benchmarks.look.likeness import DISTANCES, FREE_M, gradient_energy, real_en
 from benchmarks.look.photos import read_picture
 from benchmarks.look.views import FIELD_OF_VIEW, SIZE
 from facade_core.core.labels import FacadeClass
-from facade_core.street.materials.stains import BANDS_M, wall_deviations
+from facade_core.street.materials.stains import BANDS_M, wall_brightness_deviations
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.styles import NORDIC_STYLES
@@ -115,7 +115,9 @@ def _scaled(
 
 def _stains(facades: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> dict[str, list[float]]:
     """By wavelength, at a quarter, half and three fourths of the facades that have enough plain wall."""
-    every = [wall_deviations((image @ _GREY).astype(np.uint8), wall, density) for image, wall, density in facades]
+    every = [
+        wall_brightness_deviations((image @ _GREY).astype(np.uint8), wall, density) for image, wall, density in facades
+    ]
     found = np.array([one for one in every if one is not None])
     return {f"{band:g} m": np.percentile(found[:, k], (25, 50, 75)).round(4).tolist() for k, band in enumerate(BANDS_M)}
 

@@ -28,7 +28,7 @@ import numpy as np
 from catalogs.block.reader import read_block
 from catalogs.imagery.services import stac_service
 from catalogs.readers.pictures.poses import degrees_from_dms
-from tasks.fetching import fetch_for_block, fetch_for_box
+from tasks.fetching import fetch_block_panoramas, fetch_box_panoramas
 
 STRASBOURG = (7.0, 48.0, 8.0, 49.0)
 # Pictures of a server that is being filled are ready after some seconds each.
@@ -106,8 +106,8 @@ def wait_until_ready(api: str, count: int) -> None:
 
 def fetched(api: str, data: Path, folder: Path) -> dict[str, Any]:
     """Fetch the panoramas around Strasbourg, twice, and those of the block amsterdam-dam."""
-    first = fetch_for_box(STRASBOURG, folder / "strasbourg", stac_service(api))
-    second = fetch_for_box(STRASBOURG, folder / "strasbourg", stac_service(api))
+    first = fetch_box_panoramas(STRASBOURG, folder / "strasbourg", stac_service(api))
+    second = fetch_box_panoramas(STRASBOURG, folder / "strasbourg", stac_service(api))
     blocks = Path(__file__).resolve().parent.parent / "catalogs" / "examples" / "blocks"
     text = (
         (blocks / "amsterdam-dam.yaml").read_text(encoding="utf-8").replace("${STREETLOOM_DATA}", str(data.resolve()))
@@ -115,7 +115,7 @@ def fetched(api: str, data: Path, folder: Path) -> dict[str, Any]:
     block = folder / "amsterdam" / "block.yaml"
     block.parent.mkdir()
     block.write_text("".join(line for line in text.splitlines(True) if "panoramas:" not in line), encoding="utf-8")
-    of_block = fetch_for_block(block, stac_service(api))
+    of_block = fetch_block_panoramas(block, stac_service(api))
     assert of_block.choice is not None
     same = [_likeness(folder / "strasbourg" / one.file, data) for one in first.log.pictures.values()]
     stated = json.loads((data / "city" / "amsterdam" / "poses_and_walls.json").read_text(encoding="utf-8"))

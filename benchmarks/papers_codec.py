@@ -14,7 +14,7 @@ from PIL import Image
 
 from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
 from facade_core.facade.variation.contents import ElementGroup
-from facade_core.facade.variation.element_types import fill_from_similar
+from facade_core.facade.variation.element_types import fill_unknown_from_similar
 from facade_core.facade.variation.patches import bare_wall, box_mask, cut_patches, patch_size
 from facade_core.facade.variation.rendering import drawing_depth, element_boxes, fade_patch, order_by_depth
 from facade_core.facade.variation.variations import Variations
@@ -67,7 +67,7 @@ def _group(
     in_front = box_mask(np.concatenate(front) if front else np.zeros((0, 4), int), image.shape[:2])
     seen = cut_patches(in_front.astype(np.float32), group.boxes, size) < 0.5
     even = cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32)
-    patches = fill_from_similar(np.asarray(even, np.float32), seen)
+    patches = fill_unknown_from_similar(np.asarray(even, np.float32), seen)
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     mean = flat.mean(axis=0)
     _, strength, axes = np.linalg.svd(flat - mean, full_matrices=False)

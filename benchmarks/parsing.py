@@ -1,7 +1,7 @@
 """Scores of a parser: `python -m benchmarks.parsing --data DIR` prints one JSON object.
 
 Each set is measured on the facades that the model's .json does not name as trained on: the shipped model's ecp figures
-are those of the held-out fold of `catalogs.learning.datasets.split_facades`, artdeco and ruemonge2014 (the
+are those of the held-out fold of `catalogs.learning.datasets.split_facades_for_training`, artdeco and ruemonge2014 (the
 authors' validation part)
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
@@ -38,16 +38,22 @@ from catalogs.learning.datasets import (
     RUEMONGE,
     LabelledFacade,
     read_dataset,
-    read_swiss,
-    split_facades,
+    read_swiss_street_photos,
+    split_facades_for_training,
 )
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
-from facade_core.parsing.confidence import match_elements
+from facade_core.parsing.confidence import mark_matched_elements
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import Network
-from facade_core.parsing.segmenter import DEFAULT_MODEL, load_segmenter, outside_mask, parse, parse_with_segmenter
+from facade_core.parsing.segmenter import (
+    DEFAULT_MODEL,
+    facade_surroundings_mask,
+    load_segmenter,
+    parse,
+    parse_with_segmenter,
+)
 
 SETS = {
     "ecp": (ECP, "facades/ecp"),
@@ -114,7 +120,7 @@ def matches(true: Sequence[Element], elements: Sequence[Element]) -> Counter[tup
     """How many elements of a class are (class, "true"), (class, "found") and (class, "both"): paired one to one for
     the greatest sum of IoU, where it is at least 0.5."""
     counts: Counter[tuple[str, str]] = Counter()
-    good = match_elements(elements, true)
+    good = mark_matched_elements(elements, true)
     for name in ELEMENT_CLASSES:
         counts[name, "true"] = sum(element.label == name for element in true)
         counts[name, "found"] = sum(element.label == name for element in elements)
@@ -175,12 +181,14 @@ def measure_in_front(data: Path, name: str, model: Path | None) -> dict[str, Any
     def hidden(image: np.ndarray) -> np.ndarray:
         return parse(image, model=model).occluded
 
-    _, held_out = split_facades(list(read_dataset(ECP, data / "facades" / "ecp")))
+    _, held_out = split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))
     if name == "in_front":
         return in_front.measure_things(held_out, in_front.marked(), hidden)
     return {
         "ecp": in_front.false_masks(held_out, hidden),
-        "cmp": in_front.false_masks(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[1], hidden),
+        "cmp": in_front.false_masks(
+            split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))[1], hidden
+        ),
         "painted": in_front.false_masks_painted(hidden),
     }
 
@@ -189,13 +197,13 @@ def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
     """The figures of outline."""
 
     def outside(image: np.ndarray) -> np.ndarray:
-        return outside_mask(image, np.zeros(image.shape[:2], bool), model=model)
+        return facade_surroundings_mask(image, np.zeros(image.shape[:2], bool), model=model)
 
-    _, held_out = split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))
+    _, held_out = split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))
     photos = data / "streetphotos"
     return {
         "cmp": outline.measure_outside(held_out, outside) | outline.measure_boxes(held_out, outside),
-        "swiss": outline.measure_outside(read_swiss(photos / "swiss" / "test"), outside),
+        "swiss": outline.measure_outside(read_swiss_street_photos(photos / "swiss" / "test"), outside),
         "labelmefacade": outline.measure_outside(read_dataset(LABELMEFACADE, photos / "labelmefacade"), outside),
     }
 

@@ -40,7 +40,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.joint_refinement import PriorPose, refine_jointly
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
-from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.synth.street_truth import SyntheticStreet, cutout_mask
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_panorama
@@ -153,7 +153,7 @@ def _left_out_of(
 
     def view(chart: int, n: int) -> ChartView:
         size = street.facades[facade[chart]].image.shape[:2]
-        found = rectify_view(street.scene, chart, images[n], taken[n], size)
+        found = rectify_chart_from_panorama(street.scene, chart, images[n], taken[n], size)
         return replace(found, occluded=cutout_mask(street, facade[chart], true[n], size, assumed_pose=taken[n]))
 
     return left_out(street.scene, street.charts, images, taken, view, street.scene.spec.texels_per_metre)
@@ -183,7 +183,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
                 taken: Sequence[Pose] = taken,
             ) -> ChartView:
                 size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-                return rectify_view(scene, chart, images[n], taken[n], size)
+                return rectify_chart_from_panorama(scene, chart, images[n], taken[n], size)
 
             for chart in facades:
                 shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen_share >= LEAST_SEEN][

@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import faces_and_plates, in_front, shop_signs
-from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read_dataset, split_facades
+from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read_dataset, split_facades_for_training
 from facade_core.core.errors import ImageError
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
-from facade_core.parsing.occluders import occluder_mask
+from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.synth.exemplars import paint_exemplar_set
 
@@ -58,7 +58,7 @@ def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str
             continue  # neither windows nor a door tell its scale
         rng = np.random.default_rng(number)
         image, things = _with_things(facade.image, scale, pieces, rng)
-        hidden = occluder_mask(parse(image).occluded)[0]
+        hidden = clean_occluder_mask(parse(image).occluded)[0]
         for kind, solid in things:
             share = float(hidden[solid].mean())
             there[kind] += 1
@@ -71,7 +71,7 @@ def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str
         made = build_facade_from_photo(image, np.zeros(facade.labels.shape, bool), seed=number)
         finished += 1
         found = parse(made.image).occluded
-        for x0, y0, x1, y1 in occluder_mask(found)[1]:
+        for x0, y0, x1, y1 in clean_occluder_mask(found)[1]:
             anew = made.occluded[y0:y1, x0:x1][found[y0:y1, x0:x1]].mean()
             again["made_anew" if anew >= _MOSTLY else "of_the_photo"] += 1
     return {
@@ -138,8 +138,8 @@ def main(arguments: list[str] | None = None) -> None:
     pieces = [(name.partition("_")[0], piece) for name, piece in cut_outs.items()]
     folder = options.data / "facades"
     held_out = {
-        "ecp": split_facades(list(read_dataset(ECP, folder / "ecp")))[1],
-        "cmp": split_facades(list(read_dataset(CMP, folder / "cmp")))[1],
+        "ecp": split_facades_for_training(list(read_dataset(ECP, folder / "ecp")))[1],
+        "cmp": split_facades_for_training(list(read_dataset(CMP, folder / "cmp")))[1],
     }
     told: dict[str, Any] = {}
     wanted = (options.only,) if options.only else ("pasted", "second_opinion", "photos", "signs")

@@ -12,7 +12,7 @@ import json
 import os
 from pathlib import Path
 
-from catalogs.learning.datasets import read_ecp
+from catalogs.learning.datasets import read_ecp_facades
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     told = {
         photo.name.removeprefix("monge_"): shadow_share(photo.image, parse(photo.image).labels)
-        for photo in read_ecp(options.data / "facades" / "ecp")
+        for photo in read_ecp_facades(options.data / "facades" / "ecp")
     }
     over = {name for name, share in told.items() if share > USUAL_SHADED_SHARE}
     print(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.imagery.detect.detection import find_plates
+from facade_core.imagery.detect.detection import find_plates_and_text
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.parsing.segmenter import parse
 
@@ -47,7 +47,7 @@ def measure(pictures: Iterable[tuple[np.ndarray, Sequence[Sign]]], texels_per_me
     sizes = {size: dict.fromkeys(("lines", "exact", "within_one", "anywhere"), 0) for size in ("small", "large")}
     told = wrong = 0
     for image, signs in pictures:
-        (plates, lines), parsing = find_plates(image), parse(image)
+        (plates, lines), parsing = find_plates_and_text(image), parse(image)
         names = shop_names(lines, parsing.labels, parsing.occluded, plates, texels_per_metre)
         for _, y0, _, y1, text in signs:
             counts = sizes["large" if y1 - y0 >= _LARGE else "small"]

@@ -51,13 +51,13 @@ def of_model(given: Path, folder: Path) -> Path:
     from catalogs.block.reader import read_block
     from facade_core.core.grouping import group_rows
     from facade_core.export.attribution import Attribution
-    from facade_core.export.bodies.building_models import build_building_model
+    from facade_core.export.bodies.building_models import build_building_model_parts
     from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
     from facade_core.export.models.textured_mesh import (
         MIN_TRIANGLE_M2,
         TexturedMesh,
         filter_triangles,
-        pack_charts,
+        pack_charts_on_pages,
         triangle_areas,
     )
     from facade_core.geometry.block_surfaces import build_block_surfaces
@@ -73,13 +73,13 @@ def of_model(given: Path, folder: Path) -> Path:
     mesh = filter_triangles(mesh, triangle_areas(mesh) > MIN_TRIANGLE_M2)
     texels = np.maximum(1, np.ceil(charts.size)).astype(np.int64)
     source = TexturedMesh(charts, mesh, charts.size, texels, lambda chart: np.zeros((1, 1, 3), np.uint8))
-    drawn = pack_charts(source, source.select_charts(np.arange(len(block.buildings))))
+    drawn = pack_charts_on_pages(source, source.select_charts(np.arange(len(block.buildings))))
     pool = VertexPool(np.floor(mesh.vertices.min(axis=0)))
     city = empty_document("model", pool.origin, None, Attribution(()))
     for index, triangles in group_rows(charts.building[mesh.chart]).items():
         if index < 0:
             continue
-        body = build_building_model(drawn, triangles, {}, {}, pool.origin).body
+        body = build_building_model_parts(drawn, triangles, {}, {}, pool.origin).body
         kind = "Solid" if body.is_solid else "MultiSurface"
         geometry = build_geometry(body.faces, body.surfaces, pool, "2", kind)
         geometry.pop("texture", None)

@@ -23,20 +23,20 @@ from facade_core.export.pictures.rendering import encode_image, render_perspecti
 from facade_core.export.pictures.stage_pictures import StoredFacade, iterate_stage_pictures, read_chart_raster
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import WallRole, is_main_surface
+from facade_core.geometry.walls import WallRole, main_surface_mask
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_ground_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.exemplars import paint_exemplar
-from facade_core.synth.street_paint import ground_pattern, side_pattern
+from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.publish.published_run import PublishedBlock, open_published_run
 
@@ -176,7 +176,9 @@ def _street() -> tuple[SyntheticStreet, list[Pose], list[Pose], list[np.ndarray]
         )
         gain = float(chance.uniform(0.7, 1.0))
         images.append(
-            render_street_panorama(street, true[-1], WIDTH, gain=gain, seed=number, ground=ground_pattern(street))
+            render_street_panorama(
+                street, true[-1], WIDTH, gain=gain, seed=number, ground=ground_pattern_painter(street)
+            )
         )
     return street, true, given, images
 
@@ -187,7 +189,7 @@ def poses() -> np.ndarray:
     scene, chart = street.scene, street.charts[0]
     refined = refine_pose(scene, images[0], given[0]).pose
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    views = [rectify_view(scene, chart, images[0], pose, size) for pose in (given[0], refined, true[0])]
+    views = [rectify_chart_from_panorama(scene, chart, images[0], pose, size) for pose in (given[0], refined, true[0])]
     return beside([view.rgb for view in views], 420)
 
 
@@ -196,7 +198,7 @@ def ground() -> np.ndarray:
     street, _, given, images = _street()
     scene = street.scene
     seen = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
-    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
+    squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
     found = [
         PanoramaCamera(image, pose, mask_ground_occluders(image, pose), factor, typical_ground_colour(own))
         for image, pose, factor, own in zip(images, seen, exposure_factors(squares), squares, strict=True)
@@ -218,10 +220,12 @@ def ground() -> np.ndarray:
 def walls() -> np.ndarray:
     """A side wall beside a gap: of material, as cameras show it, finished, and as it is."""
     street = synthetic_street(6, seed=SEED, with_roofs=True)
-    scene, paint = street.scene, side_pattern(street)
-    _, given, _, images = photographed_street(street, 3, WIDTH, SEED, ground=ground_pattern(street), sides=paint)
+    scene, paint = street.scene, side_pattern_painter(street)
+    _, given, _, images = photographed_street(
+        street, 3, WIDTH, SEED, ground=ground_pattern_painter(street), sides=paint
+    )
     poses = refined(scene, images, given)
-    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     seen = [
         PanoramaCamera(
             image,
@@ -232,7 +236,7 @@ def walls() -> np.ndarray:
         )
         for image, pose, factor, own in zip(images, poses, exposure_factors(squares), squares, strict=True)
     ]
-    plain = [c for c in np.flatnonzero(is_main_surface(scene.charts)).tolist() if c not in street.charts]
+    plain = [c for c in np.flatnonzero(main_surface_mask(scene.charts)).tolist() if c not in street.charts]
     shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}
     chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))

@@ -27,7 +27,7 @@ from facade_core.core.types import Element
 from facade_core.facade.variation.codec import AVIF_OPTIONS
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.sampling import permute_within_types
-from facade_core.facade.variation.structure import relax_structure
+from facade_core.facade.variation.structure import regularise_structure_matrix
 from facade_core.facade.variation.variations import Variations, find_variations
 
 SAMPLES = 20
@@ -63,7 +63,7 @@ def energies(of: Variations) -> tuple[bool, bool]:
     falls, settled = True, True
     for matrix in of.levels[0]:
         first, cost = next((f, c) for f, c in of.costs if f <= matrix.max() < f + len(c))
-        for step in relax_structure(np.where(matrix >= 0, matrix - first, -1), cost):
+        for step in regularise_structure_matrix(np.where(matrix >= 0, matrix - first, -1), cost):
             if np.isfinite(step.alpha):
                 falls &= bool((np.diff(step.energies) < 0).all())
                 settled &= len(step.energies) <= 15 * matrix.size
@@ -157,7 +157,7 @@ def large() -> dict[str, object]:
         points = rng.random((types, 3))
         cost = ((points[:, None] - points) ** 2).sum(axis=2) ** 3
         start = time.process_time()
-        relax_structure(structure, cost / cost.max())
+        regularise_structure_matrix(structure, cost / cost.max())
         seconds[f"relaxing 450 windows of {types} types, s"] = round(time.process_time() - start, 2)
     painted = paint_facade((90.0, 50.0), floors=15, columns=30, style="brick", metres_per_pixel=0.06, seed=3)
     encode(painted.image, painted.elements[:2])

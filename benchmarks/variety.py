@@ -27,12 +27,12 @@ from benchmarks.look.outputs import Output, read_output
 from catalogs.block.reader import Block, read_block
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.exemplar import prepare_exemplar
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.stage import choose_facade_exemplars, exemplar_walls, facade_shops
+from tasks.stages.facades.stage import choose_facade_exemplars, exemplar_choice_walls, facade_shop_flags
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_exemplar_picture, read_labels
 
@@ -94,8 +94,8 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
             )
         )
         seconds.append(time.process_time() - begun)
-    shops = facade_shops(plan, block.shops)
-    chosen = choose_facade_exemplars(plan, records, exemplar_walls(plan, block, shops), seed=block.seed)
+    shops = facade_shop_flags(plan, block.shops)
+    chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=block.seed)
     width = [record["shop_width"] if record else 0.0 for record in records]
     rows = pd.DataFrame(
         {
@@ -133,7 +133,7 @@ def _counted(rows: pd.DataFrame, lines: Mapping[str, shapely.LineString]) -> dic
     }
 
 
-def _texels(charts: Charts, placement: Placement) -> dict[str, Any]:
+def _texels(charts: Charts, placement: ChartPlacements) -> dict[str, Any]:
     area, density = charts.size.prod(axis=1), placement.texels_per_metre
     held = placement.width.astype(np.int64) * placement.height
     return {

@@ -39,7 +39,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     from catalogs.block.reader import read_block
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-    from tasks.engine.context import plan_of_run
+    from tasks.engine.context import load_run_plan
     from tasks.engine.run_key import create_run
     from tasks.stages.ingest.task import ingest_block
 
@@ -60,7 +60,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     run = create_run(read, folder / "out")
     (folder / "out").mkdir()
     run = replace(run, ingested=ingest_block.fn(run, read).ingested)
-    facades = plan_of_run(run).facades.id
+    facades = load_run_plan(run).facades.id
     session = open_repository(run.store).writable_session(BRANCH)
     group = open_root(session)
     for number, name in enumerate(facades):

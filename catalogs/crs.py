@@ -212,7 +212,7 @@ def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tup
     )
 
 
-def area_polygon(area: Sequence[float], crs: CRS) -> Polygon:
+def project_lonlat_box(area: Sequence[float], crs: CRS) -> Polygon:
     """Return a [west, south, east, north] box in degrees as a densified polygon in a CRS."""
     import shapely
 

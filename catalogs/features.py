@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import PLAIN, Finish, Roof, Shell
+from facade_core.core.types import PLAIN, BuildingFinish, BuildingShell, Roof
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
@@ -56,7 +56,7 @@ class Footprint:
     roof_height: float | None = None
     use: str | None = None
     year_built: int | None = None
-    finish: Finish = PLAIN
+    finish: BuildingFinish = PLAIN
     is_part: bool = False
     min_height: float | None = None
     min_level: float | None = None
@@ -82,7 +82,7 @@ class BuildingModel:
     """
 
     id: str
-    shell: Shell
+    shell: BuildingShell
     height: float | None = None
     levels: float | None = None
     name: str | None = None
@@ -209,7 +209,7 @@ class BuildingModels:
 
 
 @dataclass(frozen=True, slots=True)
-class Centrelines:
+class CentrelinesAndGround:
     """Street centrelines and ground features of one source; either may be empty.
 
     Attributes
@@ -237,7 +237,7 @@ def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> Float64Array:
     return boxes
 
 
-def file_stem(identifier: str) -> str:
+def safe_file_stem(identifier: str) -> str:
     """Return an id as a file name without suffix, of at most MAX_STEM_LENGTH characters.
 
     An id that is a valid name on every file system stays; others get a short digest as suffix.
@@ -274,7 +274,7 @@ def make_unique_id(identifier: str, id_counts: Counter[str], remarks: list[Remar
     return unique
 
 
-def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
+def feature_ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
     """Return reason -> ids of the features whose remarks state it."""
     found: dict[str, list[str]] = {}
     for remark in remarks:
@@ -282,7 +282,7 @@ def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
     return found
 
 
-def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, max_ids: int = 8) -> tuple[str, ...]:
+def format_reason_notes(reasons: Mapping[str, Iterable[str]], *, max_ids: int = 8) -> tuple[str, ...]:
     """Return one note per reason: the number of features and the first `max_ids` ids."""
     notes = []
     for reason, found in reasons.items():

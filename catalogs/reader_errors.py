@@ -33,10 +33,10 @@ def is_system_error(error: BaseException) -> bool:
 
 def short_message(error: BaseException) -> str:
     """Return the message of an error as a short part of one line."""
-    return single_line(str(error))[:_MAX_MESSAGE_LENGTH] or type(error).__name__
+    return to_single_line(str(error))[:_MAX_MESSAGE_LENGTH] or type(error).__name__
 
 
-def single_line(text: str) -> str:
+def to_single_line(text: str) -> str:
     """Return a text as part of one UTF-8 line, with a space for each unprintable character."""
     return "".join(c if c.isprintable() else " " for c in text.encode(errors="replace").decode()).strip()
 

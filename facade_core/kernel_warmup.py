@@ -18,13 +18,13 @@ from facade_core.export.pictures.rendering import render_perspective
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.texture.inpainting import inpaint
-from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.propagation.propagate import mark_first_visible
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import KnownTexture, finish_chart, paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
@@ -47,7 +47,7 @@ def compile_texture_kernels() -> None:
     height, width = painted.labels.shape
     wall = FacadeWall.freestanding(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
-    style = ScaledStyle(extract_style(painted.image, painted.labels), 1 / DENSITY)
+    style = ScaledStyle(analyse_exemplar(painted.image, painted.labels), 1 / DENSITY)
     build_facade_from_exemplar(style, wall, raster)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
@@ -56,7 +56,7 @@ def compile_texture_kernels() -> None:
 
 def compile_street_kernels() -> None:
     """Texture a street from one viewpoint, finish its surfaces, and render a picture of them."""
-    plan = ingest(
+    plan = build_plan(
         [Building("a", box(0, 0, 12, 10), 9.0, "height")],
         [Street("s", "s", LineString([(0, -6), (12, -6)]))],
         IngestSettings(
@@ -76,7 +76,7 @@ def compile_street_kernels() -> None:
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window = TexelBuffer.allocate(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
     swatches = MaterialFieldTranslator(scene, plan.streets, seed=0, ground=plan.ground)
-    panorama = render(scene, window, plan.viewpoints[0], (32, 64))
+    panorama = render_panorama(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
     mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)
     paint_visible_texels(window, placement, swatches.materials)

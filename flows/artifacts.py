@@ -163,7 +163,7 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     create_table_artifact(
         [*map(escape_row, units[:MAX_TABLE_ROWS])], key=f"{slug}-units", description=f"{caption}: {counts}"
     )
-    why = f"{describe_failures(summary)}, and why" if failures else "no unit failed or was set aside"
+    why = f"{describe_failure_count(summary)}, and why" if failures else "no unit failed or was set aside"
     create_table_artifact([*map(escape_row, failures)], key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
     facades = _read_facade_rows(folder_at(outputs["items"]))
@@ -244,7 +244,7 @@ def _read_facade_rows(items: Folder) -> list[dict[str, object]]:
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 
-def describe_failures(summary: JsonObject) -> str:
+def describe_failure_count(summary: JsonObject) -> str:
     """Return the number of failed or rejected units in words."""
     count = len(summary["failures"])
     return f"{count} unit{'' if count == 1 else 's'} failed or set aside"

@@ -20,28 +20,28 @@ from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
-from catalogs.published.folders import Folder, local_folder
+from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
-from facade_core.core.errors import WithheldError
+from facade_core.core.errors import TooManyFailuresError
 from facade_core.core.json_types import JsonObject
-from flows.artifacts import describe_failures, publish_outcome, publish_viewer_link, track_progress
+from flows.artifacts import describe_failure_count, publish_outcome, publish_viewer_link, track_progress
 from flows.console import print_status
 from flows.lock import lock_folder
-from flows.log_file import forward_to_prefect
-from flows.run_entry import OpenRun, mark_suspect_on_error, open_run
+from flows.log_file import forward_log_to_prefect
+from flows.run_entry import HeldRun, mark_suspect_on_error, open_run
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
 from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
-from tasks.engine.forecast import describe_set_aside, forecast_work
-from tasks.engine.outcome import Outcome, list_rejected_pictures
-from tasks.engine.outline import Outline
+from tasks.engine.forecast import describe_rejected_inputs, forecast_work
+from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections
+from tasks.engine.outline import PlanSummary
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
-from tasks.publish.prune import prune_or_explain
+from tasks.publish.prune import prune_snapshots_or_explain
 from tasks.publish.task import publish_block
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
@@ -101,8 +101,8 @@ def city_block(
     """
     folder = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
     with lock_folder(folder):
-        source = block_file or write_demo(local_folder(folder) / "input")
-        with open_run(source, folder, notify=print_status) as entry, forward_to_prefect():
+        source = block_file or write_demo(local_run_folder(folder) / "input")
+        with open_run(source, folder, notify=print_status) as entry, forward_log_to_prefect():
             publish_viewer_link(entry.run)
             if entry.summary is None:
                 with track_progress(entry.block.name):
@@ -111,14 +111,14 @@ def city_block(
                     )
             summary = entry.summary
             if keep is not None:
-                for line in prune_or_explain(folder, keep):
+                for line in prune_snapshots_or_explain(folder, keep):
                     print_status(line)
             publish_outcome(entry.run, summary)
     if "withheld" in summary:
-        raise WithheldError(summary["withheld"])
+        raise TooManyFailuresError(summary["withheld"])
     if summary["failures"]:
         # not Failed: all else is published, and a retry would change nothing
-        return Completed(name="UnitsFailed", message=describe_failures(summary), data=summary)
+        return Completed(name="UnitsFailed", message=describe_failure_count(summary), data=summary)
     return summary
 
 
@@ -156,7 +156,7 @@ def run_block_without_server(
 
 
 def _texture_block(
-    entry: OpenRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
+    entry: HeldRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
 ) -> JsonObject:
     run, block = entry.run, entry.block
     # a local cluster starts in parallel with the ingest; a named one is checked first, as it may be unavailable
@@ -167,12 +167,12 @@ def _texture_block(
     with mark_suspect_on_error(run), _publish_connection(connect(workers, dask, run.out, deadline), ready) as compute:
         outline = (ingest or submit(ingest_block, run, block, map_units)).result()
         run = replace(run, ingested=outline.ingested)
-        for line in describe_set_aside(outline):
+        for line in describe_rejected_inputs(outline):
             print_status(line)
         forecast = forecast_work(run, block, outline)
         if forecast.said:
             print_status(forecast.said)
-        outcome = Outcome()
+        outcome = UnitOutcomeCounts()
         changed: set[str] = set()
         for kind in STAGES_IN_ORDER:
             if kind.part_of is not None:  # part of another stage's units
@@ -188,7 +188,7 @@ def _texture_block(
             outcome += ended
         require_disk_space(run.local)
         published = submit(publish_block, run, entry.source).result()
-    outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
+    outcome += UnitOutcomeCounts(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     unpublished = published.pop("unpublished", [])
     return published | {
         "out": run.out,
@@ -210,17 +210,17 @@ def _publish_connection(connecting: AbstractContextManager[Compute], ready: Futu
         ready.cancel()
 
 
-def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> Outcome:
+def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> UnitOutcomeCounts:
     """Run all batches of a stage, at most BATCHES_AT_ONCE at a time."""
     if not pending.total:
-        return Outcome()
+        return UnitOutcomeCounts()
     require_disk_space(run.local)
     stage, function = pending.stage.stage, pending.stage.function
     begin_stage(stage, pending.total, len(pending.done))
-    outcome = Outcome(skipped=len(pending.done), refused=list_rejected_pictures(pending.done))
+    outcome = UnitOutcomeCounts(skipped=len(pending.done), refused=list_units_with_rejections(pending.done))
     waiting = list(make_batches(pending.pieces, compute))
-    outcomes: dict[int, Outcome] = {}
-    ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]] = SimpleQueue()
+    outcomes: dict[int, UnitOutcomeCounts] = {}
+    ended: SimpleQueue[tuple[int, TaskFuture[UnitOutcomeCounts]]] = SimpleQueue()
     for number, batch in enumerate(waiting, 1):
         if number > BATCHES_AT_ONCE:
             _take_next_result(ended, outcomes)
@@ -228,12 +228,14 @@ def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit
         queue_end(ended, number, future)
     while len(outcomes) < len(waiting):
         _take_next_result(ended, outcomes)
-    outcome += sum((outcomes[number] for number in sorted(outcomes)), Outcome())
+    outcome += sum((outcomes[number] for number in sorted(outcomes)), UnitOutcomeCounts())
     _log_stage(stage, outcome)
     return outcome
 
 
-def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
+def _run_streets(
+    run: Run, outline: PlanSummary, compute: Compute, only: str | None, submit: Submit
+) -> UnitOutcomeCounts:
     """Run each street after the streets that it depends on, earlier waves first.
 
     Submits only as many streets as soon find a worker; the others have no task yet.
@@ -246,7 +248,7 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
     outcomes = find_finished_streets(run, order, outline.after)
     for street in outcomes:
         del waits[street]
-    ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]] = SimpleQueue()
+    ended: SimpleQueue[tuple[int, TaskFuture[UnitOutcomeCounts]]] = SimpleQueue()
     under_way = 0
     while waits or under_way:
         ready = [street for street, others in waits.items() if not others - outcomes.keys()]
@@ -260,16 +262,18 @@ def _run_streets(run: Run, outline: Outline, compute: Compute, only: str | None,
         _take_next_result(ended, outcomes)
         under_way -= 1
     record_partial_run(run, chosen is not None)
-    outcome = sum((outcomes[street] for street in order), Outcome())
+    outcome = sum((outcomes[street] for street in order), UnitOutcomeCounts())
     _log_stage("streets", outcome)
     return outcome
 
 
-def _take_next_result(ended: SimpleQueue[tuple[int, TaskFuture[Outcome]]], outcomes: dict[int, Outcome]) -> None:
+def _take_next_result(
+    ended: SimpleQueue[tuple[int, TaskFuture[UnitOutcomeCounts]]], outcomes: dict[int, UnitOutcomeCounts]
+) -> None:
     """Wait for the next result and store it; its exception ends the run at once."""
     number, future = ended.get()
     outcomes[number] = future.result()
 
 
-def _log_stage(stage: str, outcome: Outcome) -> None:
+def _log_stage(stage: str, outcome: UnitOutcomeCounts) -> None:
     log.info("%s: %d done, %d done before, %d failed", stage, outcome.done, outcome.skipped, len(outcome.failed))

@@ -29,7 +29,7 @@ from tasks.city.block_process import DEADLINE_EXIT_CODE, run_block
 from tasks.city.city_log import (
     BlockResult,
     CityLog,
-    prepare_city,
+    load_or_partition_city,
     write_block_result,
     write_city_summary,
     write_products_digest,
@@ -113,7 +113,7 @@ def _run_city(
     started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out):
-        account, files = prepare_city(city_file, out)
+        account, files = load_or_partition_city(city_file, out)
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {estimate['hours']:.2g} h" if due else ""

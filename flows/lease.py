@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from threading import Event, Thread
 
 from catalogs.published import object_store
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 from facade_core.core.errors import FacadeError, InputError, MachineError
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ CLOCK_MARGIN_S = 30.0
 
 
 @dataclass
-class Lease:
+class FolderLease:
     """Lease of a run on its folder in a bucket.
 
     Attributes
@@ -45,7 +45,7 @@ class Lease:
     released : set when the run ends.
     """
 
-    out: S3Folder
+    out: S3Path
     token: str
     tag: str
     renewed: float
@@ -73,7 +73,7 @@ class Lease:
 
 
 @contextmanager
-def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
+def hold_lease(out: S3Path, handle: int) -> Iterator[FolderLease]:
     """Hold a lease on a folder in a bucket until the block ends.
 
     Parameters
@@ -93,7 +93,7 @@ def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
     _require_conditions(out)
     os.ftruncate(handle, 0)
     os.pwrite(handle, token.encode(), 0)
-    lease = Lease(out, token, tag, time.monotonic())
+    lease = FolderLease(out, token, tag, time.monotonic())
     thread = Thread(target=_renew_until_released, args=(lease,), name="lease", daemon=True)
     thread.start()
     try:
@@ -108,14 +108,14 @@ def hold_lease(out: S3Folder, handle: int) -> Iterator[Lease]:
                 log.warning("%s: its lock stays until it is over (%s)", out, error)
 
 
-def lease_holder(out: S3Folder) -> tuple[str, datetime] | None:
+def lease_holder(out: S3Path) -> tuple[str, datetime] | None:
     """Return the holder of a folder in a bucket and the expiry time; None where the folder is free."""
     found = object_store.download_object(_lock_path(out))
     held = _decode_lease(found[0]) if found else None
     return None if held is None or held[1] <= datetime.now(UTC) else held[:2]
 
 
-def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
+def _acquire_lease(out: S3Path, token: str, previous_token: str) -> str:
     """Write the lease and return the tag of the object."""
     for _ in range(3):
         found = object_store.download_object(_lock_path(out))
@@ -135,7 +135,7 @@ def _acquire_lease(out: S3Folder, token: str, previous_token: str) -> str:
     raise InputError(f"{out}: other runs begin in it at the same time; run again")
 
 
-def _require_conditions(out: S3Folder) -> None:
+def _require_conditions(out: S3Path) -> None:
     """Raise InputError where a bucket ignores conditional writes: concurrent runs would lose commits."""
     for condition in (None, f'"{"0" * 32}"'):
         if object_store.upload_if_unchanged(_lock_path(out), b"{}", condition) is not None:
@@ -146,7 +146,7 @@ def _require_conditions(out: S3Folder) -> None:
             )
 
 
-def _renew_until_released(lease: Lease) -> None:
+def _renew_until_released(lease: FolderLease) -> None:
     while not lease.released.wait(RENEWAL_S) and lease.new_holder is None:
         try:
             lease.renew()
@@ -173,5 +173,5 @@ def _decode_lease(data: bytes) -> tuple[str, datetime, str] | None:
         return None
 
 
-def _lock_path(out: S3Folder) -> str:
+def _lock_path(out: S3Path) -> str:
     return f"{out.path}/{LOCK_NAME}"

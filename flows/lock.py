@@ -9,15 +9,15 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from catalogs.published.folders import Folder, local_folder
-from catalogs.published.s3 import S3Folder
-from facade_core.atlas.store import guard_commits
+from catalogs.published.folders import Folder, local_run_folder
+from catalogs.published.s3 import S3Path
+from facade_core.atlas.store import check_before_commits
 from facade_core.core.errors import InputError, MachineError
-from flows.lease import Lease, hold_lease, lease_holder
+from flows.lease import FolderLease, hold_lease, lease_holder
 
 # Locked folders of this process, with the lease of those in buckets. The command line locks before it starts a server, and
 # the flow locks again.
-_held_folders: dict[Folder, Lease | None] = {}
+_held_folders: dict[Folder, FolderLease | None] = {}
 
 
 @contextmanager
@@ -40,11 +40,11 @@ def lock_folder(out: Folder) -> Iterator[None]:
         yield
         return
     with ExitStack() as holds:
-        local = local_folder(out)
+        local = local_run_folder(out)
         lease, token = None, holds.enter_context(_lock_local_folder(local, out))
-        if isinstance(out, S3Folder):
+        if isinstance(out, S3Path):
             lease = holds.enter_context(hold_lease(out, token))
-            holds.enter_context(guard_commits(out / "store", lease.require_valid))
+            holds.enter_context(check_before_commits(out / "store", lease.require_valid))
         _held_folders[out] = lease
         try:
             yield
@@ -83,7 +83,7 @@ def _lock_local_folder(folder: Path, out: Folder) -> Iterator[int]:
 
 def is_locked(out: Folder) -> bool:
     """Return True if a run of this or another process holds the folder `out`."""
-    if isinstance(out, S3Folder):
+    if isinstance(out, S3Path):
         return lease_holder(out) is not None
     try:
         with (out / ".lock").open() as handle:

@@ -18,14 +18,14 @@ log = logging.getLogger(__name__)
 _logged_folders: set[Path] = set()
 
 
-def find_log(error: Exception) -> Path | None:
+def find_error_log(error: Exception) -> Path | None:
     """Return the log with the traceback of this error; None where no run raised it or the log could not be written."""
     path: Path | None = getattr(error, "_log", None)
     return path if path is not None and path.is_file() else None
 
 
 @contextmanager
-def log_to(out: Path, *, file_only: bool = False) -> Iterator[None]:
+def log_to_run_folder(out: Path, *, file_only: bool = False) -> Iterator[None]:
     """Log to a new file in `out`/logs until the block ends, with the traceback of the exception that ends it; reentrant.
 
     The first line creates the file.
@@ -66,7 +66,7 @@ def log_to(out: Path, *, file_only: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def forward_to_prefect() -> Iterator[None]:
+def forward_log_to_prefect() -> Iterator[None]:
     """Forward warnings and errors to Prefect's server, which shows them with the flow run and its tasks."""
     from prefect.logging.handlers import APILogHandler
 

@@ -10,7 +10,7 @@ _MMAP_THRESHOLD = -3
 _LARGE_BYTES = 1 << 20
 
 
-def release_large_allocations() -> None:
+def set_malloc_mmap_threshold() -> None:
     """Make malloc return allocations over one megabyte to the system once freed.
 
     By default glibc raises this threshold up to 32 MB with each freed allocation and keeps smaller ones in its heaps. A

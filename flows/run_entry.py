@@ -11,21 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.block.reader import Block, read_block
-from catalogs.published.folders import Folder, local_folder
+from catalogs.published.folders import Folder, local_run_folder
 from facade_core.atlas.journal_cache import cache_journals
 from facade_core.core.json_types import JsonObject
 from flows.lock import lock_folder
-from flows.log_file import log_to
-from flows.memory import release_large_allocations
-from tasks.engine.outcome import is_store_fault, raise_machine_errors
+from flows.log_file import log_to_run_folder
+from flows.memory import set_malloc_mmap_threshold
+from tasks.engine.outcome import convert_machine_faults, is_store_fault
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
-from tasks.engine.store.integrity import mark_suspect, repair_store
-from tasks.engine.store.status import completion_summary, record_source
+from tasks.engine.store.integrity import mark_store_suspect, repair_store
+from tasks.engine.store.status import completion_summary, record_run_block_file
 
 
 @dataclass
-class OpenRun:
+class HeldRun:
     """Run that this process holds.
 
     Attributes
@@ -43,7 +43,7 @@ class OpenRun:
 
 
 # By output folder.
-_open_runs: dict[Folder, OpenRun] = {}
+_open_runs: dict[Folder, HeldRun] = {}
 
 
 @contextmanager
@@ -54,7 +54,7 @@ def open_run(
     notify: Callable[[str], None],
     prepare: Callable[[Run], None] | None = None,
     file_only: bool = False,
-) -> Iterator[OpenRun]:
+) -> Iterator[HeldRun]:
     """Lock and open the run of a block file in a folder; return the open one where this process already holds it.
 
     Parameters
@@ -63,7 +63,7 @@ def open_run(
     out : folder of the results.
     notify : receives one line for each loss and repair of the store.
     prepare : marks units pending again, after the repair of the store.
-    file_only : as of `log_to`.
+    file_only : as of `log_to_run_folder`.
 
     Yields
     ------
@@ -78,21 +78,21 @@ def open_run(
     if (entry := _open_runs.get(out)) is not None and entry.source == source:
         yield entry
         return
-    release_large_allocations()
+    set_malloc_mmap_threshold()
     block = read_block(source)
     run = create_run(block, out)
     with (
         lock_folder(out),
-        log_to(local_folder(out), file_only=file_only),
+        log_to_run_folder(local_run_folder(out), file_only=file_only),
         mark_suspect_on_error(run),
         cache_journals(run.store),
     ):
-        record_source(out, source)
+        record_run_block_file(out, source)
         for line in repair_store(run):
             notify(line)
         if prepare is not None:
             prepare(run)
-        _open_runs[out] = entry = OpenRun(source, block, run, completion_summary(run))
+        _open_runs[out] = entry = HeldRun(source, block, run, completion_summary(run))
         try:
             yield entry
         finally:
@@ -102,10 +102,10 @@ def open_run(
 @contextmanager
 def mark_suspect_on_error(run: Run) -> Iterator[None]:
     """Raise faults of the machine as machine errors; after a fault of the store, the next run checks it."""
-    with raise_machine_errors(run.block):
+    with convert_machine_faults(run.block):
         try:
             yield
         except Exception as error:
             if is_store_fault(error):
-                mark_suspect(run.folder)
+                mark_store_suspect(run.folder)
             raise

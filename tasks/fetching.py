@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.block.keys import check_keys
+from catalogs.block.keys import validate_block_settings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.reader import Block, read_block
-from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
+from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry
 from catalogs.block.yaml_files import read_yaml
 from catalogs.crs import bounds_to_lonlat
 from catalogs.features import Fault
-from catalogs.imagery.fetch_log import FetchLog, is_fetched, read_fetch_log
+from catalogs.imagery.fetch_log import FetchLog, has_fetch_log, read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import ImageryQuery, LonLatBox, RemotePanorama
+from catalogs.imagery.remote_panorama import LonLatBox, PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import ImageryService
 from catalogs.readers.pictures.decoding import read_picture
 from catalogs.readers.pictures.panoramas import project_pose
@@ -27,7 +27,7 @@ from facade_core.core.errors import ImageError, InputError
 from facade_core.core.types import Pose
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.imagery.rectify.fisheye import is_fisheye
-from facade_core.plan.ingest import place_poses
+from facade_core.plan.ingest import fill_pose_heights
 from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.ingest.planning import make_plan
@@ -45,7 +45,7 @@ _LENS_CHECK_SIDE = 512
 
 
 @dataclass(frozen=True)
-class ImageryFetch:
+class ImageryFetchResult:
     """Result of a download of panoramas.
 
     Attributes
@@ -102,7 +102,7 @@ class ImageryFetch:
         ]
 
 
-def fetch_for_block(
+def fetch_block_panoramas(
     block_file: Path,
     service: ImageryService,
     *,
@@ -110,7 +110,7 @@ def fetch_for_block(
     dates: str | None = None,
     max_count: int | None = None,
     licence: str | None = None,
-) -> ImageryFetch:
+) -> ImageryFetchResult:
     """Download the panoramas that a block's facades need, and name their folder in the block file.
 
     Parameters
@@ -128,7 +128,7 @@ def fetch_for_block(
     """
     named = _named_folder(block_file)
     folder = to or named or block_file.parent / FOLDER
-    if named is not None and not (folder.resolve() == named.resolve() and is_fetched(named)):
+    if named is not None and not (folder.resolve() == named.resolve() and has_fetch_log(named)):
         raise InputError(
             f"{block_file}: imagery.panoramas names {named}, and a block has one folder; take that out of the block file, "
             f"fetch, then: streetloom fetch-imagery {block_file} --from {named}"
@@ -136,7 +136,7 @@ def fetch_for_block(
     log = read_fetch_log(folder)
     block = read_block(block_file)
     begin_stage("search", 1)
-    offers, faults = _search(service, ImageryQuery(_search_box(block), dates, licence, block.crs.to_string()))
+    offers, faults = _search(service, PanoramaQuery(_search_box(block), dates, licence, block.crs.to_string()))
     report_progress("search", 1)
     choice = _choose_panoramas(block, offers)
     chosen = [offers[i] for i in choice.chosen[:max_count]]
@@ -146,12 +146,12 @@ def fetch_for_block(
     folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
     poses = f"{folder_name}/{log.write_poses().name}"
     values = {"path": folder_name, "poses": poses}
-    if add_imagery(block_file, "panoramas", values):
+    if add_imagery_entry(block_file, "panoramas", values):
         return fetched
     return replace(fetched, manual_entry=f"imagery: {{{format_imagery_entry('panoramas', values)}}}")
 
 
-def fetch_for_box(
+def fetch_box_panoramas(
     box: LonLatBox,
     to: Path,
     service: ImageryService,
@@ -159,7 +159,7 @@ def fetch_for_box(
     dates: str | None = None,
     max_count: int | None = None,
     licence: str | None = None,
-) -> ImageryFetch:
+) -> ImageryFetchResult:
     """Download the panoramas in a box, the newest first.
 
     Parameters
@@ -171,7 +171,7 @@ def fetch_for_box(
     max_count : maximum number of panoramas; None: no limit.
     licence : licence of pictures that state none.
     """
-    wanted = ImageryQuery(box, dates, licence)
+    wanted = PanoramaQuery(box, dates, licence)
     log = read_fetch_log(to)
     begin_stage("search", 1)
     offers, faults = _search(service, wanted)
@@ -182,7 +182,7 @@ def fetch_for_box(
 def _named_folder(block_file: Path) -> Path | None:
     """Return the folder of panoramas that a block file names, without reading its pictures."""
     try:
-        keys = check_keys(read_yaml(block_file))
+        keys = validate_block_settings(read_yaml(block_file))
         if keys.imagery.panoramas is None:
             return None
         return resolve_paths(keys, block_file)["imagery.panoramas.path"][0]
@@ -199,7 +199,7 @@ def _search_box(block: Block) -> LonLatBox:
     return bounds_to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
 
 
-def _search(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
+def _search(service: ImageryService, wanted: PanoramaQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
     """Query a service: distinct panoramas, newest first, and faults."""
     offers: dict[str, RemotePanorama] = {}
     faults = []
@@ -217,7 +217,7 @@ def _choose_panoramas(block: Block, offers: Sequence[RemotePanorama]) -> Panoram
     poses = [project_pose(offer.pose, _FULL_PANORAMA, block.crs, frames) for offer in offers]
     plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)
-    placed: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
+    placed: tuple[Pose, ...] = fill_pose_heights(poses, terrain, block.texture.viewpoint_height)
     return choose_panoramas(plan.scene, plan.facades, placed, [offer.size or DEFAULT_PANORAMA_SIZE for offer in offers])
 
 
@@ -228,7 +228,7 @@ def _download(
     chosen: Sequence[RemotePanorama],
     faults: tuple[Fault, ...],
     choice: PanoramaChoice | None,
-) -> ImageryFetch:
+) -> ImageryFetchResult:
     earlier = sum(log.find_picture(service.name, offer.id) is not None for offer in chosen)
     begin_stage("fetch", len(chosen))
 
@@ -240,7 +240,7 @@ def _download(
     finally:
         log.write_poses()
     pictures = [log.find_picture(service.name, offer.id) for offer in chosen]
-    return ImageryFetch(
+    return ImageryFetchResult(
         service.name,
         log,
         len(offers),

@@ -26,7 +26,7 @@ import numpy as np
 
 from benchmarks.changes.pairs import KINDS, Pair, pair_of
 from benchmarks.changes.walls import real_pairs
-from catalogs.learning.datasets import ECP, LabelledFacade, read_dataset, split_facades
+from catalogs.learning.datasets import ECP, LabelledFacade, read_dataset, split_facades_for_training
 from facade_core.imagery.rectify.change_detection import change_cues, detect_changes
 
 FITTED, UNCHANGED = 40, 3
@@ -47,7 +47,7 @@ def fit(data: Path) -> list[float]:
     import cv2
     from sklearn.linear_model import LogisticRegression
 
-    facades, _ = split_facades(list(read_dataset(ECP, data / "facades" / "ecp")))
+    facades, _ = split_facades_for_training(list(read_dataset(ECP, data / "facades" / "ecp")))
     cues, changed = [], []
     for _, pair in pairs(facades[:FITTED], facades[FITTED:], 0):
         found, both = change_cues(pair.newer, pair.older, pair.density)
@@ -112,7 +112,7 @@ def main() -> None:
         return
     result: dict[str, Any] = {"benchmark": "changes"}
     if options.only != "real":
-        others, held_out = split_facades(list(read_dataset(ECP, options.data / "facades" / "ecp")))
+        others, held_out = split_facades_for_training(list(read_dataset(ECP, options.data / "facades" / "ecp")))
         result["made"] = measure(pairs(held_out, others, 1))
     if options.only != "made":
         result["real"] = measure(islice(real_pairs(options.data / "facades" / "ruemonge2014" / "val"), REAL))

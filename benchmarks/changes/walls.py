@@ -11,7 +11,7 @@ from benchmarks.changes.pairs import Pair
 from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read_dataset
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.parsing.occluders import occluder_mask
+from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 
 # Matches that a plane explains, at least; share of the first photo that both then show.
@@ -49,7 +49,7 @@ def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) 
     """A photo laid over another; sky and what is not labelled are not shown, nor what the parser sees in front."""
     import cv2
 
-    hidden, _ = occluder_mask(parse(photo.image).occluded)
+    hidden, _ = clean_occluder_mask(parse(photo.image).occluded)
     wall = (photo.labels != FacadeClass.SKY) & (photo.labels != UNKNOWN)
     rgb, quality = photo.image, np.ones(like.labels.shape, np.float32)
     if warp is not None:

@@ -35,9 +35,9 @@ from benchmarks.timing import bytes_in
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan_tables import read_plan
-from tasks.city.block_counts import BlockCounts, count_from_map
+from tasks.city.block_counts import BlockCounts, block_counts_from_map
 from tasks.city.block_process import run_block
-from tasks.city.blocks import read_city
+from tasks.city.blocks import partition_city_file
 from tasks.city.city_log import BLOCKS_FOLDER, BlockResult
 from tasks.city.cost import COEFFICIENTS
 from tasks.engine.store.commits import read_newest_journal
@@ -70,7 +70,7 @@ def write_named(folder: Path, name: str) -> tuple[Path, float]:
         write_town(folder, int(columns), int(rows), texels=float(density), panorama=int(panorama))
         return folder / "block.yaml", float(density)
     texture = {"texels_per_metre": float(density), "panorama_width": int(panorama), "viewpoint_spacing": 9.0}
-    read_city(write_city(folder, texture, METRES, EXEMPLARS), folder / "cut")
+    partition_city_file(write_city(folder, texture, METRES, EXEMPLARS), folder / "cut")
     return folder / "cut" / "input" / f"{of_city}.yaml", float(density)
 
 
@@ -107,7 +107,7 @@ def by_command(folder: Path, name: str) -> Ran:
 
 
 def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mapping[str, float], commits: int) -> Ran:
-    told = count_from_map(read_block(block_file))
+    told = block_counts_from_map(read_block(block_file))
 
     def count(stage: str, start: str = "") -> int:
         return sum(

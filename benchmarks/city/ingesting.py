@@ -20,7 +20,7 @@ from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
-from tasks.stages.ingest.planning import make_plan, update_plan
+from tasks.stages.ingest.planning import make_plan, update_plan_panoramas
 
 SIZES = (1, 3)
 # Charts that are asked for what lies beside them.
@@ -37,7 +37,7 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
             plan = make_plan(block)
             first = time.process_time() - start
             start = time.process_time()
-            update_plan(block, plan)
+            update_plan_panoramas(block, plan)
             again = time.process_time() - start
         charts = plan.scene.charts
         asked = np.linspace(0, len(charts) - 1, min(ASKED, len(charts))).astype(int).tolist()

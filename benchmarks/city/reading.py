@@ -17,7 +17,7 @@ import yaml
 
 from benchmarks.timing import figures
 from catalogs.block.reader import read_block
-from tasks.city.blocks import read_city
+from tasks.city.blocks import partition_city_file
 from tests.pipeline.stages import write_block
 
 TILE_M = 100
@@ -54,7 +54,7 @@ def measure(sides: tuple[int, ...]) -> list[dict[str, Any]]:
         with tempfile.TemporaryDirectory() as name:
             town = write_town(Path(name), side, side)
             begun = time.process_time()
-            blocks = read_city(town, Path(name) / "out").blocks
+            blocks = partition_city_file(town, Path(name) / "out").blocks
             cut = time.process_time() - begun
             begun = time.process_time()
             read_block(blocks[len(blocks) // 2].file)

@@ -18,7 +18,7 @@ import yaml
 from benchmarks.city.blocks import write_block
 from benchmarks.timing import figures
 from tasks.city.block_counts import NO_COUNTS
-from tasks.city.blocks import read_city
+from tasks.city.blocks import partition_city_file
 from tasks.city.cost import load_cost_model
 
 SIZES = (10_000, 1_000_000, 100_000_000)
@@ -31,7 +31,7 @@ def measure(texels: float, night: float) -> dict[str, Any]:
         keys = yaml.safe_load(file.read_text())
         keys["texture"]["texels_per_metre"] = texels
         file.write_text(yaml.safe_dump(keys))
-        blocks = read_city(file, Path(name) / "out").blocks
+        blocks = partition_city_file(file, Path(name) / "out").blocks
     cost = load_cost_model()
     total = sum((block.counts.multiply(cost.counted) for block in blocks), NO_COUNTS)
     seconds, size, commits = (

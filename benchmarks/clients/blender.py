@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.clients.browser import PATIENCE_S
 from benchmarks.programs import blender, cjio
-from facade_core.export.models.textured_mesh import local_frame
+from facade_core.export.models.textured_mesh import mesh_y_up_frame
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.export.pictures.views import choose_cameras, view_names
@@ -74,7 +74,7 @@ def shot(camera: PerspectiveCamera, origin: np.ndarray, to: Path) -> dict[str, A
 
 def origin_of_models(found: PublishedBlock) -> np.ndarray:
     """Where the coordinates of a block's GLB begin, (3,)."""
-    return local_frame(found.plan.scene.mesh).origin
+    return mesh_y_up_frame(found.plan.scene.mesh).origin
 
 
 def own_picture(found: PublishedBlock, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndarray]:

@@ -50,14 +50,14 @@ _HIDDEN = 0.3  # an element hidden by more than this share was not observed
 def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
     """What the pipeline knows: labels parsed from the visible part, and the layout completed from its elements."""
     from facade_core.facade.layout.completion import complete
-    from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
+    from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
 
     parsing = parse(np.dstack([case.image, np.where(case.mask, 0, 255).astype(np.uint8)]))
     seen = [e for e in elements(parsing) if _hidden_share(case.mask, e) <= _HIDDEN]
     if not seen:
         return parsing.labels, []
     height, width = case.mask.shape
-    region = visible_boxes(dilate_by_window(case.mask, seen)) + [(e.x0, e.y0, e.x1, e.y1) for e in seen]
+    region = visible_region_boxes(dilate_hidden_by_window(case.mask, seen)) + [(e.x0, e.y0, e.x1, e.y1) for e in seen]
     shown = replace(parsing, occluded=case.mask | parsing.occluded)
     return parsing.labels, list(complete(seen, (0, 0, width, height), region, evidence=shown)[0].elements)
 

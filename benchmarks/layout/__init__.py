@@ -45,14 +45,14 @@ from catalogs.learning.layouts import LayoutRecord, read_layouts
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.densities import TERMS
-from facade_core.facade.layout.facade_frame import fit_facade_frame
-from facade_core.facade.layout.grid_extension import Extension
+from facade_core.facade.layout.facade_frame import fit_columns_and_floors
+from facade_core.facade.layout.grid_extension import ExtensionVariant
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, LayoutModel, load_layout_model
-from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy
+from facade_core.facade.layout.policy_optimisation import evolve_policy_candidates, observed_layout_arrays
 from facade_core.facade.layout.proposals import propose_elements
 from facade_core.facade.layout.rectangles import WINDOW, pairwise_iou
-from facade_core.facade.layout.scores import score_terms
+from facade_core.facade.layout.scores import layout_score_terms
 
 
 def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:
@@ -83,10 +83,10 @@ def plausibility(
             for layout, truth in ((elements, True), ([*seen, *method(seen, domain, region)[0]], False)):
                 labels = [e.label for e in layout]
                 share = [labels.count(label) / len(labels) for label in ELEMENT_CLASSES]
-                rows.append([*score_terms(layout, domain, model), *share])
+                rows.append([*layout_score_terms(layout, domain, model), *share])
                 hidden = [e for e in layout if e.label == "window" and e.x0 >= region[0][2]]
                 if hidden:
-                    lines = fit_facade_frame(hidden, domain)
+                    lines = fit_columns_and_floors(hidden, domain)
                     filled[truth].append(len(hidden) / max(len(lines.columns) * len(lines.floors), 1))
                 real.append(truth)
                 group.append(i)
@@ -118,7 +118,7 @@ def by_regularity(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[s
     """The figures of `complete` and of grid extension on the more and the less regular half of the facades."""
     regular = []
     for record in records:
-        lines = fit_facade_frame(record.elements, record.domain)
+        lines = fit_columns_and_floors(record.elements, record.domain)
         windows = sum(e.label == "window" for e in record.elements)
         regular.append(windows / max(len(lines.columns) * len(lines.floors), 1))
     middle = float(np.median(regular))
@@ -195,10 +195,10 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     seconds = []
     for record in records[:7]:
         seen, region = training_cases.hide_part("right", record.elements, record.domain, np.random.default_rng(0))
-        start = initial_layout(seen, record.domain, np.array(region), model)
-        optimise_policy(model.policies, start, model, 1, 1, 0)
+        start = observed_layout_arrays(seen, record.domain, np.array(region), model)
+        evolve_policy_candidates(model.policies, start, model, 1, 1, 0)
         begin = time.process_time()
-        optimise_policy(model.policies, start, model, 10, 10, 0)
+        evolve_policy_candidates(model.policies, start, model, 10, 10, 0)
         seconds.append(10 * (time.process_time() - begin))
     return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
 
@@ -210,8 +210,8 @@ def methods_of(model: LayoutModel, train: Sequence[LayoutRecord]) -> dict[str, M
         "complete, best of 5": ours(model, 5),
         "policy search": policy_search(model),
         "grid extension by median pitch": median_pitch,
-        "grid extension, balanced": extension(Extension(False, True, False, False)),
-        "mirror and extension": extension(Extension(True, False, False, False)),
+        "grid extension, balanced": extension(ExtensionVariant(False, True, False, False)),
+        "mirror and extension": extension(ExtensionVariant(True, False, False, False)),
         "nearest layout": nearest_layout(train),
         "low rank": low_rank,
         "simulated annealing": annealing(model),

@@ -11,12 +11,16 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.facade_frame import Rectangle
-from facade_core.facade.layout.grid_extension import Extension, extend_grids, extension_context
+from facade_core.facade.layout.grid_extension import ExtensionVariant, extension_context, propose_extension_elements
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.policy import roll_out
-from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy, score_candidate
-from facade_core.facade.layout.rectangles import may_overlap, pairwise_iou, pairwise_overlap
+from facade_core.facade.layout.policy import roll_out_policy
+from facade_core.facade.layout.policy_optimisation import (
+    evolve_policy_candidates,
+    observed_layout_arrays,
+    score_candidate_layout,
+)
+from facade_core.facade.layout.rectangles import labels_may_overlap, overlap_mask, pairwise_iou
 from facade_core.facade.layout.selection import select_proposals
 
 Method = Callable[[list[Element], Rectangle, list[Rectangle]], list[list[Element]]]
@@ -30,7 +34,7 @@ def cleared(rows: np.ndarray, seen: list[Element], domain: Rectangle, region: li
     box, label = rows[:, 1:], rows[:, 0].astype(int)
     inside = (box[:, :2] >= domain[:2]).all(axis=1) & (box[:, 2:] <= domain[2:]).all(axis=1)
     other = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
-    inside &= ~(pairwise_overlap(box, box_array(seen)) & ~may_overlap(label, other)).any(axis=1)
+    inside &= ~(overlap_mask(box, box_array(seen)) & ~labels_may_overlap(label, other)).any(axis=1)
     kept = select_proposals(box, label, -np.arange(len(box), dtype=float), inside, np.array(region))
     return [Element(ELEMENT_CLASSES[label[i]], *box[i].tolist()) for i in np.sort(kept)]
 
@@ -62,13 +66,16 @@ def median_pitch(seen: list[Element], domain: Rectangle, region: list[Rectangle]
     return [cleared(np.concatenate(found), seen, domain, region)]
 
 
-def extension(how: Extension) -> Method:
+def extension(how: ExtensionVariant) -> Method:
     """Grids carried on with filled gaps, own sizes, patterns and balconies."""
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         return [
             cleared(
-                rows_of(list(extend_grids(extension_context(seen, fit_grids(seen)), domain, how))), seen, domain, region
+                rows_of(list(propose_extension_elements(extension_context(seen, fit_grids(seen)), domain, how))),
+                seen,
+                domain,
+                region,
             )
         ]
 
@@ -86,7 +93,7 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
             origin, size = np.array(record.domain[:2]), np.subtract(record.domain[2:], record.domain[:2])
             scale = np.subtract(domain[2:], domain[:2]) / size
             rows[:, 1:] = (rows[:, 1:] - np.tile(origin, 2)) * np.tile(scale, 2) + np.tile(domain[:2], 2)
-            visible = pairwise_overlap(rows[:, 1:], np.array(region)).any(axis=1)
+            visible = overlap_mask(rows[:, 1:], np.array(region)).any(axis=1)
             agrees = (pairwise_iou(wanted[:, 1:], rows[visible, 1:]) >= 0.3) & (wanted[:, :1] == rows[visible, 0])
             share = 2 * agrees.any(axis=1).sum() / (len(wanted) + visible.sum())
             if share > most:
@@ -133,13 +140,13 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         rng = np.random.default_rng(0)
-        start = initial_layout(seen, domain, np.array(region), model)
+        start = observed_layout_arrays(seen, domain, np.array(region), model)
         first = rows_of(seen)
         rows, grid = first.copy(), start.grid.copy()
 
         def value(rows: np.ndarray, grid: np.ndarray) -> float:
             _, contiguous = np.unique(grid, return_inverse=True)
-            return score_candidate(
+            return score_candidate_layout(
                 np.ascontiguousarray(rows[:, 1:]), rows[:, 0].astype(np.int64), contiguous.astype(np.int64),
                 start.domain, model,
             )  # fmt: skip
@@ -176,9 +183,9 @@ def policy_search(model: LayoutModel) -> Method:
     """The paper's own method: the layout of the policy search with the best score."""
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
-        start = initial_layout(seen, domain, np.array(region), model)
-        used, seeds, scores = optimise_policy(model.policies, start, model, GENERATIONS, TRIES, 0)
-        box, label, _ = roll_out(used[scores.argmax()], start, int(seeds[scores.argmax()]))
+        start = observed_layout_arrays(seen, domain, np.array(region), model)
+        used, seeds, scores = evolve_policy_candidates(model.policies, start, model, GENERATIONS, TRIES, 0)
+        box, label, _ = roll_out_policy(used[scores.argmax()], start, int(seeds[scores.argmax()]))
         return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
 
     return method

@@ -13,9 +13,9 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.rectangles import may_overlap, pairwise_iou, pairwise_overlap
+from facade_core.facade.layout.rectangles import labels_may_overlap, overlap_mask, pairwise_iou
 
 
 def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:
@@ -37,8 +37,8 @@ def f1(counts: np.ndarray) -> float:
 
 def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Rectangle) -> list[float]:
     """spacing, alignment and count errors, pairs that overlap, elements outside the domain."""
-    truth = fit_facade_frame([*seen, *hidden], domain)
-    guess = fit_facade_frame([*seen, *proposed], domain)
+    truth = fit_columns_and_floors([*seen, *hidden], domain)
+    guess = fit_columns_and_floors([*seen, *proposed], domain)
     spacing = np.nan
     if len(truth.columns) > 1 and len(guess.columns) > 1:
         wide = float(np.median(np.diff(truth.columns)))
@@ -47,7 +47,7 @@ def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element],
     away = np.abs((window[:, [0]] + window[:, [2]]) / 2 - truth.columns) / truth.size[0]
     aligned = float(np.minimum(away.min(axis=1), 1).mean()) if away.size else np.nan
     rows = rows_of([*proposed, *seen])
-    both = pairwise_overlap(rows[:, 1:], rows[:, 1:]) & ~may_overlap(rows[:, 0], rows[:, 0])
+    both = overlap_mask(rows[:, 1:], rows[:, 1:]) & ~labels_may_overlap(rows[:, 0], rows[:, 0])
     np.fill_diagonal(both, False)
     new = rows[: len(proposed), 1:]
     outside = ((new[:, :2] < domain[:2]) | (new[:, 2:] > domain[2:])).any(axis=1).sum()

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.layout.baselines import Method
 from benchmarks.layout.figures import run
-from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
+from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts_for_training
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.model import LayoutModel, load_layout_model
 from tasks.training.layout import train_layout
@@ -39,7 +39,7 @@ def by_fold(data: Path, models: Path, methods: Methods, *, seed: int = 1) -> dic
             print(f"fold {fold}: trained", file=sys.stderr)
             train_layout(data, path.parent, seed=seed, fold=fold)
         model = load_layout_model(path)
-        train, held_out = split_layouts(layouts, fold)
+        train, held_out = split_layouts_for_training(layouts, fold)
         if set(model.training_set) & {record.name for record in held_out}:
             raise SystemExit(f"{path}: learned from facades of fold {fold}; remove it")
         found.append({name: run(held_out, method) for name, method in methods(model, train).items()})

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from catalogs.published.snapshot import Snapshot, current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from facade_core.atlas.store import open_root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
@@ -38,11 +38,11 @@ class Facade:
 class Output:
     """What a run published: geometry, places of charts on pages, pages, and the items of the catalogue."""
 
-    snapshot: Snapshot[Path]
+    snapshot: SnapshotFolder[Path]
     group: StoreGroup
     charts: Charts
     mesh: Mesh
-    placement: Placement
+    placement: ChartPlacements
     streets: tuple[shapely.LineString, ...]
 
     @property
@@ -143,7 +143,7 @@ def read_output(out: Path) -> Output:
         group,
         Charts(kind, surface, building, *frame),
         Mesh(vertices, triangles, chart, vertex_chart),
-        Placement(
+        ChartPlacements(
             page, x, y, width, height, column.get("texels_per_metre", np.full(len(page), whole)), int(page.max()) + 1
         ),
         tuple(shapely.LineString(points[of == street]) for street in np.unique(of)),

@@ -10,7 +10,7 @@ import shapely
 
 from benchmarks.look.outputs import Output
 from facade_core.export.pictures.camera import PerspectiveCamera
-from facade_core.export.pictures.rendering import RenderedView, average_samples, cast_view
+from facade_core.export.pictures.rendering import PictureInProgress, average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 
@@ -124,7 +124,7 @@ def _render(output: Output, cameras: Sequence[PerspectiveCamera]) -> list[View]:
     return [_view(camera, picture) for camera, picture in zip(cameras, pictures, strict=True)]
 
 
-def _view(camera: PerspectiveCamera, picture: RenderedView) -> View:
+def _view(camera: PerspectiveCamera, picture: PictureInProgress) -> View:
     """Without haze, which would hide what is measured."""
     shape = picture.rgb.shape[:2]
     distance, chart = np.full(shape, np.inf, np.float32), np.full(shape, MISS, np.int32)

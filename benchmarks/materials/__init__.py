@@ -25,8 +25,8 @@ import shapely
 
 from benchmarks.materials import plain
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Finish, Street
-from facade_core.geometry.chart_packing import Placement, pack_charts
+from facade_core.core.types import BuildingFinish, Street
+from facade_core.geometry.chart_packing import ChartPlacements, pack_charts
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MaterialField
@@ -77,14 +77,16 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
     halves = np.array([[0, 3, 2], [0, 2, 1]], np.int32)
     triangles = (4 * own[None, :, None] + halves[:, None]).reshape(-1, 3)
     mesh = Mesh(corners, triangles, np.tile(own, 2), np.repeat(own, 4))
-    placement: Placement = pack_charts(charts.size, density, own, page=2048, chunk=128, gutter=2)
+    placement: ChartPlacements = pack_charts(charts.size, density, own, page=2048, chunk=128, gutter=2)
     streets = []
     for row, (_, _, name, aside) in enumerate(names):
         if kind[row] == ChartKind.GROUND and name != "paving":
             y = -size / 2 - (aside if name == "ground" else 0.0)
             line = shapely.LineString([(origin[row, 0] - 10, y - 3), (origin[row, 0] + size + 10, y + 4)])
             streets.append(Street(name, None, line))
-    finishes = tuple(Finish(roof_material="metal") if name == "sheet metal" else Finish() for name in CHARTS)
+    finishes = tuple(
+        BuildingFinish(roof_material="metal") if name == "sheet metal" else BuildingFinish() for name in CHARTS
+    )
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, density), finishes=finishes), streets
 
 

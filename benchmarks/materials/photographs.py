@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from benchmarks.materials import _gradients
-from facade_core.street.materials.grain import EXAMPLE_NAMES, Grain, GrainTables, add_grain, build_grain_tables
+from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainTables, WeightedGrain, add_grain, build_grain_tables
 from facade_core.street.materials.grain_file import load_examples
-from tasks.training.materials import GRAIN_PHOTOS, read_picture_file
+from tasks.training.materials import GRAIN_PHOTOS, read_picture_and_digest
 
 DENSITIES = (8, 16, 32, 64)
 # Metres along a patch; of the one in which repeats are looked for, at so many texels a metre.
@@ -22,10 +22,10 @@ def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     """By example: the energy over the photograph's at each density; the largest correlation where a tile would begin again."""
     found: dict[str, dict[str, float]] = {}
     examples = load_examples()
-    drawn = build_grain_tables([Grain(examples[name]) for name in EXAMPLE_NAMES])
+    drawn = build_grain_tables([WeightedGrain(examples[name]) for name in EXAMPLE_NAMES])
     for which, name in enumerate(EXAMPLE_NAMES):
         file, width, _ = GRAIN_PHOTOS[name]
-        photo = read_picture_file(data / "materials" / file)[0].mean(axis=2)
+        photo = read_picture_and_digest(data / "materials" / file)[0].mean(axis=2)
         photo /= photo.mean()
         own = {}
         for density in DENSITIES:

@@ -19,8 +19,8 @@ import numpy as np
 from catalogs.block.reader import read_block
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.propagate import mark_first_visible, propagate
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.propagate import mark_first_visible, propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
@@ -34,7 +34,7 @@ def measure() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         plan = make_plan(read_block(write_demo(Path(folder))))
     swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=1)
-    longest = int(np.bincount(plan.street_of_viewpoints).argmax())
+    longest = int(np.bincount(plan.viewpoint_streets).argmax())
     for ways in (_seen, _projected):  # compiles
         ways(plan, swatches, longest, 1)
     count = len(plan.street_viewpoints(longest))
@@ -98,10 +98,10 @@ def _seen(
 def _projected(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, float]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.street_viewpoints(street)[:count]:
-        panorama = render(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))
+        panorama = render_panorama(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))
         rgb = swatches.translate(panorama)
         start = time.perf_counter()
-        propagate(plan.scene, window, viewpoint, rgb, charts_seen=panorama.chart)
+        propagate_panorama(plan.scene, window, viewpoint, rgb, charts_seen=panorama.chart)
         seconds += time.perf_counter() - start
     return window, seconds
 

@@ -27,8 +27,8 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator
 from facade_core.synth.street_truth import STREET_HALF_WIDTH_M, SyntheticStreet, synthetic_street
@@ -156,9 +156,9 @@ def _walked(
         anew = covered * limit < finest
         for array in (window.state.views, window.state.distance, window.state.colour, window.provenance):
             array[anew & np.isfinite(limit)] = 0
-        panorama = render(scene, shown, viewpoint, (WIDTH // 2, WIDTH))
+        panorama = render_panorama(scene, shown, viewpoint, (WIDTH // 2, WIDTH))
         before = window.state.views.copy()
-        propagate(scene, window, viewpoint, swatches.translate(panorama), charts_seen=panorama.chart)
+        propagate_panorama(scene, window, viewpoint, swatches.translate(panorama), charts_seen=panorama.chart)
         added = window.state.views > before
         finest[added] = np.minimum(finest, covered)[added]
     return _scores(street, materials, ground, window.colour, window.provenance > 0)

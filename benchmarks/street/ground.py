@@ -13,11 +13,11 @@ import numpy as np
 import shapely
 from numba import njit
 
-from facade_core.core.types import Ground, Way
+from facade_core.core.types import GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTileArrays, GroundTiles
 from facade_core.street.materials.grain import GrainTables
-from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
 
 # Texels a metre, along a side of a square; texels that are worked out together.
@@ -37,22 +37,22 @@ def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
         lines = shapely.linestrings(np.stack([begin, end], axis=1))
         made = ("asphalt", "setts")
         ways = tuple(
-            Way(str(i), line, "road", 9.0, made[i % 2], lanes=2, pavement=(4.0, 4.0), rank=i % 5)
+            GroundWay(str(i), line, "road", 9.0, made[i % 2], lanes=2, pavement=(4.0, 4.0), rank=i % 5)
             for i, line in enumerate(lines)
         )
         places = np.array([[0.0, GROUND_TILE_M, 0.0], [-10_016.0, GROUND_TILE_M, 0.0]])
-        squares = GroundTiles(Ground(ways), _charts(places))
+        squares = GroundTiles(MappedGround(ways), _charts(places))
         start = time.thread_time()
         squares.build_arrays([0])
         drawn = time.thread_time() - start
         times = {}
         for name, chart in (("junction", 0), ("nothing", 1)):
             near, low = squares.build_arrays([chart]), np.array([places[chart, 0], 0.0])
-            _raster(near, load_shipped_grains(), *low)  # compiles
+            _raster(near, load_shipped_grain_tables(), *low)  # compiles
             taken = []
             for _ in range(REPEATED):
                 start = time.thread_time()
-                _raster(near, load_shipped_grains(), *low)
+                _raster(near, load_shipped_grain_tables(), *low)
                 taken.append(time.thread_time() - start)
             times[name] = round(1e9 * min(taken) / SIDE**2, 1)
         found[str(count)] = {"ms_a_square": round(1e3 * drawn, 1), "ns_a_texel": times}

@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import MAX_WEIGHT, MIN_WEIGHT
-from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 
@@ -52,7 +52,7 @@ class View(NamedTuple):
 
 def view_of(scene: Scene, empty: TexelBuffer, viewpoint: Viewpoint, rgb: np.ndarray, *, seen: np.ndarray) -> View:
     """What a panorama shows of a window that has no view yet; it has this one afterwards."""
-    propagate(scene, empty, viewpoint, rgb, charts_seen=seen)
+    propagate_panorama(scene, empty, viewpoint, rgb, charts_seen=seen)
     texel = np.flatnonzero(empty.provenance)
     state = empty.state
     share = _resolution(scene, empty, viewpoint, texel, rgb.shape[1])

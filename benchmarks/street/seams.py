@@ -20,7 +20,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, place_viewpoints
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
-from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import FinishSettings, KnownTexture, finish_chart
 
@@ -47,7 +47,7 @@ def measure(images: Path) -> dict[str, Any]:
         for viewpoint, gain in zip(own, exposures, strict=True):
             rgb, seen = _look(scene, viewpoint, pieces, truth, float(gain))
             before = blend_views(window.state)[1].astype(int)
-            propagate(scene, window, viewpoint, rgb, charts_seen=seen)
+            propagate_panorama(scene, window, viewpoint, rgb, charts_seen=seen)
             if name == "one exposure":
                 counted = _behind(scene, window, viewpoint, pieces, before)
                 hidden, taken = hidden + counted[0], taken + counted[1]
@@ -82,7 +82,7 @@ def _beside_photos(
     window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
     for viewpoint in own:
         rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
-        propagate(scene, window, viewpoint, rgb, charts_seen=seen)
+        propagate_panorama(scene, window, viewpoint, rgb, charts_seen=seen)
     apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

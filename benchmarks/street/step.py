@@ -18,8 +18,8 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, place_viewpoints
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -85,13 +85,13 @@ def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads:
         for viewpoint in own:
             before = int((window.provenance > 0).sum())
             clocks, begun = [time.perf_counter()], time.process_time()
-            panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
+            panorama = render_panorama(scene, window, viewpoint, (WIDTH // 2, WIDTH))
             clocks.append(time.perf_counter())
             rendered = time.process_time()
             rgb = translator.translate(panorama)
             clocks.append(time.perf_counter())
             translated = time.process_time()
-            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart, threads=threads)
+            propagate_panorama(scene, window, viewpoint, rgb, charts_seen=panorama.chart, threads=threads)
             clocks.append(time.perf_counter())
             processor.append(time.process_time() - translated + rendered - begun)
             for stage, seconds in zip(("render", "translate", "propagate"), np.diff(clocks), strict=True):

@@ -11,12 +11,12 @@ from typing import Any
 from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
 from benchmarks.timing import bytes_in
 from facade_core.atlas.arrays import create_arrays
-from facade_core.atlas.journal import WaveRecord, write_record
+from facade_core.atlas.journal import StreetWaveRecord, write_record
 from facade_core.atlas.rasters import TexelLayout, chunk_digests, write_rasters
 from facade_core.atlas.store import commit, create_root, expire_snapshots, open_repository, open_root
 from facade_core.street.propagation.blend import blend_views
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.translator.translators import MaterialFieldTranslator
 
 TEXELS_PER_METRE = 10.0
@@ -40,9 +40,9 @@ def measure(folder: Path) -> dict[str, Any]:
         empty = bytes_in(store)
         commits = []
         for viewpoint in own:
-            panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
+            panorama = render_panorama(scene, window, viewpoint, (WIDTH // 2, WIDTH))
             rgb = translator.translate(panorama)
-            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
+            propagate_panorama(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
             session = repository.writable_session("main")
             group = open_root(session)
             group["panoramas/rgb"][viewpoint.id] = rgb
@@ -90,7 +90,7 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
     )
     digested = time.process_time()
     begun = time.perf_counter()
-    record = WaveRecord(unit="street", key="k" * 32, status="done", wave=0, digests=chunks)
+    record = StreetWaveRecord(unit="street", key="k" * 32, status="done", wave=0, digests=chunks)
     write_record(group, "streets", 0, record)
     commit(session, "street")
     committed = time.perf_counter()

@@ -12,7 +12,7 @@ from benchmarks.street.readings import Reading, View, blended, view_of
 from facade_core.core.types import Pose
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import blend_views
-from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.synth.street_paint import replace_front_images
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
@@ -81,7 +81,7 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
         rgb = np.asarray(cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA), np.uint8)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
         seen = scene.cast_panorama(viewpoint, WIDTH)[2]
-        propagate(scene, window, viewpoint, rgb, charts_seen=seen)
+        propagate_panorama(scene, window, viewpoint, rgb, charts_seen=seen)
         alone = _window(street)
         views.append(view_of(scene, alone, viewpoint, rgb, seen=seen))
         for front, image in zip(fronts, latest, strict=True):

@@ -164,8 +164,8 @@ def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None
 def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | None = None) -> None:
     import numpy as np
 
-    from facade_core.street.propagation.propagate import propagate
-    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.propagate import propagate_panorama
+    from facade_core.street.propagation.render import render_panorama
     from facade_core.street.propagation.texel_buffer import TexelBuffer
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -178,5 +178,5 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
         MaterialFieldTranslator(scene, plan.streets, seed=seed),
     )
     for viewpoint in own[:steps]:
-        panorama = render(scene, window, viewpoint, (width // 2, width))
-        propagate(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)
+        panorama = render_panorama(scene, window, viewpoint, (width // 2, width))
+        propagate_panorama(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)

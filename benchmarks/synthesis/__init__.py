@@ -27,7 +27,7 @@ from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.synthesis import SYNTHESIS_GENERATIONS, evolve_random_tilings, synthesize_on_lattice
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
-from facade_core.parsing.floor_structure import find_structure
+from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.parsing.lattice import lattice
 
 FACADES = ("monge_10", "monge_26", "monge_55", "monge_74", "monge_107")
@@ -165,7 +165,7 @@ def picture(data: Path, path: Path, *, height: int = 170) -> None:
             continue
         image, labels = resized(facade, (500, round(500 * facade.labels.shape[1] / facade.labels.shape[0])))
         scale = exemplar_scale(image, labels)
-        found = find_structure(labels)
+        found = find_floors_and_bays(labels)
         floors = max(2, len(found.floors) - 1 if found else 2)
         size = round(0.85 * image.shape[0]), round(1.5 * image.shape[1])
         metres = size[0] * scale, size[1] * scale

@@ -69,7 +69,7 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
     """Windows in the textured block by the shipped network, by swatches and without texture."""
     from benchmarks.translator import openings
     from benchmarks.translator.scenes import ingolstadt, walk
-    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.render import render_panorama
     from facade_core.street.translator import neural_translator
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -86,7 +86,7 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
         panoramas[name] = []
         for street in own:
             walked = walk(scene, street, translate)
-            rendered = (render(scene, walked.window, viewpoint, (1024, 2048)) for viewpoint in street)
+            rendered = (render_panorama(scene, walked.window, viewpoint, (1024, 2048)) for viewpoint in street)
             # without their points, which are two thirds of them: all are kept
             panoramas[name] += [replace(view, points=np.empty(0)) for view in rendered]
     return openings.measure(scene, views, panoramas)
@@ -97,7 +97,7 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
     from PIL import Image
 
     from benchmarks.translator.scenes import between, ingolstadt, walk
-    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.render import render_panorama
     from facade_core.street.translator import neural_translator
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -111,7 +111,7 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
         lambda panorama, _: network.translate(panorama),
     ):
         walked = walk(scene, street, translate)
-        rows.append(render(scene, walked.window, between(street)[len(street) // 2], (512, 1024)).rgb[80:400])
+        rows.append(render_panorama(scene, walked.window, between(street)[len(street) // 2], (512, 1024)).rgb[80:400])
     options.models.mkdir(parents=True, exist_ok=True)
     path = options.models / "translators.png"
     Image.fromarray(np.concatenate(rows)).save(path)

@@ -10,11 +10,11 @@ import numpy as np
 from benchmarks.street.truth import interval
 from facade_core.core.labels import FacadeClass
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
-from facade_core.geometry.equirectangular import project_to_panorama
+from facade_core.geometry.equirectangular import project_points_to_panorama
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.parsing.segmenter import parse
-from facade_core.street.propagation.render import Panorama
+from facade_core.street.propagation.render import RenderedPanorama
 
 PIXELS_PER_METRE = 16.0
 LEAST_M2, LEAST_WINDOWS = 40.0, 0.04
@@ -23,7 +23,7 @@ DEPTH_M = 0.6
 FACADES = 24
 
 
-def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[Panorama]]) -> dict[str, Any]:
+def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[RenderedPanorama]]) -> dict[str, Any]:
     """IoU of parsed windows with true ones over the facades in view, by kind of panorama; one panorama a viewpoint."""
     scores: dict[str, list[float]] = {name: [] for name in panoramas}
     for plane in _planes(scene):
@@ -65,7 +65,7 @@ def _planes(scene: Scene) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 
 
 def _cut(
-    scene: Scene, own: Sequence[Viewpoint], views: Sequence[Panorama], plane: tuple[np.ndarray, ...]
+    scene: Scene, own: Sequence[Viewpoint], views: Sequence[RenderedPanorama], plane: tuple[np.ndarray, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """A facade as its nearest viewpoint shows it: image (h, w, 3) uint8, true windows (h, w), seen (h, w); None where it is not
     well in view or has no windows."""
@@ -82,7 +82,7 @@ def _cut(
     columns, rows = (np.round(size * PIXELS_PER_METRE)).astype(int)
     x, y = np.meshgrid((np.arange(columns) + 0.5) / PIXELS_PER_METRE, (np.arange(rows) + 0.5) / PIXELS_PER_METRE)
     points = origin + x[..., None] * right + y[..., None] * down
-    place, reach = project_to_panorama(points, camera.position, camera.forward, view.rgb.shape[1])
+    place, reach = project_points_to_panorama(points, camera.position, camera.forward, view.rgb.shape[1])
     u = np.clip(place[..., 0].astype(int), 0, view.rgb.shape[1] - 1)
     v = np.clip(place[..., 1].astype(int), 0, view.rgb.shape[0] - 1)
     # how far behind the plane the surface seen there lies

@@ -14,9 +14,9 @@ from benchmarks.street.truth import interval
 from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.propagation.render import Panorama, render
+from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.training_steps import TrainingRecipe, generator_input, tensor_to_image
+from facade_core.street.translator.training_steps import TrainingRecipe, stack_texture_and_grey, tensor_to_image
 from facade_core.street.translator.translators import MaterialFieldTranslator
 
 # Budget of each row.
@@ -133,10 +133,10 @@ def network(path: Path, course: TrainingRecipe) -> Translate:
     generator.load_state_dict(torch.load(path, weights_only=True))
     generator.eval()
 
-    def translate(panorama: Panorama, bare: Panorama) -> np.ndarray:
+    def translate(panorama: RenderedPanorama, bare: RenderedPanorama) -> np.ndarray:
         grey, partial = image_to_tensor(bare.rgb), image_to_tensor(panorama.rgb if course.conditioned else bare.rgb)
         known = torch.from_numpy(panorama.textured & course.conditioned)[None, None]
-        given = generator_input(partial, grey, known, course)
+        given = stack_texture_and_grey(partial, grey, known, course)
         with torch.no_grad():
             entry = generator.gather_inputs(given, [(0, len(bare.rgb))])
             rgb = tensor_to_image(generator.decode(generator.run_blocks(entry, True, []), True)[0])
@@ -164,7 +164,7 @@ def _scores(
 
 
 def _look(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint) -> np.ndarray:
-    return render(scene, window, viewpoint, (512, 1024)).rgb
+    return render_panorama(scene, window, viewpoint, (512, 1024)).rgb
 
 
 def full_crops(panorama: np.ndarray) -> list[np.ndarray]:
@@ -197,9 +197,9 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
     from facade_core.street.translator.kernel_distance import image_features
-    from tasks.training.translator import TrainingSplit, list_pictures, read_panorama_sets
+    from tasks.training.translator import PanoramaSplitPrefixes, list_pictures, read_panorama_sets
 
-    held_out = read_panorama_sets(list_pictures([data / "panoramas"]), TrainingSplit(PLACES))[1]
+    held_out = read_panorama_sets(list_pictures([data / "panoramas"]), PanoramaSplitPrefixes(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
     return {kind: image_features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
 
@@ -232,7 +232,12 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, 
 
     import tasks.training.composites
     from facade_core.street.translator import training, training_steps
-    from tasks.training.translator import TrainingSplit, list_pictures, read_panorama_sets, render_training_views
+    from tasks.training.translator import (
+        PanoramaSplitPrefixes,
+        list_pictures,
+        read_panorama_sets,
+        render_training_views,
+    )
 
     missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:
@@ -240,7 +245,9 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, 
     blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
     os.environ["STREETLOOM_DATA"] = str(data)  # which the blocks' files name
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
-    learnt, judged, _ = read_panorama_sets(list_pictures(folders), TrainingSplit(("strasbourg_stra_1",), ("toulouse",)))
+    learnt, judged, _ = read_panorama_sets(
+        list_pictures(folders), PanoramaSplitPrefixes(("strasbourg_stra_1",), ("toulouse",))
+    )
     rendered, rendered_judged = render_training_views([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
     domains = training_steps.TrainingDomains(rendered, learnt, rendered_judged, judged)
     seconds = {}

@@ -15,12 +15,12 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
-from facade_core.geometry.equirectangular import project_to_panorama
+from facade_core.geometry.equirectangular import project_points_to_panorama
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, place_viewpoints
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import Panorama, render
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 WIDTH = 512
@@ -29,7 +29,7 @@ STREETS, VIEWPOINTS = 6, 12
 Blending = Literal["no blend", "average", "weighted"]
 BLENDINGS: tuple[Blending, ...] = ("no blend", "average", "weighted")
 # What a translator is given: the panorama as the engine renders it, and the same without any texture.
-Translate = Callable[[Panorama, Panorama], np.ndarray]
+Translate = Callable[[RenderedPanorama, RenderedPanorama], np.ndarray]
 # Metres by which what a viewpoint sees may be off what the one before saw.
 _SAME_M = 0.15
 
@@ -75,15 +75,15 @@ def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, bl
     window, empty = _window(scene, charts), _window(scene, charts)
     total, count = np.zeros((len(window.colour), 3), np.int64), np.zeros(len(window.colour), np.int64)
     differences = []
-    before: tuple[Panorama, np.ndarray] | None = None
+    before: tuple[RenderedPanorama, np.ndarray] | None = None
     for viewpoint in viewpoints:
-        panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
-        rgb = translate(panorama, render(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
+        panorama = render_panorama(scene, window, viewpoint, (WIDTH // 2, WIDTH))
+        rgb = translate(panorama, render_panorama(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
         if blending == "weighted":
-            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
+            propagate_panorama(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
         else:
             latest = _window(scene, charts)
-            propagate(scene, latest, viewpoint, rgb, charts_seen=panorama.chart)
+            propagate_panorama(scene, latest, viewpoint, rgb, charts_seen=panorama.chart)
             taken = np.flatnonzero(latest.provenance)
             total[taken] += latest.colour[taken]
             count[taken] += 1
@@ -110,11 +110,13 @@ def _window(scene: Scene, charts: np.ndarray) -> TexelBuffer:
     return TexelBuffer.allocate(scene.placement, rasters, write, seed, evidence)
 
 
-def _difference(earlier: Panorama, old: np.ndarray, later: Panorama, new: np.ndarray) -> float:
+def _difference(earlier: RenderedPanorama, old: np.ndarray, later: RenderedPanorama, new: np.ndarray) -> float:
     """Mean absolute difference of two panoramas where both see the same place."""
     seen = later.chart >= 0
     points = later.points[seen]
-    place, distance = project_to_panorama(points, earlier.viewpoint.position, earlier.viewpoint.forward, old.shape[1])
+    place, distance = project_points_to_panorama(
+        points, earlier.viewpoint.position, earlier.viewpoint.forward, old.shape[1]
+    )
     column = np.minimum(place[:, 0].astype(int) % old.shape[1], old.shape[1] - 1)
     row = np.clip(place[:, 1].astype(int), 0, old.shape[0] - 1)
     same = (earlier.chart[row, column] == later.chart[seen]) & (np.abs(earlier.depth[row, column] - distance) < _SAME_M)

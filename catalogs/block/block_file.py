@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class BlockFile:
+class BlockFileErrorContext:
     """Block file as the context of errors: turns a problem with a key into a BlockFileError with the file and key."""
 
     path: Path

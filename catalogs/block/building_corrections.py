@@ -11,10 +11,10 @@ import shapely
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction, Corrections
 from catalogs.crs import LONLAT, coordinate_transform
-from catalogs.features import notes_by_reason
+from catalogs.features import format_reason_notes
 from catalogs.readers.vectors.colours import ROOF_MATERIAL_COLOURS, WALL_MATERIAL_COLOURS, Colour, parse_colour
 from catalogs.readers.vectors.roofs import estimate_roof_height
-from facade_core.core.types import Building, Finish, Roof
+from facade_core.core.types import Building, BuildingFinish, Roof
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -29,26 +29,26 @@ MAX_BUILDING_DISTANCE_M = 0.1
 MIN_WALL_HEIGHT_M = 2.0
 
 
-def apply_corrections(block: Block, corrections: Corrections) -> Block:
+def apply_corrections_to_block(block: Block, corrections: Corrections) -> Block:
     """Return the block with corrections applied to its buildings; its digest is stale.
 
     A part of a city has its surroundings corrected too, but keeps only the corrections of its own buildings.
     """
     if not corrections:
         return block
-    matched = corrections.rename_targets(match_by_location(block.buildings, corrections, block.crs))
-    buildings, notes = correct_buildings(block.buildings, matched, block.storey)
+    matched = corrections.rename_targets(match_corrections_by_location(block.buildings, corrections, block.crs))
+    buildings, notes = apply_corrections_to_buildings(block.buildings, matched, block.storey)
     part = block.part
     if part is not None:
-        distant, _ = correct_buildings(part.distant_buildings, matched, block.storey)
+        distant, _ = apply_corrections_to_buildings(part.distant_buildings, matched, block.storey)
         part, matched = (
             replace(part, distant_buildings=distant),
-            select_corrections(matched, part.buildings, block.buildings, block.crs),
+            select_corrections_for_buildings(matched, part.buildings, block.buildings, block.crs),
         )
     return replace(block, buildings=buildings, part=part, corrections=matched, notes=block.notes + notes)
 
 
-def correct_buildings(
+def apply_corrections_to_buildings(
     buildings: Sequence[Building], corrections: Corrections, storey: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
     """Apply corrections to buildings, and note buildings whose corrections do not apply.
@@ -74,7 +74,7 @@ def correct_buildings(
         corrected.append(building)
     reason = "heights or roofs corrected of models, of roofs that are flat, or of what would end below where it begins"
     reason += ", which stay as given"
-    return tuple(corrected), notes_by_reason({reason: skipped})
+    return tuple(corrected), format_reason_notes({reason: skipped})
 
 
 def _correct_building(building: Building, corrections: Corrections, storey: float) -> tuple[Building, bool]:
@@ -120,7 +120,7 @@ def _correct_roof(building: Building, shape: str | None, height: float | None) -
     return Roof(shape, round(height, 2))
 
 
-def _correct_finish(building: Building, corrections: Corrections) -> Finish:
+def _correct_finish(building: Building, corrections: Corrections) -> BuildingFinish:
     """Correct colours and materials; a colour implied by the old material is replaced with it."""
     before, id = building.finish, building.id
     wall_material, wall_colour = _correct_surface(
@@ -156,7 +156,9 @@ def _correct_surface(
     return new_material, usual.get(new_material or "") if is_implied else old_colour
 
 
-def match_by_location(buildings: Sequence[Building], corrections: Corrections, crs: CRS | str) -> dict[str, str]:
+def match_corrections_by_location(
+    buildings: Sequence[Building], corrections: Corrections, crs: CRS | str
+) -> dict[str, str]:
     """Match corrected buildings whose id is gone to the building at their location.
 
     Returns
@@ -172,11 +174,11 @@ def match_by_location(buildings: Sequence[Building], corrections: Corrections, c
     ]
     if not located:
         return {}
-    near = nearest_buildings([correction for _, correction in located], buildings, crs)
+    near = nearest_building_indices([correction for _, correction in located], buildings, crs)
     return {id: buildings[index].id for (id, _), index in zip(located, near, strict=True) if index >= 0}
 
 
-def select_corrections(
+def select_corrections_for_buildings(
     corrections: Corrections, core_ids: Sequence[str], buildings: Sequence[Building], crs: CRS | str
 ) -> Corrections:
     """Select the corrections of a city that belong to `core_ids` or to their facades.
@@ -188,12 +190,14 @@ def select_corrections(
     crs : frame of the buildings.
     """
     core = set(core_ids)
-    owners = correction_owners(corrections, buildings, crs)
+    owners = building_ids_by_correction(corrections, buildings, crs)
     selected = {id: by_kind for id, by_kind in corrections.by_target.items() if owners[id] in core}
     return Corrections(selected, {id: name for id, name in corrections.new_ids.items() if name in selected})
 
 
-def correction_owners(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
+def building_ids_by_correction(
+    corrections: Corrections, buildings: Sequence[Building], crs: CRS | str
+) -> dict[str, str]:
     """Return corrected id -> id of the building that the correction belongs to, empty if none.
 
     The building with that id (or the facade's building) is taken if the correction's location is close to it,
@@ -212,14 +216,14 @@ def correction_owners(corrections: Corrections, buildings: Sequence[Building], c
         index = owner[id]
         if index < 0 or not shapely.dwithin(footprints[index], point, MAX_FACADE_DISTANCE_M):
             distant.append(id)
-    near = nearest_buildings([places[id] for id in distant], buildings, crs)
+    near = nearest_building_indices([places[id] for id in distant], buildings, crs)
     for id, index in zip(distant, near, strict=True):
         if index >= 0:
             owner[id] = index
     return {id: buildings[index].id if index >= 0 else "" for id, index in owner.items()}
 
 
-def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
+def nearest_building_indices(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
     """Return for each correction the index of the building nearest to its location, the first of several, or -1.
 
     Parameters

@@ -135,7 +135,7 @@ class Corrections:
             )
         return Corrections(merged, {**self.new_ids, **known})
 
-    def digest_values(self) -> list[list[object]]:
+    def digest_inputs(self) -> list[list[object]]:
         """Return the values that a result depends on, without author, time and reason."""
         return [
             [id, kind, correction.value, correction.place, correction.width]
@@ -198,7 +198,7 @@ def read_corrections(block: Path) -> Corrections:
     return Corrections({id: entry for id, entry in active.items() if entry})
 
 
-def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
+def append_corrections_to_file(block: Path, corrections: Iterable[Correction]) -> None:
     """Append corrections to the corrections file of a block or its city; either all or none are written.
 
     Raises
@@ -233,7 +233,7 @@ def _append_lines(path: Path, added: str) -> None:
         os.replace(draft, path)
 
 
-def adopt_corrections(city: Path, folder: Path) -> None:
+def migrate_corrections_to_city(city: Path, folder: Path) -> None:
     """Move corrections that an older version wrote per block to the city's file."""
     for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
         _append_lines(corrections_file(city), path.read_text(encoding="utf-8"))

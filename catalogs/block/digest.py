@@ -16,8 +16,8 @@ import shapely
 
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMA_VERSION, SCHEMAS
 from catalogs.file_digest import file_digest
-from catalogs.readers.pictures.folders import picture_and_label_map
-from facade_core.core.types import ModelFiles
+from catalogs.readers.pictures.folders import picture_and_label_paths
+from facade_core.core.types import TrainedModelFiles
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
@@ -34,7 +34,7 @@ def block_digest(block: Block) -> str:
         "failed_limit": None,  # does not change the result, only whether it is made current
         "crs": block.crs.to_string(),
         "texture": replace(block.texture, roof_material=None, materials=None),
-        "exemplars": [(path.stem, *map(file_digest, picture_and_label_map(path))) for path in block.exemplars],
+        "exemplars": [(path.stem, *map(file_digest, picture_and_label_paths(path))) for path in block.exemplars],
         "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
         "panoramas": [
             (one.id, one.path.name, one.pose, file_digest(one.path), *([one.captured] if one.captured else ()))
@@ -50,15 +50,15 @@ def block_digest(block: Block) -> str:
     del values["corrections"]  # the same without corrections
     del values["models"]  # the same with shipped models
     if block.models.files:
-        values["models"] = model_digests(block.models)
+        values["models"] = model_file_digests(block.models)
     if block.corrections:
-        values["corrections"] = block.corrections.digest_values()
+        values["corrections"] = block.corrections.digest_inputs()
     return _value_digest(values)
 
 
-def model_digests(models: ModelFiles) -> list[list[str]]:
+def model_file_digests(models: TrainedModelFiles) -> list[list[str]]:
     """Return for each model that a block names: its name and the digests of its files."""
-    single = {"parser": ModelFiles(parser=models.parser), "layout": ModelFiles(layout=models.layout)}
+    single = {"parser": TrainedModelFiles(parser=models.parser), "layout": TrainedModelFiles(layout=models.layout)}
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
 
@@ -73,7 +73,7 @@ PLAN_SETTINGS = (
 )
 
 
-def geometry_digest(block: Block) -> str:
+def plan_input_digest(block: Block) -> str:
     """Compute the sha256 of the inputs of a block's plan: geometry and settings, without panoramas."""
     texture, aerial = block.texture, block.aerial
     return _value_digest(

@@ -27,7 +27,7 @@ _CLASSES = {schema.tag: cls for cls, schema in SCHEMAS.items()}
 EXTRACT_FORMAT = 2
 
 
-def write_extract(path: Path, values: Mapping[str, object]) -> None:
+def write_city_part_file(path: Path, values: Mapping[str, object]) -> None:
     """Write the file of a part of a city atomically; an identical file is not rewritten."""
     blob = bytearray()
     text = json.dumps(
@@ -44,7 +44,7 @@ def write_extract(path: Path, values: Mapping[str, object]) -> None:
     os.replace(temporary, path)
 
 
-def read_extract(path: Path) -> dict[str, object]:
+def read_city_part_file(path: Path) -> dict[str, object]:
     """Read the file of a part of a city.
 
     Raises

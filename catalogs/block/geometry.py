@@ -11,28 +11,28 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
-from catalogs.block.block_file import BlockFile
-from catalogs.block.ground import block_ground
-from catalogs.block.keys import BlockKeys
-from catalogs.block.likely_shops import likely_shops
-from catalogs.block.streets import block_streets, clip_centrelines
+from catalogs.block.block_file import BlockFileErrorContext
+from catalogs.block.ground import build_block_ground
+from catalogs.block.keys import BlockFileSettings
+from catalogs.block.likely_shops import likely_shop_positions
+from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.crs import (
-    area_polygon,
     check_block_crs,
     choose_block_crs,
     coordinate_transform,
     note_outside_area_of_use,
     parse_crs,
     parse_metric_crs,
+    project_lonlat_box,
 )
-from catalogs.features import Centrelines, Fault, ids_by_reason, notes_by_reason
-from catalogs.readers.formats import read_buildings, read_centrelines, read_ground
-from catalogs.readers.vectors.points_of_interest import read_points_of_interest
+from catalogs.features import CentrelinesAndGround, Fault, feature_ids_by_reason, format_reason_notes
+from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
+from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import BlockFileError
-from facade_core.core.types import Building, Ground, Street
+from facade_core.core.types import Building, MappedGround, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -66,7 +66,7 @@ class BlockGeometry:
     crs: CRS
     buildings: BlockBuildings
     streets: tuple[Street, ...]
-    ground: Ground
+    ground: MappedGround
     extent: Bounds
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
@@ -82,7 +82,7 @@ class _BlockArea(NamedTuple):
     extent: Bounds
 
 
-def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockGeometry:
+def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> BlockGeometry:
     """Read the buildings, streets and ground that a block file names.
 
     Parameters
@@ -108,22 +108,24 @@ def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockG
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
         raise _empty_error("buildings", keys, files, bounds, built.faults, file)
-    extent = buildings_extent(built.items)
+    extent = buildings_extent_with_margin(built.items)
     shops, entrances = _shops_and_entrances(files, frame, extent)
     around = shapely.box(*extent) if area is None else area.buffer(GROUND_MARGIN_M, join_style="mitre")
     lying = _read_ground_sources(keys, files, sources, file)
     if centrelines is None:
-        ground = file.call_reader("ground.path", block_ground, lying, frame, around, area)
+        ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
         return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
-    ground = file.call_reader("streets.path", block_ground, [centrelines, *lying], frame, around, area)
+    ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
-        shops += tuple(likely_shops(built.items, ground.ways, shops))
+        shops += tuple(likely_shop_positions(built.items, ground.ways, shops))
     streets, cut, broken = _read_streets(keys, files, centrelines, _BlockArea(frame, area, extent), file)
     faults = (*built.faults, *broken)
     return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
 
-def _read_building_sources(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> list[BuildingSource]:
+def _read_building_sources(
+    keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext
+) -> list[BuildingSource]:
     """Read each building file, with the frame and offset that the block file states."""
     sources: list[BuildingSource] = []
     for path in files["buildings.path"]:
@@ -141,8 +143,8 @@ def _read_building_sources(keys: BlockKeys, files: NamedFiles, file: BlockFile) 
 
 
 def _read_centrelines(
-    keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile
-) -> Centrelines:
+    keys: BlockFileSettings, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFileErrorContext
+) -> CentrelinesAndGround:
     assert keys.streets is not None
     source = file.call_reader("streets.path", read_centrelines, files["streets.path"][0])
     faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
@@ -154,12 +156,12 @@ def _read_centrelines(
 
 
 def _read_ground_sources(
-    keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile
-) -> list[Centrelines]:
+    keys: BlockFileSettings, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFileErrorContext
+) -> list[CentrelinesAndGround]:
     """Read each ground file, with the frame that the block file states."""
     if keys.ground is None:
         return []
-    found = [file.call_reader("ground.path", read_ground, path) for path in files["ground.path"]]
+    found = [file.call_reader("ground.path", read_ground_features, path) for path in files["ground.path"]]
     placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
     for one in placed:
         file.call_reader("ground.crs", parse_crs, one.crs)
@@ -167,7 +169,7 @@ def _read_ground_sources(
 
 
 def _choose_frame(
-    keys: BlockKeys, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFile
+    keys: BlockFileSettings, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFileErrorContext
 ) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
     """Return the metric frame, the area in it, and notes about the choice."""
     west, south, east, north = keys.area or bounds or (0.0, 0.0, 0.0, 0.0)
@@ -182,7 +184,7 @@ def _choose_frame(
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
         notes = _frame_notes(frame, keys.buildings.crs)
     notes += note_outside_area_of_use(frame, *middle)
-    return frame, area_polygon(keys.area, frame) if keys.area else None, notes
+    return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
 
 
 def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
@@ -199,17 +201,17 @@ def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
 
 
 def _read_streets(
-    keys: BlockKeys,
+    keys: BlockFileSettings,
     files: NamedFiles,
-    centrelines: Centrelines,
+    centrelines: CentrelinesAndGround,
     place: _BlockArea,
-    file: BlockFile,
+    file: BlockFileErrorContext,
 ) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
     """Return the streets, notes about remarks and cut-off streets, and broken streets."""
     frame, area, extent = place
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
     near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
-    streets, faults = block_streets(near, frame, area=area)
+    streets, faults = build_block_streets(near, frame, area=area)
     if not streets and not cut:
         raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
     if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
@@ -220,9 +222,9 @@ def _read_streets(
             "check streets.crs, or leave streets out",
         )
     known = {piece.id for piece in near.items}
-    reasons = ids_by_reason(remark for remark in near.remarks if remark.id in known)
+    reasons = feature_ids_by_reason(remark for remark in near.remarks if remark.id in known)
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
-    return streets, notes_by_reason(reasons), faults
+    return streets, format_reason_notes(reasons), faults
 
 
 def _shops_and_entrances(
@@ -230,7 +232,7 @@ def _shops_and_entrances(
 ) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
     """Return mapped shops and entrances as (x, y) in the frame; shops are None if no source is a map."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
-    found = [places for places in map(read_points_of_interest, maps) if places is not None]
+    found = [places for places in map(read_shops_and_entrances, maps) if places is not None]
     if not found:
         return None, ()
 
@@ -242,14 +244,19 @@ def _shops_and_entrances(
     return select_within_extent([one.shops for one in found]), select_within_extent([one.entrances for one in found])
 
 
-def _lonlat_bounds(centrelines: Centrelines) -> Bounds | None:
+def _lonlat_bounds(centrelines: CentrelinesAndGround) -> Bounds | None:
     assert centrelines.crs is not None
     places = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
-    return places.lonlat_bounds(places.is_located) if places.is_located.any() else None
+    return places.lonlat_bounds(places.location_mask) if places.location_mask.any() else None
 
 
 def _empty_error(
-    key: str, keys: BlockKeys, files: NamedFiles, bounds: Bounds | None, faults: Sequence[Fault], file: BlockFile
+    key: str,
+    keys: BlockFileSettings,
+    files: NamedFiles,
+    bounds: Bounds | None,
+    faults: Sequence[Fault],
+    file: BlockFileErrorContext,
 ) -> BlockFileError:
     """Return the error for a block without usable buildings or streets."""
     path = ", ".join(map(str, files[f"{key}.path"]))
@@ -274,7 +281,9 @@ def _name_file_in_fault(fault: Fault, path: Path) -> Fault:
     return fault if path.name in fault.reason else replace(fault, reason=f"{path.name}: {fault.reason}")
 
 
-def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile) -> Centrelines:
+def _select_named_streets(
+    source: CentrelinesAndGround, names: list[str], file: BlockFileErrorContext
+) -> CentrelinesAndGround:
     known = sorted({piece.name for piece in source.items if piece.name})
     for name in names:
         if name not in known:
@@ -284,7 +293,7 @@ def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile
     return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
 
 
-def buildings_extent(buildings: Iterable[Building]) -> Bounds:
+def buildings_extent_with_margin(buildings: Iterable[Building]) -> Bounds:
     """Return (xmin, ymin, xmax, ymax) of the buildings, widened by SURROUNDINGS_MARGIN_M on each side."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
     return (

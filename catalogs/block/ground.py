@@ -12,10 +12,10 @@ import shapely
 from shapely import LineString
 
 from catalogs.crs import coordinate_transform
-from catalogs.features import Centrelines, natural_sort_key
+from catalogs.features import CentrelinesAndGround, natural_sort_key
 from catalogs.readers.vectors.lengths import parse_length
 from facade_core.core.arrays import ObjectArray
-from facade_core.core.types import Area, Ground, Way
+from facade_core.core.types import GroundArea, GroundWay, MappedGround
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -91,7 +91,9 @@ MAX_CROSSING_REACH_M = 15.0
 MAX_CROSSING_OFFSET_M = 1.0
 
 
-def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
+def build_block_ground(
+    sources: Sequence[CentrelinesAndGround], crs: CRS, around: Polygon, outline: Polygon | None
+) -> MappedGround:
     """Build a block's ways and areas of the ground within a polygon from map features.
 
     Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a
@@ -104,9 +106,9 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
     around : polygon in `crs` that features are clipped to.
     outline : where the block ends, None if unknown.
     """
-    ways: list[Way] = []
+    ways: list[GroundWay] = []
     street: dict[str, str] = {}
-    areas: list[Area] = []
+    areas: list[GroundArea] = []
     nodes: list[tuple[str, shapely.Point]] = []
     placed = [pair for source in sources for pair in zip(source.ground, _project_features(source, crs), strict=True)]
     placed.sort(key=lambda pair: (natural_sort_key(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
@@ -125,12 +127,12 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
         if geometry.geom_type == "Point":
             if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
                 nodes.append((id, geometry))
-        elif (surface := area_surface(geometry, tags)) is not None:
+        elif (surface := ground_surface_class(geometry, tags)) is not None:
             outlined = geometry if "Polygon" in geometry.geom_type else shapely.Polygon(geometry.coords)
             inside = shapely.intersection(shapely.make_valid(outlined), around)
             parts = [part for part in shapely.get_parts(inside) if part.geom_type == "Polygon" and part.area > 0]
             if parts:
-                areas.append(Area(id, shapely.multipolygons(parts), surface))
+                areas.append(GroundArea(id, shapely.multipolygons(parts), surface))
         elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
             for line in shapely.get_parts(shapely.intersection(geometry, around)):
                 if line.geom_type == "LineString" and line.length > 0:
@@ -139,28 +141,28 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
     ways = _equalise_widths(ways, street)
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
-    return Ground(tuple(ways), tuple(areas), outline)
+    return MappedGround(tuple(ways), tuple(areas), outline)
 
 
-def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
+def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[GroundWay]:
     """Build the ways of a line from its tags: road with cycle tracks, path, tram or crossing."""
     if tags.get("railway") in ("tram", "light_rail"):
         gauge = _length_tag(tags, "gauge", 1435.0) or 1435.0
-        return [Way(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
+        return [GroundWay(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
     stated = tags.get("highway", "" if "railway" not in tags else "none")
     name = stated.removesuffix("_link")
     if name == "footway" and tags.get("footway") == "crossing":
-        return [Way(id, line, "crossing", 3.0, "asphalt")] if _is_marked(tags) else []
+        return [GroundWay(id, line, "crossing", 3.0, "asphalt")] if _is_marked(tags) else []
     if name == "footway" and tags.get("footway") == "sidewalk":
         return []  # part of its road's pavement
     if name in PATH_CLASSES:
         kind, wide, made = PATH_CLASSES[name]
         width = _length_tag(tags, "width", MAX_ROAD_WIDTH_M)
-        return [Way(id, line, kind, width or wide, _surface_from_tags(tags, made), width is None)]
+        return [GroundWay(id, line, kind, width or wide, _surface_from_tags(tags, made), width is None)]
     return _road_ways(id, line, name, tags) if name in ROAD_CLASSES else []
 
 
-def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list[Way]:
+def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list[GroundWay]:
     lane, usual, rank = ROAD_CLASSES[name]
     oneway = tags.get("oneway") in ("yes", "true", "True", "1", "-1")
     lanes = _parse_lane_count(tags.get("lanes", ""))
@@ -176,7 +178,7 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
         marked = 0
     pavement = tuple(_pavement_width(tags, side, name) for side in ("left", "right"))
     surface = _surface_from_tags(tags, "asphalt")
-    road = Way(
+    road = GroundWay(
         id, line, "road", round(width, 2), surface, stated is None and not lanes, marked or 0, oneway,
         (pavement[0], pavement[1]), parking, rank,
     )  # fmt: skip
@@ -188,11 +190,11 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
             )
             for index, part in enumerate(shapely.get_parts(beside)):
                 if part.length > 0:
-                    tracks.append(Way(f"{id}-{name_of}-{index}", part, "cycle", CYCLE_TRACK_WIDTH_M, "track"))
+                    tracks.append(GroundWay(f"{id}-{name_of}-{index}", part, "cycle", CYCLE_TRACK_WIDTH_M, "track"))
     return [road, *tracks]
 
 
-def area_surface(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
+def ground_surface_class(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
     """Return the surface class of a closed outline, such as "grass"; None if it is no area of ground."""
     closed = "Polygon" in geometry.geom_type or (
         geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
@@ -210,7 +212,7 @@ def area_surface(geometry: BaseGeometry, tags: Mapping[str, str]) -> str | None:
     return None
 
 
-def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
+def _equalise_widths(ways: Sequence[GroundWay], street: Mapping[str, str]) -> list[GroundWay]:
     """Give roads of one name and class their most common width, so that kerbs run on.
 
     Tags such as parking change from piece to piece.
@@ -233,7 +235,7 @@ def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way
     ]
 
 
-def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
+def _node_crossing(id: str, node: shapely.Point, roads: Sequence[GroundWay]) -> GroundWay | None:
     """Return a crossing that is mapped as a node, as a line across its road."""
     if not roads:
         return None
@@ -250,10 +252,10 @@ def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | 
     reach = min(1.0, (max(way.width for way in roads if way.line is line) / 2 + 0.5) / MAX_CROSSING_REACH_M)
     east, north = float(east * reach), float(north * reach)
     across = LineString([(node.x - north, node.y + east), (node.x + north, node.y - east)])
-    return Way(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
+    return GroundWay(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
 
 
-def _project_features(source: Centrelines, crs: CRS) -> ObjectArray:
+def _project_features(source: CentrelinesAndGround, crs: CRS) -> ObjectArray:
     stated = np.empty(len(source.ground), dtype=object)
     stated[:] = [feature.geometry for feature in source.ground]
     flat: ObjectArray = shapely.force_2d(stated)

@@ -43,7 +43,7 @@ def _int_range(low: int, high: int) -> FieldInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class MaterialSettings:
+class MaterialPictureSettings:
     """File of a material's picture, seen straight on, and its metres per pixel."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
@@ -79,7 +79,7 @@ class TextureSettings:
     translator: Literal["exemplar", "neural"] = "exemplar"
     panorama_width: Annotated[int, _int_range(64, 8192), AfterValidator(_check_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
-    roof_material: MaterialSettings | None = None
+    roof_material: MaterialPictureSettings | None = None
     materials: Annotated[str, Field(min_length=1)] | None = None
     sun: SunSettings | None = None
 
@@ -88,19 +88,19 @@ class _Keys(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class PathKeys(_Keys):
+class PathSection(_Keys):
     """Section of a block file that holds only a path."""
 
     path: Annotated[str, Field(min_length=1)]
 
 
-class PartKeys(PathKeys):
+class PartSection(PathSection):
     """Section `part`: the file of a part of a city, and the city's file."""
 
     city: Annotated[str, Field(min_length=1)] | None = None
 
 
-class BuildingKeys(_Keys):
+class BuildingsSection(_Keys):
     """Section `buildings`: files, CRS, offset and level of detail."""
 
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
@@ -109,7 +109,7 @@ class BuildingKeys(_Keys):
     lod: str | None = None
 
 
-class StreetKeys(_Keys):
+class StreetsSection(_Keys):
     """Section `streets`: file, CRS and names of the streets to keep."""
 
     path: Annotated[str, Field(min_length=1)]
@@ -117,45 +117,45 @@ class StreetKeys(_Keys):
     names: Annotated[list[str], Field(min_length=1)] | None = None
 
 
-class GroundKeys(_Keys):
+class GroundSection(_Keys):
     """Section `ground`: files of ground features and their CRS."""
 
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
 
 
-class PanoramaKeys(_Keys):
+class PanoramasSection(_Keys):
     """Section `imagery.panoramas`: folder and poses file."""
 
     path: Annotated[str, Field(min_length=1)]
     poses: str | None = None
 
 
-class AerialKeys(_Keys):
+class AerialSection(_Keys):
     """Section `imagery.aerial`: orthophoto and its CRS."""
 
     path: Annotated[str, Field(min_length=1)]
     crs: str | None = None
 
 
-class PhotoKeys(_Keys):
+class PhotosSection(_Keys):
     """Section `imagery.photos`: folder, and whether its photos are rectified."""
 
     path: Annotated[str, Field(min_length=1)]
     rectified: bool = True
 
 
-class ImageryKeys(_Keys):
+class ImagerySection(_Keys):
     """Section `imagery`: exemplars, panoramas, photos, orthophoto and the treatment of people and vehicles."""
 
-    exemplars: PathKeys | None = None
-    panoramas: PanoramaKeys | None = None
-    photos: PhotoKeys | None = None
-    aerial: AerialKeys | None = None
+    exemplars: PathSection | None = None
+    panoramas: PanoramasSection | None = None
+    photos: PhotosSection | None = None
+    aerial: AerialSection | None = None
     privacy: Privacy = "blur"
 
 
-class ModelKeys(_Keys):
+class ModelsSection(_Keys):
     """Section `models`: model files that replace the shipped parser and layout model."""
 
     parser: Annotated[str, Field(min_length=1)] | None = None
@@ -166,27 +166,27 @@ class ModelKeys(_Keys):
 MAX_NAME_LENGTH = 80
 
 
-class BlockKeys(_Keys):
+class BlockFileSettings(_Keys):
     """Validated content of a block file, before any file that it names is opened."""
 
     name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}$")]
     crs: str | None = None
     area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_check_area)] | None = None
-    buildings: BuildingKeys
-    streets: StreetKeys | None = None
-    ground: GroundKeys | None = None
-    terrain: PathKeys | None = None
-    imagery: ImageryKeys = ImageryKeys()
+    buildings: BuildingsSection
+    streets: StreetsSection | None = None
+    ground: GroundSection | None = None
+    terrain: PathSection | None = None
+    imagery: ImagerySection = ImagerySection()
     texture: TextureSettings = TextureSettings()
-    models: ModelKeys = ModelKeys()
+    models: ModelsSection = ModelsSection()
     storey: Annotated[float, _float_range(2, 8)] = 3.2
     geoid_separation: Annotated[float, _float_range(-120, 120)] | None = None
     failed_limit: Annotated[float, _float_range(0, 1)] = 0.2
-    part: PartKeys | None = None
+    part: PartSection | None = None
     seed: Annotated[int, _int_range(0, 2**32 - 1)] = 0
 
 
-def value_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
+def value_ranges(model: type = BlockFileSettings, prefix: str = "") -> dict[str, str]:
     """Return every dotted key with its range ("1 to 100"), or "" if it has none."""
     found: dict[str, str] = {}
     for name, hint in get_type_hints(model, include_extras=True).items():
@@ -199,7 +199,7 @@ def value_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
     return found
 
 
-def check_keys(values: object) -> BlockKeys:
+def validate_block_settings(values: object) -> BlockFileSettings:
     """Validate the content of a block file, and return its settings.
 
     Raises
@@ -209,7 +209,7 @@ def check_keys(values: object) -> BlockKeys:
     if not isinstance(values, Mapping):
         raise ValueError("holds no keys; write at least name and buildings")
     try:
-        return BlockKeys.model_validate(values)
+        return BlockFileSettings.model_validate(values)
     except ValidationError as error:
         # A mistyped key is also reported as a missing one: the unknown key comes first.
         faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN_KEY_TYPES)
@@ -232,7 +232,7 @@ _EXPECTED_BY_TYPE = {
 
 def _format_fault(fault: ErrorDetails) -> str:
     kind, value = fault["type"], fault["input"]
-    key = str(fault["loc"][-1]) if kind == "invalid_key" else key_path(fault["loc"])
+    key = str(fault["loc"][-1]) if kind == "invalid_key" else format_dotted_key(fault["loc"])
     if kind in _UNKNOWN_KEY_TYPES and key in CITY_KEYS:
         return f"{key}: is a key of a city, and this is to be one block; run it with `streetloom city`"
     if kind in _UNKNOWN_KEY_TYPES:
@@ -275,7 +275,7 @@ def _range_text(key: str) -> str:
     return value_ranges().get(key) or "up to 100 000 km either way"
 
 
-def key_path(loc: Sequence[str | int]) -> str:
+def format_dotted_key(loc: Sequence[str | int]) -> str:
     """Format the location of a fault as a dotted key: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
     end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic appends the tried alternative, text or list
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))

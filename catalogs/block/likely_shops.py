@@ -8,7 +8,7 @@ from hashlib import blake2b
 import numpy as np
 import shapely
 
-from facade_core.core.types import Building, Way
+from facade_core.core.types import Building, GroundWay
 
 # Rank of a road (tertiary, secondary, primary) -> share of its buildings with a shop.
 SHOP_SHARE_BY_RANK = {5: 0.2, 6: 0.3, 7: 0.35}
@@ -22,8 +22,8 @@ MAX_SHOP_DISTANCE_M = 15.0
 FRONT_TOLERANCE_M = 3.0
 
 
-def likely_shops(
-    buildings: Sequence[Building], ways: Sequence[Way], places: Sequence[tuple[float, float]]
+def likely_shop_positions(
+    buildings: Sequence[Building], ways: Sequence[GroundWay], places: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
     """Return the (x, y) of shops on the fronts of buildings that are likely to have one.
 
@@ -63,7 +63,7 @@ def likely_shops(
     return found
 
 
-def _front_midpoint(building: Building, way: Way) -> tuple[float, float] | None:
+def _front_midpoint(building: Building, way: GroundWay) -> tuple[float, float] | None:
     """Return the middle of a building's front on a road, or None if the building is set back."""
     rings = [np.asarray(part.exterior.coords)[:, :2] for part in shapely.get_parts(building.footprint).tolist()]
     ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])

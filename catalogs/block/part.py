@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 
 from catalogs.block.likely_shops import MAX_SHOP_DISTANCE_M
-from catalogs.block.segments import segment_streets
-from catalogs.features import file_stem
-from facade_core.core.types import Building, Ground, Shell, Street
+from catalogs.block.segments import split_streets_at_junctions
+from catalogs.features import safe_file_stem
+from facade_core.core.types import Building, BuildingShell, MappedGround, Street
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,7 +49,7 @@ class CityPart:
 
 
 @dataclass(frozen=True)
-class PartSelection:
+class CityPartIds:
     """Ids of a city's buildings and street segments that belong to one block.
 
     Attributes
@@ -78,7 +78,7 @@ class CityIndex:
 
     def __init__(self, block: Block) -> None:
         self.block = block
-        self.segments = segment_streets(block.streets)
+        self.segments = split_streets_at_junctions(block.streets)
         self.front_streets = nearest_street_names(block.buildings, self.segments)
         self.shop_flags = _shop_flags(block.buildings, block.shops)
         self._building = {building.id: index for index, building in enumerate(block.buildings)}
@@ -92,7 +92,7 @@ class CityIndex:
         self._ways = shapely.STRtree([way.line for way in block.ground.ways])
         self._areas = shapely.STRtree([area.outline for area in block.ground.areas])
 
-    def extract_part(self, selection: PartSelection) -> Block:
+    def extract_part(self, selection: CityPartIds) -> Block:
         """Build the block of one part of the city."""
         block = self.block
         own = sorted(self._building[one] for one in selection.buildings)
@@ -113,7 +113,7 @@ class CityIndex:
         ).buffer(PART_GROUND_MARGIN_M, join_style="mitre")
         near = shapely.union_all([one.footprint for one in mine]).buffer(MAX_PICTURE_DISTANCE_M)
         pictured = np.sort(self._panoramas.query(near, predicate="covers"))
-        names = {name for one in mine for name in (one.id, file_stem(one.id))}
+        names = {name for one in mine for name in (one.id, safe_file_stem(one.id))}
         beside = shapely.union_all([one.footprint for one in mine]).buffer(MAX_ENTRANCE_DISTANCE_M)
         entrances = np.sort(self._entrances.query(beside, predicate="covers"))
         photos = {facade for name in names for facade in self._photos.get(name, ())}
@@ -133,7 +133,7 @@ class CityIndex:
             part=part,
         )
 
-    def _ground_around(self, around: shapely.Polygon) -> Ground:
+    def _ground_around(self, around: shapely.Polygon) -> MappedGround:
         ground = self.block.ground
         ways, areas = (np.sort(tree.query(around, predicate="intersects")) for tree in (self._ways, self._areas))
         return replace(
@@ -153,7 +153,7 @@ def _select_textures(
     if len(used) == len(textures):
         return list(buildings), textures
 
-    def renumber_textures(shell: Shell) -> Shell:
+    def renumber_textures(shell: BuildingShell) -> BuildingShell:
         found = np.where(shell.texture < 0, shell.texture, np.searchsorted(used, shell.texture))
         return replace(shell, texture=found.astype(shell.texture.dtype))
 

@@ -9,13 +9,13 @@ import stat
 from itertools import islice
 from pathlib import Path
 
-from catalogs.block.keys import BlockKeys
+from catalogs.block.keys import BlockFileSettings
 
 # Keys that name a folder of pictures; other keys name a file.
 FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
 
-def resolve_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
+def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path, ...]]:
     """Return dotted key -> existing paths, relative to the block file.
 
     `${NAME}` in a path is replaced with the environment variable.
@@ -60,7 +60,7 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        close = suggest_name(path)
+        close = suggest_similar_file_name(path)
         remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # name too long, cyclic links, no permission
@@ -81,7 +81,7 @@ def shorten_path(path: Path, limit: int = 240) -> str:
     return text if len(text) <= limit else f"...{text[-limit:]}"
 
 
-def suggest_name(path: Path) -> str | None:
+def suggest_similar_file_name(path: Path) -> str | None:
     """Return the most similar name in the folder of a missing file; compares 1000 files at most."""
     try:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]

@@ -9,28 +9,36 @@ from typing import TYPE_CHECKING, TypedDict, cast
 
 import shapely
 
-from catalogs.block.block_file import BlockFile
-from catalogs.block.building_corrections import apply_corrections
+from catalogs.block.block_file import BlockFileErrorContext
+from catalogs.block.building_corrections import apply_corrections_to_block
 from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from catalogs.block.digest import block_digest
-from catalogs.block.geometry import NamedFiles, buildings_extent, read_geometry
-from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
+from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
+from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
 from catalogs.block.part import CityPart
 from catalogs.block.paths import resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
-from catalogs.features import Fault, ids_by_reason, notes_by_reason
+from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from catalogs.readers.pictures.materials import MaterialPicture, read_material_pictures
 from facade_core.core.errors import BlockFileError
-from facade_core.core.types import SHIPPED_MODELS, Building, Elevation, Ground, ModelFiles, Privacy, Street
+from facade_core.core.types import (
+    SHIPPED_MODELS,
+    Building,
+    ElevationRaster,
+    MappedGround,
+    Privacy,
+    Street,
+    TrainedModelFiles,
+)
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-    from catalogs.readers.pictures.aerial import Aerial
+    from catalogs.readers.pictures.aerial import Orthophoto
     from catalogs.readers.pictures.panoramas import PosedPanorama
 
 __all__ = ["Block", "TextureSettings", "read_block"]
@@ -71,15 +79,15 @@ class Block:
     streets: tuple[Street, ...]
     shops: tuple[tuple[float, float], ...] | None
     entrances: tuple[tuple[float, float], ...]
-    ground: Ground
-    terrain: Elevation | None
+    ground: MappedGround
+    terrain: ElevationRaster | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
     photos_rectified: bool
     privacy: Privacy
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
-    aerial: Aerial | None
+    aerial: Orthophoto | None
     roof_material: Material | None
     materials: tuple[MaterialPicture, ...]
     texture: TextureSettings
@@ -92,7 +100,7 @@ class Block:
     digest: str
     corrections: Corrections = NO_CORRECTIONS
     part: CityPart | None = None
-    models: ModelFiles = SHIPPED_MODELS
+    models: TrainedModelFiles = SHIPPED_MODELS
 
 
 class _BlockSettings(TypedDict):
@@ -108,7 +116,7 @@ class _BlockSettings(TypedDict):
     geoid_separation: float | None
     failed_limit: float
     seed: int
-    models: ModelFiles
+    models: TrainedModelFiles
 
 
 class _PartContents(TypedDict):
@@ -117,12 +125,12 @@ class _PartContents(TypedDict):
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
     entrances: tuple[tuple[float, float], ...]
-    ground: Ground
+    ground: MappedGround
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
-    aerial: Aerial | None
+    aerial: Orthophoto | None
     faults: tuple[Fault, ...]
     part: CityPart | None
 
@@ -136,17 +144,17 @@ def read_block(path: Path | str) -> Block:
     ------
     BlockFileError : one line with the block file, the key, the file concerned and the remedy.
     """
-    file = BlockFile(Path(path))
+    file = BlockFileErrorContext(Path(path))
     try:
-        keys = check_keys(read_yaml(file.path))
+        keys = validate_block_settings(read_yaml(file.path))
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     block = build_block(keys, file)
     corrections = file.call_reader("corrections", read_corrections, file.path)
-    return set_digest(apply_corrections(block, corrections), file)
+    return set_digest(apply_corrections_to_block(block, corrections), file)
 
 
-def build_block(keys: BlockKeys, file: BlockFile) -> Block:
+def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     """Build a block from checked keys, without corrections and digest.
 
     Raises
@@ -179,7 +187,7 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
             "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
         )
         panoramas, broken_panoramas = found.items, found.faults
-        far = notes_by_reason(ids_by_reason(found.remarks))
+        far = format_reason_notes(feature_ids_by_reason(found.remarks))
     return Block(
         crs=frame,
         buildings=built.items,
@@ -200,20 +208,20 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
     )
 
 
-def part_values(part: Block, whole: Block) -> dict[str, object]:
+def city_part_file_values(part: Block, whole: Block) -> dict[str, object]:
     """Return the values that the file of a part of a city holds (see `catalogs.block.extract`)."""
     return {
         "crs": part.crs.to_string(),
-        "extent": buildings_extent(whole.buildings),
+        "extent": buildings_extent_with_margin(whole.buildings),
         **{name: getattr(part, attribute) for name, attribute in PART_FIELDS},
     }
 
 
-def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
+def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> Block:
     """Read the part of a city that a block file names, with the settings of the block file."""
-    from catalogs.block.extract import read_extract
+    from catalogs.block.extract import read_city_part_file
 
-    values = file.call_reader("part.path", read_extract, files["part.path"][0])
+    values = file.call_reader("part.path", read_city_part_file, files["part.path"][0])
     # write_extract stored what part_values gave, and read_extract restores the types
     frame = file.call_reader("part.path", parse_crs, cast(str, values["crs"]))
     terrain = _read_terrain(files, frame, cast(Bounds, values["extent"]), file)
@@ -229,7 +237,7 @@ def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
     )
 
 
-def _read_settings(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> _BlockSettings:
+def _read_settings(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> _BlockSettings:
     """Return the attributes of a block that its file states, whether it is a part of a city or not."""
     return {
         "name": keys.name,
@@ -246,14 +254,14 @@ def _read_settings(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> _Bloc
     }
 
 
-def _flat_terrain_notes(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
+def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster | None) -> tuple[str, ...]:
     """Return a note if no source states the height of the ground."""
     if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
         return ()
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
-def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFile) -> Elevation | None:
+def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFileErrorContext) -> ElevationRaster | None:
     if "terrain.path" not in files:
         return None
     from catalogs.readers.pictures.elevation import read_elevation
@@ -261,23 +269,23 @@ def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFile
     return file.call_reader("terrain.path", read_elevation, files["terrain.path"][0], frame, extent)
 
 
-def _read_materials(files: NamedFiles, file: BlockFile) -> tuple[MaterialPicture, ...]:
+def _read_materials(files: NamedFiles, file: BlockFileErrorContext) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
     return file.call_reader("texture.materials", read_material_pictures, found[0]) if found else ()
 
 
-def _model_files(files: NamedFiles) -> ModelFiles:
+def _model_files(files: NamedFiles) -> TrainedModelFiles:
     parser, layout = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
-    return ModelFiles(parser and parser.absolute(), layout and layout.absolute())
+    return TrainedModelFiles(parser and parser.absolute(), layout and layout.absolute())
 
 
-def set_digest(block: Block, file: BlockFile) -> Block:
+def set_digest(block: Block, file: BlockFileErrorContext) -> Block:
     """Return a copy of the block with its computed digest."""
     return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 
 def _read_pictures(
-    keys: BlockKeys, files: NamedFiles, file: BlockFile
+    keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext
 ) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
     exemplars: tuple[Path, ...] = ()
     photos: dict[str, Path] = {}
@@ -298,20 +306,20 @@ def _read_pictures(
 
 
 def _read_aerial(
-    keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile
-) -> Aerial | None:
+    keys: BlockFileSettings, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFileErrorContext
+) -> Orthophoto | None:
     if keys.imagery.aerial is None:
         return None
-    from catalogs.readers.pictures.aerial import read_aerial
+    from catalogs.readers.pictures.aerial import open_orthophoto
 
     crs = keys.imagery.aerial.crs
     if crs is not None:
         file.call_reader("imagery.aerial.crs", parse_crs, crs)
     places = shapely.get_coordinates([building.footprint for building in buildings])
-    return file.call_reader("imagery.aerial.path", read_aerial, files["imagery.aerial.path"][0], crs, frame, places)
+    return file.call_reader("imagery.aerial.path", open_orthophoto, files["imagery.aerial.path"][0], crs, frame, places)
 
 
-def _find_roof_material(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Material | None:
+def _find_roof_material(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> Material | None:
     if keys.texture.roof_material is None:
         return None
     path = files["texture.roof_material.path"][0]

@@ -16,7 +16,7 @@ from facade_core.core.types import Street
 MIN_SEGMENT_LENGTH_M = 60.0
 
 
-def segment_streets(streets: Sequence[Street]) -> tuple[Street, ...]:
+def split_streets_at_junctions(streets: Sequence[Street]) -> tuple[Street, ...]:
     """Cut streets at junctions, each from its start.
 
     The junctions used depend only on the streets that meet there. A segment's id is its street's, with .0, .1, ... if

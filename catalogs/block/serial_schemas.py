@@ -11,9 +11,20 @@ from dataclasses import dataclass
 from catalogs.block.keys import SunSettings, TextureSettings
 from catalogs.block.part import CityPart
 from catalogs.features import Fault
-from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.core.types import Area, Building, Elevation, Finish, Ground, Pose, Roof, Shell, Street, Way
+from facade_core.core.types import (
+    Building,
+    BuildingFinish,
+    BuildingShell,
+    ElevationRaster,
+    GroundArea,
+    GroundWay,
+    MappedGround,
+    Pose,
+    Roof,
+    Street,
+)
 
 # Version of the fields below. Adding, removing or reordering fields changes digests and part files: increment it then.
 SCHEMA_VERSION = 1
@@ -47,15 +58,15 @@ def _schema(tag: str, names: str, attributes: Mapping[str, str] | None = None) -
 
 
 SCHEMAS: Mapping[type, SerialSchema] = {
-    Aerial: _schema("Aerial", "path crs frame content"),
-    Area: _schema("Area", "id outline surface"),
+    Orthophoto: _schema("Aerial", "path crs frame content"),
+    GroundArea: _schema("Area", "id outline surface"),
     Building: _schema(
         "Building", "id footprint height height_source levels name base roof shell finish raised part_of"
     ),
-    Elevation: _schema("Elevation", "x y step heights"),
+    ElevationRaster: _schema("Elevation", "x y step heights"),
     Fault: _schema("Fault", "id kind reason place"),
-    Finish: _schema("Finish", "wall_colour roof_colour wall_material roof_material"),
-    Ground: _schema("Ground", "ways areas outline"),
+    BuildingFinish: _schema("Finish", "wall_colour roof_colour wall_material roof_material"),
+    MappedGround: _schema("Ground", "ways areas outline"),
     CityPart: _schema(
         "Part",
         "buildings streets beyond fronts shops",
@@ -64,7 +75,7 @@ SCHEMAS: Mapping[type, SerialSchema] = {
     Pose: _schema("Pose", "x y z heading pitch roll view"),
     PosedPanorama: _schema("PosedPanorama", "id path pose captured"),
     Roof: _schema("Roof", "shape height direction across pitch confidence"),
-    Shell: _schema("Shell", "vertices triangles semantic texture uv"),
+    BuildingShell: _schema("Shell", "vertices triangles semantic texture uv"),
     Street: _schema("Street", "id name line"),
     SunSettings: _schema("SunSettings", "azimuth elevation"),
     TextureSettings: _schema(
@@ -72,7 +83,7 @@ SCHEMAS: Mapping[type, SerialSchema] = {
         "texels_per_metre viewpoint_spacing viewpoint_height visibility_range walls translator panorama_width levelling "
         "roof_material materials sun",
     ),
-    Way: _schema("Way", "id line kind width surface assumed lanes oneway pavement parking rank"),
+    GroundWay: _schema("Way", "id line kind width surface assumed lanes oneway pavement parking rank"),
 }
 
 # Fields of `Block`, which this module cannot import.

@@ -6,12 +6,12 @@ import hashlib
 from collections import Counter
 from pathlib import Path
 
-from catalogs.block.keys import check_keys
+from catalogs.block.keys import validate_block_settings
 from catalogs.block.paths import FOLDER_KEYS, resolve_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_SOURCES
-from catalogs.imagery.fetch_log import is_fetched, read_fetch_log
-from catalogs.stac.facts import SourceFact
+from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
+from catalogs.stac.facts import DataSourceFacts
 from facade_core.core.errors import InputError
 
 # Authors named per licence; poses.json in the pictures' folder names all.
@@ -19,7 +19,7 @@ MAX_NAMED_AUTHORS = 8
 OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 
 
-def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
+def block_data_sources(block_file: Path) -> tuple[DataSourceFacts, ...]:
     """Return the files and folders that a block file names, each with its licence if known.
 
     A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A
@@ -27,9 +27,9 @@ def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
     more.
     """
     try:
-        paths = resolve_paths(check_keys(read_yaml(block_file)), block_file)
+        paths = resolve_paths(validate_block_settings(read_yaml(block_file)), block_file)
         return tuple(
-            SourceFact(key, path.name, licence)
+            DataSourceFacts(key, path.name, licence)
             for key, found in paths.items()
             for path in found
             for licence in (_picture_licences(path) if key in FOLDER_KEYS else (_file_licence(path),))
@@ -48,7 +48,7 @@ def _file_licence(path: Path) -> str | None:
 
 def _picture_licences(folder: Path) -> tuple[str | None, ...]:
     """Return authors and licence of fetched pictures, one text per licence; (None,) for others."""
-    if not is_fetched(folder):
+    if not has_fetch_log(folder):
         return (None,)
     authors: dict[str, list[str]] = {}
     for one in read_fetch_log(folder).pictures.values():

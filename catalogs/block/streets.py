@@ -12,7 +12,7 @@ import shapely
 from shapely import LineString
 
 from catalogs.crs import coordinate_transform
-from catalogs.features import Centreline, Centrelines, Fault, natural_sort_key
+from catalogs.features import Centreline, CentrelinesAndGround, Fault, natural_sort_key
 from catalogs.readers.limits import MAX_STREET_LENGTH_M
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Street
@@ -28,8 +28,8 @@ MAX_VERTEX_SPACING_M = 20_000.0
 MIN_STREET_LENGTH_M = 1.0
 
 
-def block_streets(
-    source: Centrelines, crs: CRS, *, area: Polygon | None
+def build_block_streets(
+    source: CentrelinesAndGround, crs: CRS, *, area: Polygon | None
 ) -> tuple[tuple[Street, ...], tuple[Fault, ...]]:
     """Build streets in the metric frame from centreline pieces.
 
@@ -88,8 +88,8 @@ def block_streets(
 
 
 def clip_centrelines(
-    source: Centrelines, crs: CRS, around: Polygon, area: Polygon | None
-) -> tuple[Centrelines, tuple[str, ...]]:
+    source: CentrelinesAndGround, crs: CRS, around: Polygon, area: Polygon | None
+) -> tuple[CentrelinesAndGround, tuple[str, ...]]:
     """Clip centrelines to a polygon, and list the ids of pieces that leave it within the area.
 
     Returns the source unchanged, in its own frame, if no piece leaves the polygon.

@@ -22,7 +22,7 @@ def format_imagery_entry(kind: str, values: Mapping[str, object]) -> str:
     return f"{kind}: {text.strip()}"
 
 
-def add_imagery(path: Path, kind: str, values: Mapping[str, object]) -> bool:
+def add_imagery_entry(path: Path, kind: str, values: Mapping[str, object]) -> bool:
     """Add pictures of a kind to a block file that names none.
 
     Returns

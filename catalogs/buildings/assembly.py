@@ -15,10 +15,10 @@ from shapely import MultiPolygon, Polygon
 
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models
-from catalogs.buildings.parts import PartCandidate, apply_building_parts, find_host_outlines
+from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.crs import coordinate_transform
-from catalogs.features import BuildingModels, Fault, Footprint, Footprints, natural_sort_key, notes_by_reason
+from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
 from catalogs.reader_errors import fault_reason
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import Building
@@ -118,7 +118,7 @@ def assemble_buildings(
     buildings, notes = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, reasons)
-    return BlockBuildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
+    return BlockBuildings(buildings, tuple(textures), format_reason_notes(reasons) + notes, tuple(faults))
 
 
 def _add_parts(
@@ -143,7 +143,7 @@ def _add_parts(
         )
         merged = replace(part.footprint, use=kind, year_built=built)
         stated.append(PartCandidate(part.building, merged, None if whole is None else whole.building.id))
-    found_parts = apply_building_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
+    found_parts = split_buildings_into_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
 
@@ -182,7 +182,7 @@ def _footprint_candidates(
             for index, part in enumerate(large)
         ]
     candidates: list[_Candidate] = []
-    host_indices = find_host_outlines(
+    host_indices = host_outline_indices(
         [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
     )
     for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):

@@ -26,7 +26,7 @@ def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
     return longitude - right, latitude - up, longitude + right, latitude + up
 
 
-def densest_square(sources: Sequence[BuildingSource], size: float) -> Bounds | None:
+def densest_building_square(sources: Sequence[BuildingSource], size: float) -> Bounds | None:
     """Return the square of `size` metres in which the bounding boxes of buildings cover most.
 
     Ties go to the westernmost, then to the southernmost square.

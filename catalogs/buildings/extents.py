@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 import numpy as np
 
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, coordinate_transform, has_east_north_axes, parse_crs
-from catalogs.features import BuildingModels, Centrelines, Fault, Footprints
+from catalogs.features import BuildingModels, CentrelinesAndGround, Fault, Footprints
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.core.errors import InputError
 
@@ -50,7 +50,7 @@ class BoxLocations:
     size: Float64Array
 
     @property
-    def is_located(self) -> BoolArray:
+    def location_mask(self) -> BoolArray:
         """Return a mask (n,) of the boxes with a location."""
         return np.isfinite(self.size)
 
@@ -119,8 +119,8 @@ def locate_boxes(crs: str, boxes: Float64Array) -> BoxLocations:
             size, EARTH_RADIUS_M * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
         )
     places = BoxLocations(lonlat.reshape(-1, 4, 2), points.mean(axis=1), size)
-    if places.is_located.any() and not has_east_north_axes(frame):
-        _check_axis_order(frame, *places.mean_lonlat(places.is_located))
+    if places.location_mask.any() and not has_east_north_axes(frame):
+        _check_axis_order(frame, *places.mean_lonlat(places.location_mask))
     return places
 
 
@@ -142,7 +142,7 @@ def _check_axis_order(frame: CRS, longitude: float, latitude: float) -> None:
 
 
 def reject_stray_buildings(
-    sources: Sequence[BuildingSource], area: Sequence[float] | None, centrelines: Centrelines | None
+    sources: Sequence[BuildingSource], area: Sequence[float] | None, centrelines: CentrelinesAndGround | None
 ) -> tuple[list[BuildingSource], Bounds | None]:
     """Turn buildings that cannot belong to one block into faults.
 
@@ -169,15 +169,15 @@ def reject_stray_buildings(
     found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs]
     every = BoxLocations(*(np.concatenate([getattr(p, name) for p in found]) for name in ("corners", "centre", "size")))
     owner = np.repeat(np.arange(len(found)), [len(places.size) for places in found])
-    meant = every.is_located & _intersects_area(every.corners, area)
+    meant = every.location_mask & _intersects_area(every.corners, area)
     sound = meant & (every.size <= MAX_BUILDING_SIZE_M)
-    spanned = every.lonlat_bounds(every.is_located) if every.is_located.any() else None
+    spanned = every.lonlat_bounds(every.location_mask) if every.location_mask.any() else None
     group = np.full(len(owner), -1)
     group[sound] = _neighbour_groups(every.centre[sound])
     kept = sound & np.isin(group, _main_groups(every, group, centrelines))
 
     reasons: dict[int, str] = {}
-    for index in np.flatnonzero(~every.is_located).tolist():
+    for index in np.flatnonzero(~every.location_mask).tolist():
         crs = sources[owner[index]].crs
         reasons[index] = (
             f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
@@ -246,7 +246,7 @@ def _neighbour_groups(points: Float64Array) -> Int32Array:
     return groups
 
 
-def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelines | None) -> Int64Array:
+def _main_groups(places: BoxLocations, group: Int64Array, centrelines: CentrelinesAndGround | None) -> Int64Array:
     """Return the groups with many buildings; of distant ones those near streets."""
     counts = np.bincount(group[group >= 0])
     main = np.flatnonzero(counts > MAX_STRAY_SHARE * counts.max(initial=0))
@@ -254,7 +254,7 @@ def _main_groups(places: BoxLocations, group: Int64Array, centrelines: Centrelin
         return main
     if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
         streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
-        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.is_located])]
+        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.location_mask])]
         if near and _diagonal(places.centre[np.isin(group, near)]) <= MAX_BLOCK_SPAN_M:
             return np.array(near)
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000

@@ -14,7 +14,7 @@ from catalogs.features import BuildingModel, BuildingModels
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.limits import MAX_BUILDING_HEIGHT_M, MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, BuildingShell
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -27,7 +27,7 @@ MAX_GAP_M = 0.01  # m; gaps between triangles up to this width are closed
 
 def project_models(
     source: BuildingModels, crs: CRS, first_texture: int
-) -> Iterator[tuple[BuildingModel, Shell, Polygon | MultiPolygon | str]]:
+) -> Iterator[tuple[BuildingModel, BuildingShell, Polygon | MultiPolygon | str]]:
     """Yield (model, shell in `crs`, outline) of each model.
 
     The outline of a model that cannot be used is replaced by the reason.
@@ -68,7 +68,7 @@ def project_models(
         yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"
 
 
-def shell_outline(shell: Shell) -> Polygon | MultiPolygon:
+def shell_outline(shell: BuildingShell) -> Polygon | MultiPolygon:
     """Return the plan outline of a shell: its ground surfaces, else all surfaces.
 
     The outline is empty where all surfaces are vertical.

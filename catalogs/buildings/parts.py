@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from catalogs.buildings.roofs import MIN_WALL_M, add_assumed_roof
 from catalogs.features import Footprint
-from facade_core.core.types import Building, Finish, Roof
+from facade_core.core.types import Building, BuildingFinish, Roof
 
 MIN_HOST_SHARE = 0.5  # share of a part inside its host outline
 MIN_SUPPORT_SHARE = 0.95  # share of a part above the items that support it
@@ -44,7 +44,7 @@ class PartCandidate:
     whole_id: str | None
 
 
-def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> list[int]:
+def host_outline_indices(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> list[int]:
     """Return for each outline the index of the outline of which it is a part, -1 for none.
 
     Only parts have a host: an outline of a whole building, else a larger part.
@@ -75,7 +75,7 @@ def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> 
     return found.tolist()
 
 
-def apply_building_parts(
+def split_buildings_into_parts(
     wholes: Sequence[Building],
     parts: Sequence[PartCandidate],
     floor_height: float,
@@ -157,9 +157,9 @@ def _extrude_part(
     ]
 
 
-def _complete_finish(own: Finish, whole: Finish) -> Finish:
+def _complete_finish(own: BuildingFinish, whole: BuildingFinish) -> BuildingFinish:
     """Return the finish of a part, whose unknown values are those of the whole building."""
-    return Finish(
+    return BuildingFinish(
         whole.wall_colour if own.wall_colour is None else own.wall_colour,
         whole.roof_colour if own.roof_colour is None else own.roof_colour,
         whole.wall_material if own.wall_material is None else own.wall_material,

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from catalogs.block.keys import BlockKeys, check_keys
+from catalogs.block.keys import BlockFileSettings, validate_block_settings
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.tile_index import tile_files
+from catalogs.city.tile_index import tile_files_in_area
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -25,7 +25,7 @@ TILES_KEY = "tiles"
 
 
 @dataclass(frozen=True)
-class CityKeys:
+class CityFileSettings:
     """Validated content of a city file that is to be partitioned.
 
     Attributes
@@ -36,7 +36,7 @@ class CityKeys:
     tile_indexes : indexes of tiles that the buildings were found in.
     """
 
-    block_keys: BlockKeys
+    block_keys: BlockFileSettings
     values: JsonObject
     block_size: float
     tile_indexes: tuple[Path, ...] = ()
@@ -49,12 +49,12 @@ def uses_default_partition(path: Path) -> bool:
 
 
 def read_city_name(path: Path) -> str:
-    """Read the name of a city. Raises ValueError as `check_city`."""
+    """Read the name of a city. Raises ValueError as `validate_city_settings`."""
     values = read_yaml(path)
     return str(values.get("name", path.stem)) if isinstance(values, Mapping) else path.stem
 
 
-def check_city(values: object, path: Path) -> CityKeys | str:
+def validate_city_settings(values: object, path: Path) -> CityFileSettings | str:
     """Validate the content of a city file, and return its settings or the folder of its block files.
 
     Returns
@@ -82,7 +82,7 @@ def check_city(values: object, path: Path) -> CityKeys | str:
             "file from which it was cut"
         )
     rest, indexes = _resolve_tile_index({key: value for key, value in values.items() if key != CUT_KEY}, path)
-    keys = check_keys(rest)
+    keys = validate_block_settings(rest)
     if keys.streets is None:
         raise ValueError(
             "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "
@@ -99,7 +99,7 @@ def check_city(values: object, path: Path) -> CityKeys | str:
             f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, "
             f"{MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
         )
-    return CityKeys(keys, rest, float(metres), indexes)
+    return CityFileSettings(keys, rest, float(metres), indexes)
 
 
 def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tuple[Path, ...]]:
@@ -115,7 +115,7 @@ def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tup
         raise ValueError("buildings.tiles: names an index of tiles in place of path; write buildings: {tiles: FILE}")
     index = path.parent / Path(named).expanduser()
     try:
-        files = tile_files(index, values.get("area"))
+        files = tile_files_in_area(index, values.get("area"))
     except InputError as error:
         raise ValueError(f"buildings.tiles: {error}") from error
     paths = [os.path.relpath(file, path.parent) for file in files]

@@ -26,7 +26,7 @@ GridCell = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class CityCell:
+class CityBlockIds:
     """Ids of the buildings and streets of one block of a partitioned city, in the city's order.
 
     Attributes
@@ -55,7 +55,7 @@ def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float
 
 def partition_city(
     buildings: Sequence[Building], segments: Sequence[Street], *, block_size: float, halo: float
-) -> tuple[CityCell, ...]:
+) -> tuple[CityBlockIds, ...]:
     """Partition a city into grid cells whose borders follow the nearest streets.
 
     All buildings inside a face of the street network belong to the cell that holds the face. A segment belongs to the
@@ -88,7 +88,7 @@ def partition_city(
         nearby_buildings = np.setdiff1d(around.query(contents, predicate="dwithin", distance=halo)[1], core)
         nearby_streets = np.setdiff1d(along.query(contents, predicate="dwithin", distance=halo)[1], ways)
         cuts.append(
-            CityCell(
+            CityBlockIds(
                 "x{}y{}".format(*square),
                 tuple(buildings[i].id for i in core),
                 tuple(segments[i].id for i in ways),

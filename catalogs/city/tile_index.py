@@ -23,7 +23,7 @@ LOCATION_COLUMNS = ("location", "href", "path", "url", "file")
 LonLatBox = tuple[float, float, float, float]
 
 
-def tile_files(index: Path, area: Sequence[float] | None) -> list[Path]:
+def tile_files_in_area(index: Path, area: Sequence[float] | None) -> list[Path]:
     """Return the files of an index's tiles that meet an area, sorted.
 
     Parameters

@@ -35,7 +35,7 @@ _AMSTERDAM_PICTURES = {
 
 
 @dataclass(frozen=True, slots=True)
-class SourceFile:
+class ExampleDataFile:
     """Published file: path below the data folder, address and sha256."""
 
     path: str
@@ -44,7 +44,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True, slots=True)
-class ExampleSource:
+class ExampleDataSource:
     """Data that an example block is made from.
 
     Attributes
@@ -55,45 +55,45 @@ class ExampleSource:
     """
 
     licence: str
-    files: tuple[SourceFile, ...]
+    files: tuple[ExampleDataFile, ...]
     companion_files: tuple[tuple[str, str], ...] = ()
 
 
-_AMSTERDAM_SOURCE = ExampleSource(
+_AMSTERDAM_SOURCE = ExampleDataSource(
     licence="City of Amsterdam open data: panoramas, wall heights and one building model",
     files=(
-        SourceFile(
+        ExampleDataFile(
             "city/amsterdam/0363100012143961.obj",
             f"{_MODEL}0363100012143961.obj",
             "7548ecb568e5777e4bfa5e3c8394fa15919fa03ad7110f2d1030edded2c80cc9",
         ),
-        *(SourceFile(f"city/amsterdam/panoramas/{n}", _PANORAMAS + n, h) for n, h in _AMSTERDAM_PICTURES.items()),
+        *(ExampleDataFile(f"city/amsterdam/panoramas/{n}", _PANORAMAS + n, h) for n, h in _AMSTERDAM_PICTURES.items()),
     ),
     companion_files=(("city/amsterdam/poses_and_walls.json", "amsterdam_poses_and_walls.json"),),
 )
 EXAMPLE_SOURCES = {
     "amsterdam-dam": _AMSTERDAM_SOURCE,
     "amsterdam-ij": _AMSTERDAM_SOURCE,
-    "delfshaven": ExampleSource(
+    "delfshaven": ExampleDataSource(
         licence="Rotterdam 3D, open data of the city, as CityJSON by the 3D geoinformation group of TU Delft",
         files=(
-            SourceFile(
+            ExampleDataFile(
                 "city/delfshaven/3-20-DELFSHAVEN.city.json",
                 _DELFSHAVEN + "3-20-DELFSHAVEN.city.json",
                 "958460c670b4cb85a9159d1e5e566905fba8812864f64b554ecad38333badcf6",
             ),
         ),
     ),
-    "plateau": ExampleSource(
+    "plateau": ExampleDataSource(
         licence="Project PLATEAU, Ministry of Land, Infrastructure, Transport and Tourism, Japan: PLATEAU site policy",
         files=(
-            SourceFile(
+            ExampleDataFile(
                 "city/plateau_textured/53392642_bldg_6697_op2.gml",
                 _PLATEAU + "53392642_bldg_6697_op2.gml",
                 "9ca9ea0798c0813bfd05525895d779188d5bb7a62f4a1eaae21214ca53f80cd1",
             ),
             *(
-                SourceFile(
+                ExampleDataFile(
                     f"city/plateau_textured/53392642_bldg_6697_appearance/{n}",
                     f"{_PLATEAU}53392642_bldg_6697_appearance/{n}",
                     h,
@@ -105,7 +105,7 @@ EXAMPLE_SOURCES = {
 }
 
 
-def download_source(source: ExampleSource, folder: Path, on_file: Callable[[], None]) -> None:
+def download_example_data(source: ExampleDataSource, folder: Path, on_file: Callable[[], None]) -> None:
     """Download a source's files into a folder and verify their checksums; existing files stay.
 
     Parameters

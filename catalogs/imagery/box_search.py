@@ -15,7 +15,7 @@ LIMIT_MULTIPLE = 100
 MAX_QUARTERING_DEPTH = 8
 
 
-def search_quarters(
+def search_boxes_by_quarters(
     boxes: Iterable[LonLatBox], search: Callable[[LonLatBox], Iterator[JsonObject | Fault]]
 ) -> Iterator[JsonObject | Fault]:
     """Yield all results of a search in boxes, each id once.

@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Lock
 
 from catalogs.crs import LONLAT
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.imagery.remote_panorama import RemotePanorama
 from facade_core.core.errors import InputError
 
@@ -122,8 +122,8 @@ class FetchLog:
     def choose_stem(self, source: str, offer: RemotePanorama) -> str:
         """Return the file stem of a picture: its id, made safe and distinct from other sources'."""
         others = {Path(one.file).stem for one in self.pictures.values() if one.source != source}
-        stem = file_stem(offer.id)
-        return stem if stem not in others else file_stem(f"{source} {offer.id}")
+        stem = safe_file_stem(offer.id)
+        return stem if stem not in others else safe_file_stem(f"{source} {offer.id}")
 
     def write_poses(self) -> Path:
         """Write the poses file of the pictures that are present, atomically."""
@@ -143,7 +143,7 @@ def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, o
     return {key: value for key, value in values.items() if value is not None}
 
 
-def is_fetched(folder: Path) -> bool:
+def has_fetch_log(folder: Path) -> bool:
     """Return whether a folder has a fetch log."""
     return (folder / FETCH_LOG_NAME).is_file()
 

@@ -119,7 +119,7 @@ class HttpClient:
     ) -> T:
         import requests
 
-        where = display_url(url)
+        where = redact_url(url)
         if urlsplit(url).scheme not in ("http", "https"):
             raise RequestRejected(f"{where} is no address of http or https; tell its service")
         problem = ""
@@ -186,7 +186,7 @@ class HttpClient:
             self.sleep(left)
 
 
-def display_url(url: str) -> str:
+def redact_url(url: str) -> str:
     """Return an address for messages, without user name and query, which may hold a signature."""
     parts = urlsplit(url)
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"[:120]
@@ -201,12 +201,12 @@ def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes
     length = int(stated) if stated.isdecimal() else None
     if length is not None and length > max_bytes:
         raise RequestRejected(
-            f"{display_url(url)} has {length / 1e6:.0f} MB, over {max_bytes / 1e6:.0f}; take a smaller one by hand"
+            f"{redact_url(url)} has {length / 1e6:.0f} MB, over {max_bytes / 1e6:.0f}; take a smaller one by hand"
         )
     for piece in response.iter_content(_PIECE_BYTES):
         total += len(piece)
         if total > max_bytes:
-            raise RequestRejected(f"{display_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand")
+            raise RequestRejected(f"{redact_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand")
         if time.monotonic() > ends:
             raise requests.Timeout("too slow")
         yield piece

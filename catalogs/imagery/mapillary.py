@@ -8,18 +8,18 @@ from datetime import UTC, datetime
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
-from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import HttpClient, RequestRejected, display_url
+from catalogs.imagery.box_search import search_boxes_by_quarters
+from catalogs.imagery.http_client import HttpClient, RequestRejected, redact_url
 from catalogs.imagery.remote_panorama import (
-    ImageryQuery,
     LonLatBox,
+    PanoramaQuery,
     RemotePanorama,
-    finite_number,
+    finite_float_or_none,
     panorama_fault,
-    parse_pose,
+    parse_geojson_pose,
     resolve_licence,
 )
-from catalogs.readers.pictures.poses import camera_angles
+from catalogs.readers.pictures.poses import camera_angles_from_rotation
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -37,7 +37,7 @@ MAX_BOX_SIDE_DEG = 0.05
 _FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
-def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
+def search_mapillary(client: HttpClient, api: str, query: PanoramaQuery) -> Iterator[RemotePanorama | Fault]:
     """Yield Mapillary's panoramas for a query, and a fault for each unusable one.
 
     Flat pictures are skipped.
@@ -48,7 +48,9 @@ def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Itera
     """
     if client.token is None:
         raise InputError("Mapillary wants a token: set STREETLOOM_IMAGERY_TOKEN to one of your own account's (MLY|...)")
-    for record in search_quarters(_split_box(query.box), lambda box: _search_pages(client, api, box, query.dates)):
+    for record in search_boxes_by_quarters(
+        _split_box(query.box), lambda box: _search_pages(client, api, box, query.dates)
+    ):
         found = record if isinstance(record, Fault) else _parse_record(record)
         if found is not None:
             yield found
@@ -87,7 +89,7 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
         fresh = [one for one in records if str(one.get("id")) not in known]
         if page > MAX_MAPILLARY_PAGES or (records and not fresh):
             yield panorama_fault(
-                display_url(api), f"pages without end (page {page} brings nothing new); what came before is used"
+                redact_url(api), f"pages without end (page {page} brings nothing new); what came before is used"
             )
             return
         known |= {str(one.get("id")) for one in fresh}
@@ -110,7 +112,7 @@ def _parse_answer(text: str, api: str) -> JsonObject:
     except ValueError:
         content = None
     if not isinstance(content, dict) or not isinstance(content.get("data"), list):
-        raise RequestRejected(f"{display_url(api)} answers with no list of pictures; check the address")
+        raise RequestRejected(f"{redact_url(api)} answers with no list of pictures; check the address")
     return content
 
 
@@ -134,13 +136,13 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
         # reconstructed values if available, otherwise those of the camera's sensors
         angles = [record.get("computed_compass_angle", record.get("compass_angle"))]
         if record.get("computed_rotation"):
-            angles = [*camera_angles(record["computed_rotation"])]
-        pose = parse_pose(record.get("computed_geometry") or record.get("geometry"), *angles)
+            angles = [*camera_angles_from_rotation(record["computed_rotation"])]
+        pose = parse_geojson_pose(record.get("computed_geometry") or record.get("geometry"), *angles)
         rights = resolve_licence(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:
         return panorama_fault(identifier, str(error))
-    creator, taken = record.get("creator"), finite_number(record.get("captured_at"))
-    down, across = finite_number(record.get("height")), finite_number(record.get("width"))
+    creator, taken = record.get("creator"), finite_float_or_none(record.get("captured_at"))
+    down, across = finite_float_or_none(record.get("height")), finite_float_or_none(record.get("width"))
     return RemotePanorama(
         identifier,
         url,

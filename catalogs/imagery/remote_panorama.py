@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from catalogs.crs import LONLAT
 from catalogs.features import Fault
-from catalogs.reader_errors import single_line
-from catalogs.readers.pictures.poses import SourcePose, find_implausible_value, parse_day
+from catalogs.reader_errors import to_single_line
+from catalogs.readers.pictures.poses import SourcePose, find_implausible_value, parse_iso_date
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
@@ -23,7 +23,7 @@ _MANUAL_POSE_REMEDY = "give its pose in a poses file, and fetch it from a folder
 
 
 @dataclass(frozen=True, slots=True)
-class ImageryQuery:
+class PanoramaQuery:
     """Query for panoramas.
 
     Attributes
@@ -48,7 +48,7 @@ class ImageryQuery:
             )
         ends = [] if self.dates is None else self.dates.split("/")
         if self.dates is not None and not (
-            len(ends) == 2 and all(end == ".." or parse_day(end) == end for end in ends)
+            len(ends) == 2 and all(end == ".." or parse_iso_date(end) == end for end in ends)
         ):
             raise InputError(
                 f"--dates {self.dates}: is no span; give FROM/TO such as 2023-01-01/2024-12-31 or 2025-01-01/.."
@@ -85,17 +85,17 @@ class RemotePanorama:
 
 def panorama_fault(identifier: str, reason: str) -> Fault:
     """Return the fault of a panorama that is left out; one line with the remedy."""
-    return Fault(single_line(identifier)[:80] or "unnamed", "panorama", single_line(reason)[:200])
+    return Fault(to_single_line(identifier)[:80] or "unnamed", "panorama", to_single_line(reason)[:200])
 
 
-def finite_number(value: object) -> float | None:
+def finite_float_or_none(value: object) -> float | None:
     """Return a value as float if it is a finite number, otherwise None."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
 
 
-def parse_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:
+def parse_geojson_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:
     """Parse a GeoJSON point and angles in degrees into a pose.
 
     Raises
@@ -104,16 +104,20 @@ def parse_pose(geometry: object, heading: object, pitch: object = None, roll: ob
     """
     point = geometry.get("coordinates") if isinstance(geometry, Mapping) else None
     lon, lat = (
-        [finite_number(value) for value in point[:2]] if isinstance(point, list) and len(point) >= 2 else (None, None)
+        [finite_float_or_none(value) for value in point[:2]]
+        if isinstance(point, list) and len(point) >= 2
+        else (None, None)
     )
     if lon is None or lat is None:
         raise ValueError(f"states no place; {_MANUAL_POSE_REMEDY}")
-    looks = finite_number(heading)
+    looks = finite_float_or_none(heading)
     if looks is None:
         raise ValueError(f"states a place but no heading; {_MANUAL_POSE_REMEDY}")
     if not (abs(lon) <= 360.0 and abs(lat) <= 90.0):
         raise ValueError(f"states longitude {lon:g}, latitude {lat:g}, which is no place on earth; tell its service")
-    pose = SourcePose(LONLAT, lon, lat, None, looks, finite_number(pitch) or 0.0, finite_number(roll) or 0.0)
+    pose = SourcePose(
+        LONLAT, lon, lat, None, looks, finite_float_or_none(pitch) or 0.0, finite_float_or_none(roll) or 0.0
+    )
     if problem := find_implausible_value(pose):
         raise ValueError(f"{problem}; tell its service")
     return pose

@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 from catalogs.crs import LONLAT
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
-from catalogs.imagery.fetch_log import POSES_NAME, is_fetched, read_fetch_log
+from catalogs.imagery.fetch_log import POSES_NAME, has_fetch_log, read_fetch_log
 from catalogs.imagery.fetching import Downloader
-from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, display_url
+from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, redact_url
 from catalogs.imagery.mapillary import MAPILLARY_API as MAPILLARY
 from catalogs.imagery.mapillary import search_mapillary
-from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
+from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.stac import search_stac
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
 from catalogs.readers.pictures.poses import SourcePose
@@ -27,7 +27,7 @@ from facade_core.core.errors import InputError
 # Federated search over the instances of Panoramax.
 PANORAMAX_API = "https://api.panoramax.xyz/api"
 TOKEN_VARIABLE = "STREETLOOM_IMAGERY_TOKEN"
-Search = Callable[[ImageryQuery], Iterator[RemotePanorama | Fault]]
+Search = Callable[[PanoramaQuery], Iterator[RemotePanorama | Fault]]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def stac_service(api: str) -> ImageryService:
     """Return the service of a STAC API at an address."""
     web = HttpClient(_read_token(api, "Bearer"))
     return ImageryService(
-        display_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path)
+        redact_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path)
     )
 
 
@@ -83,7 +83,7 @@ def mapillary_service(api: str) -> ImageryService:
     """Return the service of Mapillary's Graph API at an address."""
     web = HttpClient(_read_token(api, "OAuth"))
     return ImageryService(
-        display_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path)
+        redact_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path)
     )
 
 
@@ -95,7 +95,7 @@ def _read_token(api: str, kind: str) -> ServiceToken | None:
     parts = urlsplit(api)
     if parts.scheme != "https" and parts.hostname not in ("127.0.0.1", "localhost", "::1"):
         raise InputError(
-            f"{display_url(api)} is no https, and {TOKEN_VARIABLE} would be read by others on its way; name https://..."
+            f"{redact_url(api)} is no https, and {TOKEN_VARIABLE} would be read by others on its way; name https://..."
         )
     if not secret.isprintable() or " " in secret:
         raise InputError(f"{TOKEN_VARIABLE} holds what no token has; set it again")
@@ -103,7 +103,7 @@ def _read_token(api: str, kind: str) -> ServiceToken | None:
 
 
 def _folder_service(folder: Path, poses: Path | None) -> ImageryService:
-    def search(wanted: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
+    def search(wanted: PanoramaQuery) -> Iterator[RemotePanorama | Fault]:
         from pyproj import CRS
 
         if wanted.dates is not None:
@@ -114,7 +114,7 @@ def _folder_service(folder: Path, poses: Path | None) -> ImageryService:
         # author and licence of pictures that were fetched before
         fetched = (
             {picture.file: picture for picture in read_fetch_log(folder).pictures.values()}
-            if is_fetched(folder)
+            if has_fetch_log(folder)
             else {}
         )
         west, south, east, north = wanted.box

@@ -11,20 +11,20 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from catalogs.features import Fault
-from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import HttpClient, RequestRejected, display_url
+from catalogs.imagery.box_search import search_boxes_by_quarters
+from catalogs.imagery.http_client import HttpClient, RequestRejected, redact_url
 from catalogs.imagery.remote_panorama import (
     FULL_TURN_DEG,
-    ImageryQuery,
     LonLatBox,
+    PanoramaQuery,
     RemotePanorama,
-    finite_number,
+    finite_float_or_none,
     panorama_fault,
-    parse_pose,
+    parse_geojson_pose,
     resolve_licence,
 )
 from catalogs.reader_errors import is_system_error, short_message
-from catalogs.readers.pictures.poses import parse_day
+from catalogs.readers.pictures.poses import parse_iso_date
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -41,7 +41,7 @@ MAX_STAC_PAGES = 100
 _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 
 
-def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
+def search_stac(client: HttpClient, api: str, query: PanoramaQuery) -> Iterator[RemotePanorama | Fault]:
     """Yield a STAC API's panoramas for a query, and a fault for each unusable one.
 
     Flat pictures are skipped. Searches that may be incomplete are repeated by quarters of the box.
@@ -55,7 +55,7 @@ def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[R
     try:
         stac_client = pystac_client.Client.open(api, stac_io=_stac_io(client))
         search = _box_search(stac_client, query.dates)
-        for item in search_quarters([query.box], search):
+        for item in search_boxes_by_quarters([query.box], search):
             found = _parse_item(item, query.licence)
             if found is not None:
                 yield found
@@ -65,7 +65,7 @@ def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[R
         if is_system_error(error):
             raise
         raise InputError(
-            f"{display_url(api)} is no STAC API that can be searched ({short_message(error)}); check the address"
+            f"{redact_url(api)} is no STAC API that can be searched ({short_message(error)}); check the address"
         ) from error
 
 
@@ -86,7 +86,7 @@ def _box_search(client: Client, dates: str | None) -> Callable[[LonLatBox], Iter
                     else f"there are over {MAX_STAC_PAGES} pages"
                 )
                 yield panorama_fault(
-                    display_url(client.get_self_href() or ""),
+                    redact_url(client.get_self_href() or ""),
                     f"pages without end ({reason}); what came before is used: fetch smaller boxes, and tell its service",
                 )
                 return
@@ -104,12 +104,12 @@ def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama
     properties = properties if isinstance(properties, dict) else {}
     inner = properties.get("pers:interior_orientation")
     inner = inner if isinstance(inner, dict) else {}
-    if (finite_number(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
+    if (finite_float_or_none(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
         return None
     identifier = str(item.get("id") or "")
     try:
         asset = _picture_asset(item.get("assets"))
-        pose = parse_pose(
+        pose = parse_geojson_pose(
             item.get("geometry"), _parse_heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
         )
         links = [link for link in item.get("links") or () if isinstance(link, Mapping) and link.get("rel") == "license"]
@@ -123,7 +123,7 @@ def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama
         identifier,
         str(asset["href"]),
         pose,
-        captured=parse_day(properties.get("datetime")),
+        captured=parse_iso_date(properties.get("datetime")),
         author=_provider_names(item, properties),
         licence=rights,
         licence_url=text,
@@ -136,7 +136,7 @@ def _parse_heading(properties: JsonObject) -> object:
     """Return view:azimuth, which GeoVisio rounds to degrees, or the exact EXIF tag if both agree."""
     heading, exif = properties.get("view:azimuth"), properties.get("exif")
     tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
-    stated = finite_number(heading)
+    stated = finite_float_or_none(heading)
     try:
         exact = float(Fraction(tag)) if isinstance(tag, str) else None
     except (ValueError, ZeroDivisionError, OverflowError):
@@ -148,7 +148,7 @@ def _parse_heading(properties: JsonObject) -> object:
 
 def _image_size(dimensions: object) -> tuple[int, int] | None:
     """Return (rows, columns) from [columns, rows]."""
-    found = [finite_number(value) for value in dimensions] if isinstance(dimensions, list) else []
+    found = [finite_float_or_none(value) for value in dimensions] if isinstance(dimensions, list) else []
     if len(found) != 2 or not found[0] or not found[1]:
         return None
     return int(found[1]), int(found[0])

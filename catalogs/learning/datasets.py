@@ -53,7 +53,7 @@ class LabelMeaning:
     outside: bool = False
 
     @property
-    def map_values(self) -> tuple[int, int, int, int]:
+    def label_map_values(self) -> tuple[int, int, int, int]:
         """Return the values of LabelledFacade's labels, possible, occluder and outside."""
         label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
         possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
@@ -201,17 +201,17 @@ _SWISS_BACKGROUND = LabelMeaning(occluder=False, outside=True)
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
-def read_ecp(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_ecp_facades(folder: str | Path) -> Iterator[LabelledFacade]:
     """Read the 83 Haussmann facades of the ECP set; chimneys count as roof."""
     return read_dataset(ECP, folder)
 
 
-def read_artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_artdeco_facades(folder: str | Path) -> Iterator[LabelledFacade]:
     """Read the 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
     return read_dataset(ARTDECO, folder)
 
 
-def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
     """Read the Swiss street photos, labelled by polygons of annotations.coco.json, in the order of that file.
 
     Smaller polygons are drawn over larger ones. Where a part of a facade overlaps a tree or a car, their order is
@@ -259,7 +259,7 @@ def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[Labelled
         yield LabelledFacade(name, image, *_map_labels(recipe, labels[name], label_map, image.shape[:2]))
 
 
-def split_facades(
+def split_facades_for_training(
     facades: Sequence[LabelledFacade], every: int = 5
 ) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
     """Split facades into (training, held out): every fifth is held out from the first on."""
@@ -288,7 +288,7 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: AnyArray, size: tu
     if strange:
         raise ImageError(f"{path}: label ids {strange} are not in the table of {recipe.name}; add or correct them")
     table = np.zeros((256, 4), np.uint8)
-    table[list(recipe.classes)] = [meaning.map_values for meaning in recipe.classes.values()]
+    table[list(recipe.classes)] = [meaning.label_map_values for meaning in recipe.classes.values()]
     return [table[:, part][label_map] for part in range(4)]
 
 
@@ -297,7 +297,9 @@ def _draw_polygons(
 ) -> list[UInt8Array]:
     import cv2
 
-    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_BACKGROUND.map_values)
+    labels, possible, occluder, outside = (
+        np.full(size, value, np.uint8) for value in _SWISS_BACKGROUND.label_map_values
+    )
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
@@ -308,7 +310,7 @@ def _draw_polygons(
             ) from error
         inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
         behind = inside & (occluder == 1) if label_meaning.occluder is False else np.zeros(size, bool)
-        for layer, value in zip((labels, possible, occluder, outside), label_meaning.map_values, strict=True):
+        for layer, value in zip((labels, possible, occluder, outside), label_meaning.label_map_values, strict=True):
             layer[inside] = value
         occluder[behind] = UNKNOWN
     return [labels, possible, occluder, outside]

@@ -65,7 +65,7 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
                 raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
 
 
-def split_layouts(
+def split_layouts_for_training(
     layouts: Sequence[LayoutRecord], fold: int = 0, every: int = 5
 ) -> tuple[list[LayoutRecord], list[LayoutRecord]]:
     """Split layouts into (training, held out): every fifth is held out from number `fold` on."""

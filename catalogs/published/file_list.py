@@ -58,7 +58,8 @@ def write_file_list(
     """
     paths = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     listed = {
-        name: (known or {}).get(name) or (path.stat().st_size, content_digest(path)) for name, path in paths.items()
+        name: (known or {}).get(name) or (path.stat().st_size, file_content_digest(path))
+        for name, path in paths.items()
     }
     content: FileList = {
         "predecessor": predecessor,
@@ -70,7 +71,7 @@ def write_file_list(
     _write_json(folder, content)
 
 
-def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
+def find_snapshot_damage(folder: Folder, *, thorough: bool = False) -> str | None:
     """Return the first damage of a published folder, such as "block.glb is missing", or None.
 
     Only the current snapshot is unchanged; older ones are marked as superseded.
@@ -91,7 +92,7 @@ def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
         if sizes[name] != size:
             return f"{name} has {sizes[name]} bytes of {size}"
         try:
-            if (thorough or name in HASHED_FILES) and content_digest(join_path(folder, name)) != digest:
+            if (thorough or name in HASHED_FILES) and file_content_digest(join_path(folder, name)) != digest:
                 return f"{name} is not as it was written"
         except OSError as error:
             return f"{name}: {error.strerror}"
@@ -105,11 +106,11 @@ def update_file_list(folder: Folder, names: Iterable[str]) -> None:
         return
     sizes = file_sizes(folder)
     for name in names:
-        content["files"][name] = (sizes[name], content_digest(join_path(folder, name)))
+        content["files"][name] = (sizes[name], file_content_digest(join_path(folder, name)))
     _write_json(folder, content)
 
 
-def read_street_tags(folder: Folder) -> list[str]:
+def read_street_icechunk_tags(folder: Folder) -> list[str]:
     """Return the tags of street commits in the run's Icechunk store, as a published snapshot lists them."""
     content = read_file_list(folder)
     return content["tags"] if content else []
@@ -141,7 +142,7 @@ def _write_json(folder: Folder, content: FileList) -> None:
     write_atomically(folder / FILE_LIST_NAME, json.dumps(content, indent=1).encode())
 
 
-def content_digest(path: Folder) -> str:
+def file_content_digest(path: Folder) -> str:
     """Return the hexadecimal digest of a file's bytes."""
     if not isinstance(path, Path):
         return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()

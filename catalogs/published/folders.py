@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from catalogs.published import object_store
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 
-Folder: TypeAlias = Path | S3Folder
+Folder: TypeAlias = Path | S3Path
 F = TypeVar("F", bound=Folder)
 T = TypeVar("T")
 R = TypeVar("R")
@@ -31,7 +31,7 @@ def map_concurrently(function: Callable[[T], R], items: Iterable[T], place: Fold
 
 def write_atomically(path: Folder, data: bytes) -> None:
     """Write a file atomically."""
-    if isinstance(path, S3Folder):
+    if isinstance(path, S3Path):
         object_store.upload_object(path.path, data)
         return
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
@@ -44,7 +44,7 @@ def write_atomically(path: Folder, data: bytes) -> None:
 
 def file_sizes(folder: Folder) -> dict[str, int]:
     """Return path -> size in bytes of the files below a folder; empty if it does not exist."""
-    if isinstance(folder, S3Folder):
+    if isinstance(folder, S3Path):
         return folder.sizes()
     files = (path for path in folder.rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
@@ -59,7 +59,7 @@ def join_path(folder: F, name: str) -> F:
 
 def remove_path(path: Folder) -> None:
     """Remove a file, or a folder with its contents."""
-    if isinstance(path, S3Folder):
+    if isinstance(path, S3Path):
         path.remove()
         path.unlink()
     elif path.is_dir():
@@ -77,7 +77,7 @@ def move_folder(folder: F, target: F) -> None:
         shutil.rmtree(target, ignore_errors=True)
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(folder, target)
-    elif isinstance(folder, S3Folder) and isinstance(target, S3Folder):
+    elif isinstance(folder, S3Path) and isinstance(target, S3Path):
         target.remove()
         map_concurrently(
             lambda name: object_store.copy_object(f"{folder.path}/{name}", f"{target.path}/{name}"),
@@ -90,12 +90,12 @@ def move_folder(folder: F, target: F) -> None:
 
 def file_size(path: Folder) -> int | None:
     """Return the size of a file in bytes, or None if it does not exist."""
-    if isinstance(path, S3Folder):
+    if isinstance(path, S3Path):
         return path.size()
     return path.stat().st_size if path.is_file() else None
 
 
-def local_folder(place: Folder) -> Path:
+def local_run_folder(place: Folder) -> Path:
     """Return the folder on this machine for a run's log, server records and partial files; the run's own if local.
 
     For a run in a bucket it is in the user's cache ($XDG_CACHE_HOME).

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LayerContent:
+class GeoPackageContent:
     """Content of the layers; buildings, roofs, ground and streets are rows with a geometry.
 
     Attributes
@@ -42,7 +42,7 @@ class LayerContent:
     attribution: Mapping[str, str]
 
 
-def write_layers(path: Path, content: LayerContent) -> None:
+def write_geopackage_layers(path: Path, content: GeoPackageContent) -> None:
     """Write the layers of a block into a GeoPackage; a layer without rows is left out.
 
     The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.folders import F, Folder, map_concurrently, remove_path, write_atomically
 from catalogs.published.runs import PublishedRun
-from catalogs.published.s3 import S3Folder, s3_filesystem
+from catalogs.published.s3 import S3Path, s3_filesystem
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -26,7 +26,7 @@ RUNS_PER_FILE = 128
 
 
 @dataclass(frozen=True)
-class MergedItems:
+class MergedItemsFile:
     """File with the rows of several runs.
 
     Attributes
@@ -41,18 +41,20 @@ class MergedItems:
     runs: dict[str, str]
 
 
-def read_merged_items(out: Folder) -> list[MergedItems]:
+def read_merged_items_headers(out: Folder) -> list[MergedItemsFile]:
     """Read the headers of the merged files of a folder of runs; unreadable files are skipped."""
     return [one for one in map_concurrently(_read_merged_file, _merged_files(out), out) if one is not None]
 
 
-def _read_merged_file(path: Folder) -> MergedItems | None:
+def _read_merged_file(path: Folder) -> MergedItemsFile | None:
     import pyarrow as pa
 
     try:
         columns = read_parquet_schema(path)
         runs = json.loads((columns.metadata or {})[RUNS_METADATA_KEY])
-        return MergedItems(path, columns.remove_metadata(), {str(run): str(snapshot) for run, snapshot in runs.items()})
+        return MergedItemsFile(
+            path, columns.remove_metadata(), {str(run): str(snapshot) for run, snapshot in runs.items()}
+        )
     except (OSError, ValueError, KeyError, AttributeError, pa.ArrowException):
         return None
 
@@ -61,7 +63,7 @@ def read_parquet_schema(path: Folder) -> pa.Schema:
     """Read the schema of a Parquet file."""
     import pyarrow.parquet as pq
 
-    return pq.read_schema(path.path, filesystem=s3_filesystem()) if isinstance(path, S3Folder) else pq.read_schema(path)
+    return pq.read_schema(path.path, filesystem=s3_filesystem()) if isinstance(path, S3Path) else pq.read_schema(path)
 
 
 def _merged_files(out: Folder) -> list[Folder]:
@@ -79,7 +81,7 @@ def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun[F], str]]) ->
     """
     if isinstance(out, Path):
         (out / ITEMS_FOLDER).mkdir(exist_ok=True)
-    before = {member.path.name: member.runs for member in read_merged_items(out)}
+    before = {member.path.name: member.runs for member in read_merged_items_headers(out)}
     assigned = {run: file for file, members in before.items() for run in members}
     by_file: dict[str, list[tuple[PublishedRun[F], str]]] = {file: [] for file in before}
     for member in runs:

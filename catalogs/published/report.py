@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from catalogs.features import file_stem, natural_sort_key
+from catalogs.features import natural_sort_key, safe_file_stem
 from catalogs.printable_text import escape_invisible
 from catalogs.published.item_row import ItemRow, ReportRow
 from catalogs.published.items import ASSUMED_HEIGHT
@@ -70,7 +70,7 @@ class ReportExemplar(NamedTuple):
     used: int
 
 
-class StreetPages(NamedTuple):
+class StreetReportPages(NamedTuple):
     """Facades of a street on pages.
 
     Attributes
@@ -134,7 +134,7 @@ class ReportContent:
 def write_report(folder: Path, content: ReportContent) -> None:
     """Write index.html, exemplars.html and streets/ into `folder`, which holds images/ already."""
     environment = _environment()
-    pages = street_pages(content.rows)
+    pages = paginate_facades_by_street(content.rows)
     for street in pages:
         _write_street(folder, street, content, environment)
     if content.exemplars:
@@ -149,7 +149,7 @@ def write_report(folder: Path, content: ReportContent) -> None:
     _write_index(folder, pages, content, environment)
 
 
-def _write_street(folder: Path, street: StreetPages, content: ReportContent, environment: Environment) -> None:
+def _write_street(folder: Path, street: StreetReportPages, content: ReportContent, environment: Environment) -> None:
     for number, (path, rows) in enumerate(zip(street.paths, street.rows, strict=True), 1):
         page = environment.get_template("report_street.html.j2").render(
             summary=content.summary,
@@ -166,7 +166,9 @@ def _write_street(folder: Path, street: StreetPages, content: ReportContent, env
         (folder / path).write_text(page, encoding="utf-8")
 
 
-def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportContent, environment: Environment) -> None:
+def _write_index(
+    folder: Path, pages: Sequence[StreetReportPages], content: ReportContent, environment: Environment
+) -> None:
     rows = content.rows
     links = {
         row["id"]: f"{quote(path)}#{quote(row['id'])}"
@@ -216,7 +218,7 @@ def _review_order(row: Mapping[str, object]) -> tuple[float, str]:
     return -float(urgency) if isinstance(urgency, SupportsFloat) else 0.0, str(row["id"])
 
 
-def street_pages(rows: Sequence[ReportRow]) -> list[StreetPages]:
+def paginate_facades_by_street(rows: Sequence[ReportRow]) -> list[StreetReportPages]:
     """Group facades by the street that sees them, in natural order, MAX_FACADES_PER_PAGE to a page."""
     by_street: dict[str, list[ReportRow]] = {}
     for row in rows:
@@ -225,8 +227,10 @@ def street_pages(rows: Sequence[ReportRow]) -> list[StreetPages]:
     for name in sorted(by_street, key=natural_sort_key):
         own = by_street[name]
         parts = tuple(own[start : start + MAX_FACADES_PER_PAGE] for start in range(0, len(own), MAX_FACADES_PER_PAGE))
-        stem = file_stem(name)
-        found.append(StreetPages(name, parts, tuple(f"streets/{stem}/{n}.html" for n in range(1, len(parts) + 1))))
+        stem = safe_file_stem(name)
+        found.append(
+            StreetReportPages(name, parts, tuple(f"streets/{stem}/{n}.html" for n in range(1, len(parts) + 1)))
+        )
     return found
 
 
@@ -250,7 +254,7 @@ def _escape_invisible(value: object) -> object:
     return escape_invisible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _index_entry(street: StreetPages) -> dict[str, object]:
+def _index_entry(street: StreetReportPages) -> dict[str, object]:
     """Return a street's entry in the index."""
     every = street.all_rows
     return {

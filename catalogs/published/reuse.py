@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from catalogs.published.file_list import SizeAndDigest, content_digest, read_file_list
+from catalogs.published.file_list import SizeAndDigest, file_content_digest, read_file_list
 from catalogs.published.folders import Folder, join_path
 
 
 @dataclass
-class SnapshotFiles:
+class SnapshotFileWriter:
     """Writer of the files of a snapshot that is being published; files with unchanged inputs are linked.
 
     Attributes
@@ -38,9 +38,9 @@ class SnapshotFiles:
 
     def add_file(self, path: str, source_digest: str, data: Callable[[], bytes]) -> Path:
         """Add a file: link the earlier one if its inputs are the same, otherwise write `data()`."""
-        return self.add_written_file(path, source_digest, lambda file: file.write_bytes(data()))
+        return self.add_file_with_writer(path, source_digest, lambda file: file.write_bytes(data()))
 
-    def add_written_file(self, path: str, source_digest: str, write: Callable[[Path], object]) -> Path:
+    def add_file_with_writer(self, path: str, source_digest: str, write: Callable[[Path], object]) -> Path:
         """Add a file like `add_file`, written by `write` instead of from memory."""
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -56,11 +56,11 @@ class SnapshotFiles:
         try:
             if not isinstance(source, Path):
                 target.write_bytes(source.read_bytes())
-                if target.stat().st_size != size or content_digest(target) != digest:
+                if target.stat().st_size != size or file_content_digest(target) != digest:
                     return False
                 self.linked[path] = (size, digest)
                 return True
-            if source.stat().st_size != size or (self.verify_digests and content_digest(source) != digest):
+            if source.stat().st_size != size or (self.verify_digests and file_content_digest(source) != digest):
                 return False
             os.link(source, target)
         except OSError:  # missing, or no support for links: the file is written instead

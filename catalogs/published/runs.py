@@ -67,7 +67,7 @@ def find_runs(folder: F) -> tuple[list[PublishedRun[F]], list[str]]:
     return runs, sorted(left_out, key=natural_sort_key)
 
 
-def find_stores(folder: F) -> dict[str, F]:
+def find_runs_with_store(folder: F) -> dict[str, F]:
     """Return name -> folder of the runs with a store: `folder` or those up to two levels down."""
     if (folder / "store").is_dir():
         return {folder.resolve().name: folder}

@@ -23,7 +23,7 @@ _CONNECT_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class S3Folder:
+class S3Path:
     """Path of a folder or object in a bucket, with the part of pathlib's interface that runs need.
 
     Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
@@ -40,8 +40,8 @@ class S3Folder:
     def __str__(self) -> str:
         return S3_SCHEME + self.path
 
-    def __truediv__(self, name: str) -> S3Folder:
-        return S3Folder(f"{self.path}/{name}")
+    def __truediv__(self, name: str) -> S3Path:
+        return S3Path(f"{self.path}/{name}")
 
     @property
     def name(self) -> str:
@@ -49,9 +49,9 @@ class S3Folder:
         return self.path.rpartition("/")[2]
 
     @property
-    def parent(self) -> S3Folder:
+    def parent(self) -> S3Path:
         """Return the folder above."""
-        return S3Folder(self.path.rpartition("/")[0])
+        return S3Path(self.path.rpartition("/")[0])
 
     @property
     def bucket(self) -> str:
@@ -63,7 +63,7 @@ class S3Folder:
         """Return the path below the bucket."""
         return self.path.partition("/")[2]
 
-    def resolve(self) -> S3Folder:
+    def resolve(self) -> S3Path:
         """Return the path itself, which is always absolute."""
         return self
 
@@ -75,13 +75,13 @@ class S3Folder:
         """Return whether an object has this path."""
         return self._kind() == "File"
 
-    def iterdir(self) -> Iterator[S3Folder]:
+    def iterdir(self) -> Iterator[S3Path]:
         """Yield the objects and folders directly below this one."""
         from pyarrow.fs import FileSelector
 
-        with translate_errors(self):
+        with translate_bucket_errors(self):
             found = s3_filesystem().get_file_info(FileSelector(self.path))
-        return iter([S3Folder(one.path) for one in found])
+        return iter([S3Path(one.path) for one in found])
 
     def read_bytes(self) -> bytes:
         """Return the bytes of the object. Raises FileNotFoundError if it does not exist."""
@@ -115,7 +115,7 @@ class S3Folder:
 
     def size(self) -> int | None:
         """Return the size of this object in bytes, or None if it does not exist."""
-        with translate_errors(self):
+        with translate_bucket_errors(self):
             size: int | None = s3_filesystem().get_file_info(self.path).size
         return size
 
@@ -124,7 +124,7 @@ class S3Folder:
         object_store.delete_objects(f"{self.path}/{name}" for name in object_store.list_objects(self.path))
 
     def _kind(self) -> str:
-        with translate_errors(self):
+        with translate_bucket_errors(self):
             kind: str = s3_filesystem().get_file_info(self.path).type.name
         return kind
 
@@ -144,19 +144,19 @@ class S3Folder:
         )
 
 
-def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
+def folder_at(place: str | Path | S3Path) -> Path | S3Path:
     """Return the folder on this machine, or the one in a bucket that `s3://bucket/prefix` names.
 
     Raises
     ------
     InputError : no bucket is named.
     """
-    if isinstance(place, S3Folder) or not str(place).startswith(("s3:/", "S3:/")):
-        return place if isinstance(place, S3Folder) else Path(place)
+    if isinstance(place, S3Path) or not str(place).startswith(("s3:/", "S3:/")):
+        return place if isinstance(place, S3Path) else Path(place)
     path = str(place)[3:].strip("/")
     if not path:
         raise InputError(f"{place}: names no bucket; write s3://BUCKET/FOLDER")
-    return S3Folder(path)
+    return S3Path(path)
 
 
 def s3_filesystem() -> S3FileSystem:
@@ -167,7 +167,7 @@ def s3_filesystem() -> S3FileSystem:
 
 
 @contextmanager
-def translate_errors(folder: S3Folder) -> Iterator[None]:
+def translate_bucket_errors(folder: S3Path) -> Iterator[None]:
     """Convert errors of a bucket into one line with the remedy."""
     try:
         yield
@@ -175,7 +175,7 @@ def translate_errors(folder: S3Folder) -> Iterator[None]:
         raise _unreachable_error(folder, error) from error
 
 
-def _unreachable_error(folder: S3Folder, error: OSError) -> InputError:
+def _unreachable_error(folder: S3Path, error: OSError) -> InputError:
     message = " ".join(str(error).split()).partition(" (Request ID")[0]
     return InputError(
         f"{folder}: cannot be reached ({message[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.published.object_store import MAX_CONCURRENT_REQUESTS
-from catalogs.published.s3 import S3Folder, s3_filesystem, translate_errors
+from catalogs.published.s3 import S3Path, s3_filesystem, translate_bucket_errors
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,20 +21,20 @@ _POINTERS = ("current", "catalog.json")
 _REWRITTEN = (".json", ".yaml")
 
 
-def put_object(folder: S3Folder, name: str, data: bytes) -> None:
+def put_object(folder: S3Path, name: str, data: bytes) -> None:
     """Write an object of a folder in a bucket. Raises InputError if the bucket rejects it."""
     try:
-        with translate_errors(folder), s3_filesystem().open_output_stream(f"{folder.path}/{name}") as stream:
+        with translate_bucket_errors(folder), s3_filesystem().open_output_stream(f"{folder.path}/{name}") as stream:
             stream.write(data)
     except InputError as error:
         raise InputError(str(error).replace("cannot be reached", f"{name} cannot be written", 1)) from error
 
 
-def copy_run(
+def copy_run_to_bucket(
     run: Path,
-    target: S3Folder,
+    target: S3Path,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
-    put: Callable[[S3Folder, str, bytes], None] = put_object,
+    put: Callable[[S3Path, str, bytes], None] = put_object,
 ) -> int:
     """Copy the store and all published files of a run, and return the number of files sent.
 
@@ -66,7 +66,7 @@ def copy_run(
     return len(due) + len(references) + len(_POINTERS)
 
 
-def copy_catalog(folder: Path, target: S3Folder) -> None:
+def copy_catalog_to_bucket(folder: Path, target: S3Path) -> None:
     """Copy folder/catalog.json of a folder of runs."""
     put_object(target, "catalog.json", (folder / "catalog.json").read_bytes())
 
@@ -78,11 +78,11 @@ def _visible_files(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def _object_sizes(target: S3Folder) -> dict[str, int]:
+def _object_sizes(target: S3Path) -> dict[str, int]:
     """Return path -> size of the files below a folder in a bucket."""
     from pyarrow.fs import FileSelector, FileType
 
-    with translate_errors(target):
+    with translate_bucket_errors(target):
         selector = FileSelector(target.path, allow_not_found=True, recursive=True)
         found: Iterable[FileInfo] = s3_filesystem().get_file_info(selector)
     return {one.path[len(target.path) + 1 :]: one.size for one in found if one.type == FileType.File}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Generic, cast
 from catalogs.published import object_store
 from catalogs.published.folders import F, Folder
 from catalogs.published.runs import publish_hint
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 from facade_core.core.errors import InputError, MachineError, StoreError
 from facade_core.core.json_types import JsonObject
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Snapshot(Generic[F]):
+class SnapshotFolder(Generic[F]):
     """Folder OUT/published/ID of a snapshot, or the folder in which it is being written: paths, locks and store."""
 
     folder: F
@@ -91,9 +91,9 @@ class Snapshot(Generic[F]):
         return cast(F, self.folder / name)
 
     @contextmanager
-    def hold_for_reading(self) -> Iterator[Snapshot[F]]:
+    def hold_for_reading(self) -> Iterator[SnapshotFolder[F]]:
         """Hold a shared lock that keeps the folder from being pruned, at most until the process ends."""
-        if isinstance(self.folder, S3Folder):
+        if isinstance(self.folder, S3Path):
             yield self
             return
         try:
@@ -114,7 +114,7 @@ class Snapshot(Generic[F]):
 
         Readers of a bucket are unknown.
         """
-        if isinstance(self.folder, S3Folder):
+        if isinstance(self.folder, S3Path):
             yield True
             return
         handle = os.open(str(self.folder), os.O_RDONLY)
@@ -137,7 +137,7 @@ class Snapshot(Generic[F]):
         if isinstance(store, Path) and not store.is_dir():  # Icechunk would make it
             raise self.store_error("there is none")
         try:
-            if isinstance(store, S3Folder):
+            if isinstance(store, S3Path):
                 repository = icechunk.Repository.open(store.icechunk_storage())
             else:
                 repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
@@ -157,7 +157,7 @@ class Snapshot(Generic[F]):
         """Return the remedy for a damaged folder."""
         return publish_hint(self.out, "publishes again")
 
-    def read_outcome(self) -> JsonObject:
+    def read_run_summary(self) -> JsonObject:
         """Return the summary with the paths of the outputs; the small model if the whole one is missing."""
         model = self.overview if self.overview.is_file() and not self.model.is_file() else self.model
         summary: JsonObject = json.loads(self.summary.read_text())
@@ -170,12 +170,12 @@ class Snapshot(Generic[F]):
         }
 
 
-def snapshot_at(out: F, id: str) -> Snapshot[F]:
+def snapshot_folder(out: F, id: str) -> SnapshotFolder[F]:
     """Return the folder of a run's snapshot by its id."""
-    return Snapshot(cast(F, out / "published" / id))
+    return SnapshotFolder(cast(F, out / "published" / id))
 
 
-def current_snapshot(out: F) -> Snapshot[F]:
+def current_snapshot(out: F) -> SnapshotFolder[F]:
     """Return the snapshot that `current` of a run names.
 
     Raises
@@ -188,7 +188,7 @@ def current_snapshot(out: F) -> Snapshot[F]:
     return snapshot
 
 
-def find_current_snapshot(out: F) -> Snapshot[F] | None:
+def find_current_snapshot(out: F) -> SnapshotFolder[F] | None:
     """Return the current snapshot, or None if there is none or its pointer is damaged."""
     try:
         snapshot = _read_pointer(out)
@@ -197,27 +197,27 @@ def find_current_snapshot(out: F) -> Snapshot[F] | None:
     return snapshot if snapshot.summary.is_file() else None
 
 
-def current_pointer_tag(out: Folder) -> str | None:
+def current_pointer_etag(out: Folder) -> str | None:
     """Return the ETag of the object `current` of a run in a bucket; None without it.
 
     None on this machine, where the run's lock suffices.
     """
-    found = object_store.download_object(f"{out.path}/current") if isinstance(out, S3Folder) else None
+    found = object_store.download_object(f"{out.path}/current") if isinstance(out, S3Path) else None
     return found[1] if found else None
 
 
-def set_current_snapshot(snapshot: Snapshot[F], expected_tag: str | None = None) -> None:
+def set_current_snapshot(snapshot: SnapshotFolder[F], expected_tag: str | None = None) -> None:
     """Set `current` to a snapshot, atomically.
 
     Parameters
     ----------
-    expected_tag : in a bucket, the version of `current` that is replaced, from `current_pointer_tag`.
+    expected_tag : in a bucket, the version of `current` that is replaced, from `current_pointer_etag`.
 
     Raises
     ------
     MachineError : another run has changed `current` meanwhile.
     """
-    if isinstance(snapshot.out, S3Folder):
+    if isinstance(snapshot.out, S3Path):
         if (
             object_store.upload_if_unchanged(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), expected_tag)
             is None
@@ -229,7 +229,7 @@ def set_current_snapshot(snapshot: Snapshot[F], expected_tag: str | None = None)
     os.replace(pointer, snapshot.out / "current")
 
 
-def _read_pointer(out: F) -> Snapshot[F]:
+def _read_pointer(out: F) -> SnapshotFolder[F]:
     pointer = out / "current"
     try:
         name = pointer.read_text(encoding="utf-8", errors="replace").strip()
@@ -237,4 +237,4 @@ def _read_pointer(out: F) -> Snapshot[F]:
         raise InputError(f"{pointer} cannot be read: {error.strerror}; `streetloom run` writes it") from error
     if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
         raise InputError(f"{pointer} does not hold a snapshot id; {publish_hint(out, 'publishes again')}")
-    return snapshot_at(out, name)
+    return snapshot_folder(out, name)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from catalogs.published import object_store
 from catalogs.published.file_list import FILE_LIST_NAME
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 
 
-def upload_snapshot(written: Path, final: S3Folder, earlier: S3Folder | None, linked: Collection[str]) -> None:
+def upload_snapshot(written: Path, final: S3Path, earlier: S3Path | None, linked: Collection[str]) -> None:
     """Upload the files of a snapshot.
 
     `linked` files are copied within the bucket from the snapshot `earlier`. The list of files comes last: a snapshot

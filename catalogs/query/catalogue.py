@@ -12,7 +12,7 @@ import numpy as np
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
 from catalogs.published.s3 import folder_at
-from catalogs.published.snapshot import Snapshot, current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from catalogs.query.execution import query
 from catalogs.query.formats import to_geodataframe
 from facade_core.core.arrays import AnyArray
@@ -93,7 +93,7 @@ class Catalogue:
         return next(found.folder for found in find_runs(self.out)[0] if found.name == names[0])
 
 
-def _read_facade(snapshot: Snapshot[Folder], id: str) -> xr.Dataset:
+def _read_facade(snapshot: SnapshotFolder[Folder], id: str) -> xr.Dataset:
     import xarray as xr
     import zarr
 

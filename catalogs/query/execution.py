@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.merged_items import MergedItems, read_merged_items, read_parquet_schema
+from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
-from catalogs.published.s3 import S3Folder, folder_at, s3_filesystem, translate_errors
+from catalogs.published.s3 import S3Path, folder_at, s3_filesystem, translate_bucket_errors
 from catalogs.published.snapshot import current_snapshot
-from catalogs.query.where import condition_error, parse_since, select_where
+from catalogs.query.where import build_checked_select, condition_error, parse_since
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def query(
         joined = [(None, one.path, one.columns, stale) for one, stale in files]
         for number, (run, path, columns, stale) in enumerate([*joined, *((*one, []) for one in found)]):
             but = [f"run NOT IN ({', '.join(map(_quote_text, stale))})"] if stale else []
-            if isinstance(path, S3Folder):
+            if isinstance(path, S3Path):
                 # DuckDB would download an extension for S3, so Arrow reads, with filters on box and time
                 connection.register(f"rows_{number}", _filtered_dataset(path, columns, box, start))
                 parts.append(_select_sql(run, columns, schema, f"rows_{number}") + _where_sql(columns, [], None, but))
@@ -88,7 +88,7 @@ def query(
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
         if where is None:
             return _to_pandas(_run_sql(connection, "FROM items", schema))
-        text = select_where(connection, "items", where, schema.names)
+        text = build_checked_select(connection, "items", where, schema.names)
         try:
             return _to_pandas(_run_sql(connection, text, schema))
         except duckdb.Error as error:
@@ -109,7 +109,7 @@ def _parse_box(bbox: Sequence[float] | None) -> list[float]:
 
 
 # Merged files, each with the runs in it that have published since.
-MergedFiles = list[tuple[MergedItems, list[str]]]
+MergedFiles = list[tuple[MergedItemsFile, list[str]]]
 
 
 def _find_catalogues(
@@ -155,7 +155,7 @@ def _match_merged_files(
 ) -> tuple[MergedFiles, list[PublishedRun[Folder]]]:
     """Return the merged files with their outdated runs, and the runs that must be read themselves."""
     files: MergedFiles = []
-    found = read_merged_items(out)
+    found = read_merged_items_headers(out)
     joined_at_all = {name for joined in found for name in joined.runs}
     asked = [run for run in runs if run.name in joined_at_all]
     now = dict(
@@ -204,7 +204,7 @@ def _where_sql(columns: pa.Schema, box: Sequence[float], start: datetime | None,
     return f" WHERE {' AND '.join(conditions)}" if conditions else ""
 
 
-def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Dataset:
+def _filtered_dataset(path: S3Path, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Dataset:
     """Return the file in a bucket as an Arrow dataset with filters on box and time.
 
     Row groups without matching rows are not fetched.
@@ -212,7 +212,7 @@ def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], 
     import pyarrow as pa
     from pyarrow import dataset
 
-    with translate_errors(path):
+    with translate_bucket_errors(path):
         rows = dataset.dataset(path.path, format="parquet", filesystem=s3_filesystem())
     field = dataset.field
     if start is not None:

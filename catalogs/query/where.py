@@ -44,7 +44,7 @@ _OPERATOR_TYPES = {
 _QUALIFIERS = ("schema", "catalog", "filter", "distinct", "export_state")
 
 
-def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, columns: Sequence[str]) -> str:
+def build_checked_select(connection: duckdb.DuckDBPyConnection, table: str, where: str, columns: Sequence[str]) -> str:
     """Return `SELECT * FROM table WHERE where` after checking that `where` is one condition.
 
     DuckDB's parser builds the tree that is checked, and the parsed text is returned unchanged, so nothing unchecked
@@ -72,7 +72,7 @@ def combine_conditions(conditions: Sequence[str]) -> str | None:
 
     Raises
     ------
-    InputError : as `select_where`.
+    InputError : as `build_checked_select`.
     """
     if len(conditions) < 2:
         return next(iter(conditions), None)

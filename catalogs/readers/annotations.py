@@ -7,18 +7,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
 # (id of a facade or building, corrected property, value): see `catalogs.block.corrections`.
 Annotation = tuple[str, str, object]
-# Property of a `MeasuredHeight`: an edit of it changes the eaves.
+# Property of a `CityJsonHeights`: an edit of it changes the eaves.
 MEASURED_HEIGHT = "measured height"
 
 
-class MeasuredHeight(NamedTuple):
+class CityJsonHeights(NamedTuple):
     """Heights of a building in an edited CityJSON export, metres; None where it is not stated.
 
     Attributes
@@ -60,7 +60,7 @@ EXPORTED_HEIGHT_ATTRIBUTE = "measuredHeightExported"
 IS_FACADE_COLUMN = "is_facade"
 
 
-def read_annotations(path: Path, facades: dict[str, str]) -> list[Annotation]:
+def read_correction_annotations(path: Path, facades: dict[str, str]) -> list[Annotation]:
     """Read corrections from a file of annotations, or from a folder of LabelMe files.
 
     Boxes become shares of the picture.
@@ -91,7 +91,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
-        return [annotation for file in files for annotation in read_annotations(file, facades)]
+        return [annotation for file in files for annotation in read_correction_annotations(file, facades)]
     if path.suffix.lower() == ".gpkg":
         return _read_geopackage(path)
     try:
@@ -106,7 +106,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         if isinstance(document, dict) and "shapes" in document:
             return [_parse_labelme(document, facades)]
         if isinstance(document, dict) and isinstance(document.get("corrections"), list):
-            return parse_corrections(document["corrections"], str(path))
+            return parse_correction_annotations(document["corrections"], str(path))
     except (
         KeyError,
         TypeError,
@@ -123,7 +123,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
     )
 
 
-def parse_corrections(corrections: Sequence[object], source_name: str) -> list[Annotation]:
+def parse_correction_annotations(corrections: Sequence[object], source_name: str) -> list[Annotation]:
     """Return the annotations of corrections in Streetloom's own JSON.
 
     Raises
@@ -227,7 +227,7 @@ def _parse_cityjson(document: JsonObject) -> Iterator[Annotation]:
         yield from _building_annotations(id, attributes, CITYJSON_ATTRIBUTES)
         if attributes.get("measuredHeight") not in (None, ""):
             heights = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
-            yield id, MEASURED_HEIGHT, MeasuredHeight(*heights)
+            yield id, MEASURED_HEIGHT, CityJsonHeights(*heights)
         surfaces = [
             s for geometry in city_object.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
         ]
@@ -250,4 +250,4 @@ def _building_annotations(id: str, row: Mapping[str, object], names: Mapping[str
 
 def facades_by_picture_name(ids: list[str]) -> dict[str, str]:
     """Return the facade id by the name, without suffix, of its exported picture."""
-    return {file_stem(id): id for id in ids}
+    return {safe_file_stem(id): id for id in ids}

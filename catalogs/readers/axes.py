@@ -27,7 +27,7 @@ _SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {
 
 
 @dataclass(frozen=True, slots=True)
-class Axes:
+class CoordinateAxes:
     """Axis order and units of the coordinates of a file.
 
     Attributes
@@ -56,7 +56,9 @@ class Axes:
         return points[:, order] * (1.0, 1.0, self.metres_per_height_unit)
 
 
-def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, path: Path) -> tuple[Axes, str | None]:
+def resolve_crs_axes(
+    name: str | None, sample_point: tuple[float, float] | None, path: Path
+) -> tuple[CoordinateAxes, str | None]:
     """Return the axes of a coordinate system, and a remark where they are a guess.
 
     The axis order is that of the system, unless only the other order puts the sample point in its area of use. Heights have
@@ -75,12 +77,12 @@ def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, pat
         For a geocentric system.
     """
     if not name:
-        return Axes(), None
+        return CoordinateAxes(), None
     codes = _parse_epsg_codes(name)
     parts = _crs_parts(codes)
     horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
-        return Axes(), "names of a CRS that are not understood"
+        return CoordinateAxes(), "names of a CRS that are not understood"
     crs = f"EPSG:{codes[0]}" if len(codes) == 1 else horizontal.to_string()
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
@@ -100,7 +102,7 @@ def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, pat
         scale, vertical = (metres * max(math.cos(latitude), 1e-3), metres), 1.0
     else:
         scale, vertical = (unit, unit), unit
-    return Axes(crs, horizontal.to_string(), north_first, scale, heights[0] if heights else vertical), remark
+    return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, heights[0] if heights else vertical), remark
 
 
 def _parse_epsg_codes(name: str) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.errors import GeometryError
-from facade_core.core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, BuildingShell
 
 _MIN_DOUBLE_FACE_AREA_M2 = 1e-6  # m2; smallest double area of a face
 MAX_COORDINATE = 1e9  # larger than any coordinate of a real CRS
@@ -33,7 +33,7 @@ SURFACE_SEMANTICS = {
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Face:
+class PlanarFace:
     """Planar polygonal face of a building, with semantic and texture.
 
     Attributes
@@ -50,7 +50,9 @@ class Face:
     uv: Sequence[Float64Array] | None = None
 
 
-def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float] = (1.0, 1.0)) -> Shell | None:
+def triangulate_faces(
+    faces: Sequence[PlanarFace], metres_per_unit: tuple[float, float] = (1.0, 1.0)
+) -> BuildingShell | None:
     """Return the shell of the faces of a building; None where no face has an area.
 
     Equal vertices are shared. Faces with a vertex that is not finite, or beyond MAX_COORDINATE, are dropped.
@@ -84,7 +86,7 @@ def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float
             cut
         ]
     vertices, index = np.unique(points[cut].reshape(-1, 3), axis=0, return_inverse=True)
-    return Shell(
+    return BuildingShell(
         vertices=vertices,
         triangles=index.reshape(-1, 3).astype(np.int32),
         semantic=semantic[owner],
@@ -93,7 +95,7 @@ def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float
     )
 
 
-def _face_uv(face: Face, count: int) -> Float64Array:
+def _face_uv(face: PlanarFace, count: int) -> Float64Array:
     """Return texture coordinates (count, 2) of the rings of a face; zeros without a texture."""
     if face.texture < 0 or face.uv is None:
         return np.zeros((count, 2))

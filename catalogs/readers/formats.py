@@ -10,14 +10,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias, cast
 
-from catalogs.features import BuildingModels, Centrelines, Footprints
+from catalogs.features import BuildingModels, CentrelinesAndGround, Footprints
 from catalogs.reader_errors import wrap_reader_errors
-from catalogs.readers.limits import apply_limits
+from catalogs.readers.limits import reject_implausible_items
 from facade_core.core.errors import InputError
 
 # File and level of detail -> buildings; file -> centrelines or ground features.
 BuildingReader: TypeAlias = Callable[[Path, str | None], Footprints | BuildingModels]
-CentrelineReader: TypeAlias = Callable[[Path], Centrelines]
+CentrelineReader: TypeAlias = Callable[[Path], CentrelinesAndGround]
 
 # Suffix -> module and function; modules are imported on first use.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
@@ -27,11 +27,11 @@ BUILDING_READERS: Mapping[str, tuple[str, str]] = {
     ".gml": ("citygml.buildings", "read_citygml"),
     ".xml": ("citygml.buildings", "read_citygml"),
     ".gml.gz": ("citygml.buildings", "read_citygml"),
-    ".obj": ("meshes.models", "read_meshes"),
-    ".glb": ("meshes.models", "read_meshes"),
-    ".gltf": ("meshes.models", "read_meshes"),
-    ".ply": ("meshes.models", "read_meshes"),
-    ".npz": ("meshes.models", "read_meshes"),
+    ".obj": ("meshes.models", "read_mesh_buildings"),
+    ".glb": ("meshes.models", "read_mesh_buildings"),
+    ".gltf": ("meshes.models", "read_mesh_buildings"),
+    ".ply": ("meshes.models", "read_mesh_buildings"),
+    ".npz": ("meshes.models", "read_mesh_buildings"),
     ".gpkg": ("vectors.vector_files", "read_vector_footprints"),
     ".geojson": ("vectors.vector_files", "read_vector_footprints"),
     ".parquet": ("vectors.vector_files", "read_vector_footprints"),
@@ -41,7 +41,7 @@ BUILDING_READERS: Mapping[str, tuple[str, str]] = {
 }
 CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
-    ".graphml": ("vectors.graphml", "read_graphml"),
+    ".graphml": ("vectors.graphml", "read_graphml_centrelines"),
     ".gpkg": ("vectors.vector_files", "read_vector_centrelines"),
     ".geojson": ("vectors.vector_files", "read_vector_centrelines"),
     ".json": ("vectors.vector_files", "read_vector_centrelines"),
@@ -77,10 +77,10 @@ def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingM
     """
     reader = cast(BuildingReader, _find_reader(path, BUILDING_READERS))
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return apply_limits(reader(path, lod), path)
+        return reject_implausible_items(reader(path, lod), path)
 
 
-def read_centrelines(path: Path) -> Centrelines:
+def read_centrelines(path: Path) -> CentrelinesAndGround:
     """Read the street centrelines of a file.
 
     Broken ones and those beyond the limits become faults.
@@ -92,10 +92,10 @@ def read_centrelines(path: Path) -> Centrelines:
     """
     reader = cast(CentrelineReader, _find_reader(path, CENTRELINE_READERS))
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return apply_limits(reader(path), path)
+        return reject_implausible_items(reader(path), path)
 
 
-def read_ground(path: Path) -> Centrelines:
+def read_ground_features(path: Path) -> CentrelinesAndGround:
     """Read the ground features of a file; only an OpenStreetMap extract gives centrelines too.
 
     Raises

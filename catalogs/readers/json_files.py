@@ -36,7 +36,7 @@ def read_json_buildings(path: Path, lod: str | None = None) -> Footprints | Buil
     if isinstance(kind, str) and kind in _GEOJSON:
         return vectors.read_vector_footprints(path, lod)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
-        return walls.read_walls(path, lod)
+        return walls.read_footprints_from_walls(path, lod)
     raise InputError(
         f"{path} holds no buildings: it is neither CityJSON, nor GeoJSON, nor a table of walls; convert it"
     )

@@ -13,13 +13,13 @@ from catalogs.features import (
     BuildingModel,
     BuildingModels,
     Centreline,
-    Centrelines,
+    CentrelinesAndGround,
     Fault,
     Footprint,
     Footprints,
     Remark,
 )
-from catalogs.reader_errors import single_line
+from catalogs.reader_errors import to_single_line
 from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
@@ -36,17 +36,17 @@ MIN_GROUND_HEIGHT_M = -1000.0  # m
 MAX_GROUND_HEIGHT_M = 10_000.0  # m
 MAX_BUILDING_HEIGHT_M = 1500.0  # m; taller buildings are errors of the data
 
-SourceT = TypeVar("SourceT", Footprints, BuildingModels, Centrelines)
+SourceT = TypeVar("SourceT", Footprints, BuildingModels, CentrelinesAndGround)
 ItemT = TypeVar("ItemT", Footprint, BuildingModel, Centreline)
 
 
 @overload
-def apply_limits(source: Footprints, path: Path) -> Footprints: ...
+def reject_implausible_items(source: Footprints, path: Path) -> Footprints: ...
 @overload
-def apply_limits(source: BuildingModels, path: Path) -> BuildingModels: ...
+def reject_implausible_items(source: BuildingModels, path: Path) -> BuildingModels: ...
 @overload
-def apply_limits(source: Centrelines, path: Path) -> Centrelines: ...
-def apply_limits(source: SourceT, path: Path) -> SourceT:
+def reject_implausible_items(source: CentrelinesAndGround, path: Path) -> CentrelinesAndGround: ...
+def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
     """Turn items of a source that no block can contain into faults.
 
     These are ids of unusable length or characters, outlines of too many corners and impossible ground heights. Unprintable
@@ -57,13 +57,13 @@ def apply_limits(source: SourceT, path: Path) -> SourceT:
     InputError
         For more than MAX_FEATURES items.
     """
-    kind = "street" if isinstance(source, Centrelines) else "building"
+    kind = "street" if isinstance(source, CentrelinesAndGround) else "building"
     if len(source.items) > MAX_FEATURES:
         raise InputError(
             f"{path} holds {len(source.items)} {kind}s, more than {MAX_FEATURES}; cut out the area that is meant"
         )
     reasons = [_limit_violation(item) for item in source.items]
-    faults = [replace(f, id=_short_id(f.id), reason=single_line(f.reason)) for f in source.faults]
+    faults = [replace(f, id=_short_id(f.id), reason=to_single_line(f.reason)) for f in source.faults]
     faults += [
         Fault(_short_id(item.id), kind, f"{path.name}: {reason}", _bounding_box(item))
         for item, reason in zip(source.items, reasons, strict=True)
@@ -75,14 +75,14 @@ def apply_limits(source: SourceT, path: Path) -> SourceT:
 
 def _clean_name(item: ItemT) -> ItemT:
     """Return an item with a printable name of at most MAX_NAME_LENGTH letters."""
-    return item if item.name is None else replace(item, name=single_line(item.name[:MAX_NAME_LENGTH]) or None)
+    return item if item.name is None else replace(item, name=to_single_line(item.name[:MAX_NAME_LENGTH]) or None)
 
 
 def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:
     """Return the violated limit and the remedy; None for an acceptable item."""
     if len(item.id) > MAX_ID_LENGTH:
         return f"its id has {len(item.id)} letters, more than {MAX_ID_LENGTH}; give it a shorter one"
-    if single_line(item.id) != item.id:
+    if to_single_line(item.id) != item.id:
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
@@ -112,9 +112,9 @@ def _bounding_box(item: Footprint | BuildingModel | Centreline) -> BaseGeometry:
 
 def _short_id(id: str) -> str:
     """Return an id shortened for a report."""
-    text = single_line(id[:MAX_ID_LENGTH])
+    text = to_single_line(id[:MAX_ID_LENGTH])
     return text if len(text) <= MAX_NAME_LENGTH else f"{text[:40]}..."
 
 
 def _clean_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    return tuple(replace(remark, id=_short_id(remark.id), reason=single_line(remark.reason)) for remark in remarks)
+    return tuple(replace(remark, id=_short_id(remark.id), reason=to_single_line(remark.reason)) for remark in remarks)

@@ -27,7 +27,7 @@ WALL_TOLERANCE_M = 0.1  # m within which walls meet and are upright
 _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
 
-def read_walls(path: Path, lod: str | None = None) -> Footprints:
+def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints:
     """Read one footprint per building of a JSON object of walls.
 
     The format is {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}. Corners are metres in `crs` in the

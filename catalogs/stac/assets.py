@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 
 if TYPE_CHECKING:
     from pystac import Asset
@@ -57,7 +57,7 @@ def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
     }
 
 
-def store_asset(up: str, fields: Mapping[str, object] | None = None) -> Asset:
+def icechunk_store_asset(up: str, fields: Mapping[str, object] | None = None) -> Asset:
     """Return the asset of the run's Icechunk store, two folders above the block."""
     from pystac import Asset
 
@@ -65,7 +65,7 @@ def store_asset(up: str, fields: Mapping[str, object] | None = None) -> Asset:
     return Asset(f"{up}../../store", title, media_type=media_type, roles=["data"], extra_fields=dict(fields or {}))
 
 
-def picture_assets(folder: Path, pictures: Iterable[tuple[str, str]], up: str) -> dict[str, Asset]:
+def report_picture_assets(folder: Path, pictures: Iterable[tuple[str, str]], up: str) -> dict[str, Asset]:
     """Return assets of the report's pictures (key, file name); the one of the whole is the thumbnail."""
     assets = {}
     for key, name in pictures:
@@ -80,7 +80,7 @@ def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, lis
 
     A picture is named after its unit and a stage, `w1-f2-level-0.webp`; the longest matching unit is taken.
     """
-    stems = {file_stem(unit): unit for unit in units}
+    stems = {safe_file_stem(unit): unit for unit in units}
     found: dict[str | None, list[tuple[str, str]]] = {}
     for path in sorted((folder / _IMAGES_FOLDER).glob("*")):
         if path.suffix not in _MEDIA_TYPES:
@@ -95,12 +95,12 @@ def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, lis
     return found
 
 
-def card_asset(folder: Path, name: str) -> Asset:
+def model_card_asset(folder: Path, name: str) -> Asset:
     """Return the asset of a model's card, in the folder of its Item."""
     return _file_asset(folder, name, "./", title="model card", media_type="text/markdown", roles=["metadata"])
 
 
-def mirror_asset(folder: Path, name: str) -> Asset:
+def stac_geoparquet_asset(folder: Path, name: str) -> Asset:
     """Return the asset of a Collection's stac-geoparquet file, which holds all its Items."""
     media_type = "application/vnd.apache.parquet"
     return _file_asset(folder, name, "./", title="all Items", media_type=media_type, roles=["collection-mirror"])

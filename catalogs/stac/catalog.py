@@ -9,9 +9,9 @@ from urllib.parse import quote
 from catalogs.published.folders import Folder, write_atomically
 from catalogs.published.runs import PublishedRun, find_runs, publish_hint
 from catalogs.published.s3 import folder_at
-from catalogs.published.snapshot import Snapshot, current_snapshot
-from catalogs.stac.snapshot import collection_paths, object_json
-from catalogs.stac.versions import mark_superseded
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
+from catalogs.stac.snapshot import collection_paths, stac_object_json
+from catalogs.stac.versions import mark_superseded_snapshots
 from facade_core.core.errors import InputError
 
 CATALOG = "catalog.json"
@@ -21,7 +21,7 @@ def write_catalog(
     folder: Folder | str,
     *,
     on_left_out: Callable[[str], None] | None = None,
-    find_snapshot: Callable[[Folder], Snapshot[Folder]] = current_snapshot,
+    find_snapshot: Callable[[Folder], SnapshotFolder[Folder]] = current_snapshot,
 ) -> Folder:
     """Write catalog.json of a run or of a folder of runs, atomically.
 
@@ -60,7 +60,7 @@ def write_catalog(
     return folder / CATALOG
 
 
-def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folder], Snapshot[Folder]]) -> None:
+def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folder], SnapshotFolder[Folder]]) -> None:
     """Write the catalog of a run until `current` stays the same.
 
     Of two concurrent writers, the last one then sees the newest snapshot.
@@ -74,7 +74,7 @@ def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folde
         name = _folder_name(run.folder)
         children = [(f".{str(path)[len(str(run.folder)) :]}", kind) for kind, path in collections]
         _write_catalog_file(run.folder, f"What Streetloom published in {name}", children)
-    mark_superseded(run.folder / "published", snapshot.id)
+    mark_superseded_snapshots(run.folder / "published", snapshot.id)
 
 
 def _write_catalog_file(folder: Folder, description: str, children: Sequence[tuple[str, str]]) -> None:
@@ -84,7 +84,7 @@ def _write_catalog_file(folder: Folder, description: str, children: Sequence[tup
     catalog.clear_links()
     catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))
     catalog.add_links([pystac.Link("child", href, "application/json", title) for href, title in children])
-    path, data = folder / CATALOG, object_json(catalog).encode()
+    path, data = folder / CATALOG, stac_object_json(catalog).encode()
     if path.is_file() and path.read_bytes() == data:
         return  # allows read-only folders with an up-to-date catalog
     write_atomically(path, data)

@@ -18,7 +18,7 @@ STREET_STATES = ("done", "failed", "stale", "waiting", "unseen")
 
 
 @dataclass(frozen=True, slots=True)
-class SourceFact:
+class DataSourceFacts:
     """Source of a block's data.
 
     Attributes
@@ -56,7 +56,7 @@ class BlockFacts:
     footprint: BaseGeometry | None
     counts: Mapping[str, int]
     settings: Mapping[str, object]
-    sources: tuple[SourceFact, ...]
+    sources: tuple[DataSourceFacts, ...]
     notes: tuple[str, ...]
 
 

@@ -38,18 +38,18 @@ _SHARE_COLUMNS = ("photo", "inpainted", "synthesised", "translated")
 
 
 @dataclass(frozen=True, slots=True)
-class ItemPlace:
+class ItemGeometry:
     """Geometry in degrees and in the block's frame; None without a location."""
 
     lonlat: BaseGeometry | None
     in_frame: BaseGeometry | None
 
 
-NOWHERE = ItemPlace(None, None)
+NOWHERE = ItemGeometry(None, None)
 
 
 @dataclass(frozen=True, slots=True)
-class FacadeFoot:
+class FacadeFootLine:
     """Row of a facade, and its foot line in degrees and in the block's frame."""
 
     row: ItemRow
@@ -57,12 +57,12 @@ class FacadeFoot:
     in_frame: LineString
 
 
-def facade_item(foot: FacadeFoot, facts: BlockFacts) -> Item:
+def facade_item(foot: FacadeFootLine, facts: BlockFacts) -> Item:
     """Build the Item of a facade."""
     row = foot.row
     columns: Mapping[str, object] = row
     item = _new_item(
-        row["id"], "facades", facts, ItemPlace(foot.lonlat, foot.in_frame), row["updated"], row["code_version"]
+        row["id"], "facades", facts, ItemGeometry(foot.lonlat, foot.in_frame), row["updated"], row["code_version"]
     )
     item.properties["title"] = " ".join(filter(None, (row["street"], row["id"])))
     _add_fields(item, {key: columns[key] for key in ITEM_PROPERTIES})
@@ -71,7 +71,7 @@ def facade_item(foot: FacadeFoot, facts: BlockFacts) -> Item:
     return item
 
 
-def street_item(street: StreetFacts, place: ItemPlace, facts: BlockFacts) -> Item:
+def street_item(street: StreetFacts, place: ItemGeometry, facts: BlockFacts) -> Item:
     """Build the Item of a street."""
     item = _new_item(street.id, "streets", facts, place, street.updated or facts.updated)
     item.properties["title"] = street.name or street.id
@@ -97,7 +97,7 @@ def street_item(street: StreetFacts, place: ItemPlace, facts: BlockFacts) -> Ite
     return item
 
 
-def block_item(facts: BlockFacts, place: ItemPlace) -> Item:
+def block_item(facts: BlockFacts, place: ItemGeometry) -> Item:
     """Build the Item of a block."""
     item = _new_item(facts.name, "blocks", facts, place, facts.updated)
     item.stac_extensions += [CITY3D, ZARR]
@@ -127,7 +127,7 @@ def block_item(facts: BlockFacts, place: ItemPlace) -> Item:
     return item
 
 
-def run_item(run: RunFacts, facts: BlockFacts, place: ItemPlace) -> Item:
+def run_item(run: RunFacts, facts: BlockFacts, place: ItemGeometry) -> Item:
     """Build the Item of a run."""
     item = _new_item(f"{facts.name}-{facts.snapshot}", "runs", facts, place, run.ended)
     total = {state: sum(stage.get(state, 0) for stage in run.units.values()) for state in ("done", "failed", "stale")}
@@ -179,7 +179,7 @@ def projection_fields(crs: CRS) -> dict[str, str | None]:
     return {"proj:code": ":".join(authority)} if authority else {"proj:code": None, "proj:wkt2": crs.to_wkt()}
 
 
-def project_place(geometry: BaseGeometry | None, crs: CRS) -> ItemPlace:
+def project_item_geometry(geometry: BaseGeometry | None, crs: CRS) -> ItemGeometry:
     """Return a geometry of the block's frame as a place, without heights.
 
     NOWHERE if a coordinate is not finite.
@@ -193,7 +193,7 @@ def project_place(geometry: BaseGeometry | None, crs: CRS) -> ItemPlace:
     move = Transformer.from_crs(crs, LONLAT, always_xy=True).transform
     lonlat = shapely.transform(own, move, interleaved=False)
     finite = np.isfinite(shapely.get_coordinates([own, lonlat])).all()
-    return ItemPlace(lonlat, own) if finite else NOWHERE
+    return ItemGeometry(lonlat, own) if finite else NOWHERE
 
 
 def to_json_value(value: object) -> object:
@@ -217,7 +217,12 @@ def _add_fields(item: Item, fields: Mapping[str, object]) -> None:
 
 
 def _new_item(
-    identifier: str, kind: str, facts: BlockFacts, place: ItemPlace, updated: datetime, code_version: str | None = None
+    identifier: str,
+    kind: str,
+    facts: BlockFacts,
+    place: ItemGeometry,
+    updated: datetime,
+    code_version: str | None = None,
 ) -> Item:
     """Build the common part of an Item.
 

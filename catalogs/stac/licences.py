@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from catalogs.stac.facts import SourceFact
+from catalogs.stac.facts import DataSourceFacts
 
 if TYPE_CHECKING:
     from pystac import Link, Provider
@@ -23,13 +23,13 @@ SPDX = {
 OTHER_LICENSE = "other"
 
 
-def common_license(sources: Sequence[SourceFact]) -> str:
+def common_license(sources: Sequence[DataSourceFacts]) -> str:
     """Return the SPDX identifier that all sources share, or OTHER_LICENSE."""
     found = {known[0] if (known := _spdx_license(source.licence)) else OTHER_LICENSE for source in sources}
     return found.pop() if len(found) == 1 else OTHER_LICENSE
 
 
-def license_links(sources: Sequence[SourceFact]) -> list[Link]:
+def license_links(sources: Sequence[DataSourceFacts]) -> list[Link]:
     """Return links to the texts of the known licences."""
     import pystac
 
@@ -37,7 +37,7 @@ def license_links(sources: Sequence[SourceFact]) -> list[Link]:
     return [pystac.Link("license", url, "text/html", name) for name, url in texts]
 
 
-def licensors(sources: Sequence[SourceFact]) -> list[Provider]:
+def licensors(sources: Sequence[DataSourceFacts]) -> list[Provider]:
     """Return a provider for each stated licence, with its words and its files."""
     import pystac
 

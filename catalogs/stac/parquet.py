@@ -22,7 +22,7 @@ _BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
 _NO_ASSETS = {"thumbnail": {"href": None}}
 
 
-def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Collection, crs: CRS) -> None:
+def write_stac_geoparquet(path: Path, items: Sequence[tuple[str, Item]], collection: Collection, crs: CRS) -> None:
     """Write the Items of a Collection that have a place as one stac-geoparquet file.
 
     Properties are columns, times are times, geometries are WKB (proj:geometry in `crs`). Links and assets are
@@ -61,7 +61,7 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     )
 
 
-def remove_links(mirror: bytes, is_dead: Callable[[JsonObject], bool]) -> bytes | None:
+def remove_dead_geoparquet_links(mirror: bytes, is_dead: Callable[[JsonObject], bool]) -> bytes | None:
     """Return a stac-geoparquet file without the dead links of its Items and Collection; None if it has none."""
     import io
 

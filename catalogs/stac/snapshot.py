@@ -13,34 +13,34 @@ from typing import TYPE_CHECKING
 import shapely
 
 from catalogs.crs import LONLAT
-from catalogs.features import file_stem, natural_sort_key
+from catalogs.features import natural_sort_key, safe_file_stem
 from catalogs.printable_text import escape_invisible_json
 from catalogs.published.folders import F, Folder, file_sizes, join_path
 from catalogs.published.item_row import ItemRow
 from catalogs.published.items import transform_foot_lines
 from catalogs.stac.assets import (
     block_assets,
-    card_asset,
-    mirror_asset,
-    picture_assets,
+    icechunk_store_asset,
+    model_card_asset,
     pictures_by_unit,
-    store_asset,
+    report_picture_assets,
+    stac_geoparquet_asset,
     tile_assets,
 )
 from catalogs.stac.collections import COLLECTION_KINDS, build_collection, format_counts
 from catalogs.stac.facts import STREET_STATES, BlockFacts, SnapshotFacts, StreetFacts
 from catalogs.stac.items import (
-    FacadeFoot,
-    ItemPlace,
+    FacadeFootLine,
+    ItemGeometry,
     block_item,
     facade_item,
     model_item,
-    project_place,
+    project_item_geometry,
     run_item,
     street_item,
 )
 from catalogs.stac.licences import license_links
-from catalogs.stac.parquet import MIRROR_NAME, write_mirror
+from catalogs.stac.parquet import MIRROR_NAME, write_stac_geoparquet
 
 if TYPE_CHECKING:
     from pystac import Asset, Item, Link, STACObject
@@ -82,46 +82,51 @@ def write_stac(
     facades = [row for row in rows if row["kind"] == "facade"]
     ends = [row["geometry"] for row in facades]
     feet = [
-        FacadeFoot(row, lonlat, own)
+        FacadeFootLine(row, lonlat, own)
         for row, lonlat, own in zip(
             facades, transform_foot_lines(ends, crs, LONLAT), transform_foot_lines(ends, crs, crs), strict=True
         )
         if lonlat is not None
     ]
-    place = project_place(block.footprint, crs) if block.footprint is not None else _facades_place(feet)
+    place = project_item_geometry(block.footprint, crs) if block.footprint is not None else _facades_place(feet)
     writer = _StacWriter(folder, block, predecessor, published or folder.parent)
 
     pictures = pictures_by_unit(folder, [row["id"] for row in facades])
-    hrefs = {f"block/{block.name}": f"blocks/{item_stem(block.name)}.json"}
-    hrefs |= {f"street/{street.id}": f"streets/{item_stem(street.id)}.json" for street in streets}
+    hrefs = {f"block/{block.name}": f"blocks/{item_file_stem(block.name)}.json"}
+    hrefs |= {f"street/{street.id}": f"streets/{item_file_stem(street.id)}.json" for street in streets}
     for foot in feet:
         item = facade_item(foot, block)
-        item.assets = picture_assets(folder, pictures.get(item.id, ()), "../../../")
+        item.assets = report_picture_assets(folder, pictures.get(item.id, ()), "../../../")
         parents = [hrefs[name] for name in (foot.row["parents"] or "").split(", ") if name in hrefs]
         writer.add_item(
-            "facades", f"facades/{file_stem(foot.row['building'] or 'none')}/{file_stem(item.id)}.json", item, parents
+            "facades",
+            f"facades/{safe_file_stem(foot.row['building'] or 'none')}/{safe_file_stem(item.id)}.json",
+            item,
+            parents,
         )
 
     for street in sorted(streets, key=lambda street: natural_sort_key(street.id)):
-        item = street_item(street, project_place(street.line, crs), block)
+        item = street_item(street, project_item_geometry(street.line, crs), block)
         writer.add_item("streets", hrefs[f"street/{street.id}"], item, [hrefs[f"block/{block.name}"]])
 
     shared = block_assets(folder, "../../")
     item = block_item(block, place)
-    item.assets = shared | tile_assets(folder, "../../") | picture_assets(folder, pictures.get(None, ()), "../../")
-    item.assets["store"] = store_asset("../../", _ZARR)
+    item.assets = (
+        shared | tile_assets(folder, "../../") | report_picture_assets(folder, pictures.get(None, ()), "../../")
+    )
+    item.assets["store"] = icechunk_store_asset("../../", _ZARR)
     writer.add_item("blocks", hrefs[f"block/{block.name}"], item)
     if run is not None:
         item = run_item(run, block, place)
         item.assets = {key: asset for key, asset in shared.items() if key == "report"}
         writer.add_item("runs", "runs/run.json", item)
     for model in facts.models:
-        name = file_stem(model.id)
+        name = safe_file_stem(model.id)
         item = model_item(model, block)
         if model.card is not None:
             (folder / STAC_FOLDER / "models").mkdir(parents=True, exist_ok=True)
             shutil.copyfile(model.card, folder / STAC_FOLDER / "models" / f"{name}.md")
-            item.assets = {"card": card_asset(folder / STAC_FOLDER / "models", f"{name}.md")}
+            item.assets = {"card": model_card_asset(folder / STAC_FOLDER / "models", f"{name}.md")}
         writer.add_item("models", f"models/{name}.json", item)
 
     failed = sum(row["status"] == "failed" for row in facades)
@@ -138,7 +143,7 @@ def write_stac(
     }
     times = [row["updated"] for row in rows] + [block.updated]
     for kind in COLLECTION_KINDS:
-        assets = shared | {"store": store_asset("../../")} if kind in ("facades", "blocks") else {}
+        assets = shared | {"store": icechunk_store_asset("../../")} if kind in ("facades", "blocks") else {}
         writer.write_collection(kind, words[kind], times, assets)
 
 
@@ -196,8 +201,10 @@ class _StacWriter:
         if kind in MIRRORED_KINDS:
             (self.stac / kind).mkdir(parents=True, exist_ok=True)
             placed = [(href, item) for href, item in self.items[kind] if item.bbox]
-            write_mirror(self.stac / kind / MIRROR_NAME, placed, collection, CRS.from_user_input(self.block.crs))
-            collection.assets["mirror"] = mirror_asset(self.stac / kind, MIRROR_NAME)
+            write_stac_geoparquet(
+                self.stac / kind / MIRROR_NAME, placed, collection, CRS.from_user_input(self.block.crs)
+            )
+            collection.assets["mirror"] = stac_geoparquet_asset(self.stac / kind, MIRROR_NAME)
         self._save(href, collection)
 
     def _predecessor_links(self, href: str, up: str, media_type: str) -> list[Link]:
@@ -211,36 +218,36 @@ class _StacWriter:
     def _save(self, href: str, value: STACObject) -> None:
         path = self.stac / href
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(object_json(value), encoding="utf-8", newline="")
+        path.write_text(stac_object_json(value), encoding="utf-8", newline="")
 
 
-def object_json(value: STACObject) -> str:
+def stac_object_json(value: STACObject) -> str:
     """Return an object as JSON text, links unchanged.
 
     pystac's own output depends on the installed JSON library.
     """
-    return fields_json(value.to_dict(include_self_link=False, transform_hrefs=False))
+    return stac_fields_json(value.to_dict(include_self_link=False, transform_hrefs=False))
 
 
-def fields_json(fields: Mapping[str, object]) -> str:
+def stac_fields_json(fields: Mapping[str, object]) -> str:
     """Return the fields of a STAC object as they are written to its file."""
     return escape_invisible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
-def item_stem(identifier: str) -> str:
+def item_file_stem(identifier: str) -> str:
     """Return features.file_stem, but never the stem of the Collection's file."""
-    stem = file_stem(identifier)
+    stem = safe_file_stem(identifier)
     return f"{stem}_" if f"{stem}.json" == COLLECTION_FILE else stem
 
 
-def _facades_place(feet: Sequence[FacadeFoot]) -> ItemPlace:
+def _facades_place(feet: Sequence[FacadeFootLine]) -> ItemGeometry:
     """Return the convex hull of the facades' foot lines; polygons are anticlockwise."""
     if not feet:
-        return ItemPlace(None, None)
+        return ItemGeometry(None, None)
     lines = [foot.lonlat for foot in feet], [foot.in_frame for foot in feet]
     hulls = (shapely.MultiLineString(part).convex_hull for part in lines)
     lonlat, in_frame = (shapely.geometry.polygon.orient(h) if h.geom_type == "Polygon" else h for h in hulls)
-    return ItemPlace(lonlat, in_frame)
+    return ItemGeometry(lonlat, in_frame)
 
 
 def _count_states(streets: Sequence[StreetFacts]) -> dict[str, int]:

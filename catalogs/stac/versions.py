@@ -8,14 +8,14 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 
 from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
-from catalogs.stac.parquet import MIRROR_NAME, remove_links
-from catalogs.stac.snapshot import COLLECTION_FILE, STAC_FOLDER, fields_json
+from catalogs.stac.parquet import MIRROR_NAME, remove_dead_geoparquet_links
+from catalogs.stac.snapshot import COLLECTION_FILE, STAC_FOLDER, stac_fields_json
 from facade_core.core.json_types import JsonObject
 
 VERSION_LINKS = ("predecessor-version", "latest-version")
 
 
-def mark_superseded(published: Folder, latest: str) -> None:
+def mark_superseded_snapshots(published: Folder, latest: str) -> None:
     """Mark the STAC files of all snapshots except `latest` as deprecated.
 
     They get a link to the latest version of the same thing. Each file is replaced atomically; marked files stay.
@@ -52,10 +52,10 @@ def _deprecate_file(stac: Folder, name: str, newest: Collection[str], latest: st
         href = f"{'../' * len(name.split('/'))}../{latest}/{STAC_FOLDER}/{name}"
         links.append({"rel": "latest-version", "href": href, "type": media_type})
     fields["links"] = links
-    write_atomically(join_path(stac, name), fields_json(fields).encode())
+    write_atomically(join_path(stac, name), stac_fields_json(fields).encode())
 
 
-def remove_dead_links(published: Folder) -> dict[str, list[str]]:
+def remove_dead_version_links(published: Folder) -> dict[str, list[str]]:
     """Remove version links to snapshots that are gone.
 
     Returns
@@ -76,10 +76,10 @@ def remove_dead_links(published: Folder) -> dict[str, list[str]]:
             links: Sequence[JsonObject] = fields.get("links", ())
             if any(map(is_dead, links)):
                 fields["links"] = [link for link in links if not is_dead(link)]
-                write_atomically(join_path(stac, name), fields_json(fields).encode())
+                write_atomically(join_path(stac, name), stac_fields_json(fields).encode())
                 changed[snapshot].append(f"{STAC_FOLDER}/{name}")
         for name in (name for name in names if re.fullmatch(f"[^/]+/{MIRROR_NAME}", name)):
-            if (table := remove_links(join_path(stac, name).read_bytes(), is_dead)) is not None:
+            if (table := remove_dead_geoparquet_links(join_path(stac, name).read_bytes(), is_dead)) is not None:
                 write_atomically(join_path(stac, name), table)
                 changed[snapshot].append(f"{STAC_FOLDER}/{name}")
     return dict(changed)

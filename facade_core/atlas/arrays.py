@@ -9,11 +9,11 @@ import numpy as np
 from facade_core.atlas.journal import journal_path
 from facade_core.atlas.rasters import TexelLayout, write_rasters
 from facade_core.atlas.stored_files import FOLDERS
-from facade_core.core.atlas_spec import STRING_DTYPE, ArraySpec, AtlasSpec, Axis
+from facade_core.core.atlas_spec import STRING_DTYPE, ArraySpec, AtlasSpec, DimensionAndChunkSize
 from facade_core.core.labels import FLAGS
 from facade_core.core.provenance import PROVENANCE
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 
 # Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next
 # run then recreates stores of other formats.
@@ -92,7 +92,7 @@ ARRAYS = (
 )
 
 
-def journal_array(stage: str) -> ArraySpec:
+def journal_array_spec(stage: str) -> ArraySpec:
     """Return the specification of the array that holds a stage's records, one per unit."""
     meaning = f"record of each unit of {stage}, JSON; empty until it is done"
     return ArraySpec(journal_path(stage), (_unit_dimension(stage),), STRING_DTYPE, meaning)
@@ -112,7 +112,7 @@ def create_arrays(
     panorama_width : pixels; panoramas are half as high.
     """
     axes = _axes(spec, units, panorama_width)
-    for array in (*ARRAYS, *map(journal_array, units)):
+    for array in (*ARRAYS, *map(journal_array_spec, units)):
         array.create(group, axes)
     for folder in ("atlas", "facade_maps"):
         group.require_group(folder).attrs.update(
@@ -139,7 +139,7 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
     panorama_width : pixels; panoramas are half as high.
     """
     axes = _axes(spec, units, panorama_width)
-    for array in (*ARRAYS, *map(journal_array, units)):
+    for array in (*ARRAYS, *map(journal_array_spec, units)):
         array.resize(group, axes)
     for exemplar in range(units["exemplars"]):
         group.require_group(f"exemplars/{exemplar}")
@@ -149,7 +149,7 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
 
 
 def clear_rasters(
-    group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int], stage: str | None = None
+    group: StoreGroup, spec: AtlasSpec, placement: ChartPlacements, charts: Iterable[int], stage: str | None = None
 ) -> None:
     """Reset the atlas and the facade maps at some charts to their state before a stage.
 
@@ -172,19 +172,19 @@ def clear_rasters(
             write_rasters(array, spec, placement, layout, np.zeros((layout.total, *array.shape[3:]), array.dtype))
 
 
-def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:
+def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, DimensionAndChunkSize]:
     """Return every dimension of `ARRAYS` and of the journal.
 
     A chunk is a square of a page, a panorama, or the output of one unit.
     """
     return {
-        **{_unit_dimension(stage): Axis(count, 1) for stage, count in units.items()},
-        "page": Axis(spec.pages, 1),
-        "y": Axis(spec.page, spec.chunk),
-        "x": Axis(spec.page, spec.chunk),
-        "band": Axis(3, 3),
-        "row": Axis(panorama_width // 2, panorama_width // 2),
-        "column": Axis(panorama_width, panorama_width),
+        **{_unit_dimension(stage): DimensionAndChunkSize(count, 1) for stage, count in units.items()},
+        "page": DimensionAndChunkSize(spec.pages, 1),
+        "y": DimensionAndChunkSize(spec.page, spec.chunk),
+        "x": DimensionAndChunkSize(spec.page, spec.chunk),
+        "band": DimensionAndChunkSize(3, 3),
+        "row": DimensionAndChunkSize(panorama_width // 2, panorama_width // 2),
+        "column": DimensionAndChunkSize(panorama_width, panorama_width),
     }
 
 

@@ -44,7 +44,7 @@ class Record(TypedDict, total=False):
     digests: dict[str, str]
 
 
-class WaveRecord(Record, total=False):
+class StreetWaveRecord(Record, total=False):
     """Journal record of a street, with the wave that gives the order of writers."""
 
     wave: int
@@ -131,8 +131,8 @@ def unit_key(*parts: object) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_digests(
-    base_records: Sequence[Record | None], street_records: Sequence[WaveRecord | None]
+def latest_chart_digests(
+    base_records: Sequence[Record | None], street_records: Sequence[StreetWaveRecord | None]
 ) -> dict[str, str]:
     """Return the digest of every chart by its id, as its last writer left it.
 
@@ -155,7 +155,7 @@ def atlas_digest(group: StoreGroup) -> str:
 
     Independent of the charts' place on the pages.
     """
-    charts = latest_digests(read_journal(group, "surfaces"), [])
+    charts = latest_chart_digests(read_journal(group, "surfaces"), [])
     digest = hashlib.sha256()
     for name in sorted(charts):
         digest.update(f"{name}:{charts[name]}\n".encode())

@@ -12,7 +12,7 @@ from facade_core.core.arrays import AnyArray, Int64Array, IntArray, UInt8Array, 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray
-from facade_core.geometry.chart_packing import THIN_DIVISOR, Placement
+from facade_core.geometry.chart_packing import THIN_DIVISOR, ChartPlacements
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TexelLayout:
     total: int
 
     @classmethod
-    def of_charts(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
+    def of_charts(cls, placement: ChartPlacements, charts: Iterable[int]) -> TexelLayout:
         """Lay out charts in the given order."""
         chart_ids = np.array(list(charts), np.int64)
         size = placement.width[chart_ids].astype(np.int64) * placement.height[chart_ids]
@@ -41,13 +41,13 @@ class TexelLayout:
         offset[chart_ids] = np.cumsum(size) - size
         return cls(chart_ids, offset, int(size.sum()))
 
-    def texel_slice(self, placement: Placement, chart: int) -> slice:
+    def texel_slice(self, placement: ChartPlacements, chart: int) -> slice:
         """Return the slice of a chart's texels in the flat array."""
         start = int(self.offset[chart])
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
-def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> AnyArray:
+def read_rasters(array: StoreArray, placement: ChartPlacements, layout: TexelLayout) -> AnyArray:
     """Read the layout's texels from a page array; a chunk that small charts share is read once.
 
     Parameters
@@ -78,7 +78,7 @@ def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -
 
 
 def write_rasters(
-    array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: AnyArray
+    array: StoreArray, spec: AtlasSpec, placement: ChartPlacements, layout: TexelLayout, flat: AnyArray
 ) -> None:
     """Write the layout's texels and their gutters to a page array.
 
@@ -148,7 +148,7 @@ def _chunk_region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, s
 
 
 def chart_digests(
-    colour: UInt8Array, provenance: IntArray, placement: Placement, layout: TexelLayout, ids: UInt64Array
+    colour: UInt8Array, provenance: IntArray, placement: ChartPlacements, layout: TexelLayout, ids: UInt64Array
 ) -> dict[str, str]:
     """Compute the digest of colour and provenance of every chart of a layout.
 
@@ -181,7 +181,7 @@ def picture_digest(rgb: UInt8Array) -> str:
 
 
 def chunk_digests(
-    colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
+    colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: ChartPlacements, charts: Iterable[int]
 ) -> dict[str, str]:
     """Compute the digest of colour and provenance of every chunk that contains one of the charts.
 

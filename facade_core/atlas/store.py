@@ -15,7 +15,7 @@ import icechunk
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal_cache import update_cached_journals
 from facade_core.atlas.store_location import StoreLocation
-from facade_core.core.errors import FormatError, LostStoreError, StoreError
+from facade_core.core.errors import LostStoreError, StoreError, StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ def open_root(session: icechunk.Session) -> StoreGroup:
     if found_format != STORE_FORMAT and dict(group.attrs):
         repository = getattr(session, "repository", None)
         where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
-        raise FormatError(
+        raise StoreFormatError(
             f"{where}: is of format {found_format or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; "
             f"`streetloom run BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
         )
@@ -199,7 +199,7 @@ def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
 def commit(session: icechunk.Session, message: str) -> str:
     """Commit a session of `open_repository` on top of all commits since it began.
 
-    Commits of one process are serialised. Between processes the run's lock decides, which `guard_commits` checks.
+    Commits of one process are serialised. Between processes the run's lock decides, which `check_before_commits` checks.
 
     Returns
     -------
@@ -234,7 +234,7 @@ def commit(session: icechunk.Session, message: str) -> str:
 
 
 @contextmanager
-def guard_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[None]:
+def check_before_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[None]:
     """Call `check` before each commit to a store within a `with` block.
 
     Parameters

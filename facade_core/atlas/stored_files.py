@@ -27,17 +27,17 @@ PICTURES = "pictures"
 FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES)
 
 
-def hierarchy_path(chart: int) -> str:
+def variation_hierarchy_path(chart: int) -> str:
     """Return the store path of a facade's encoded variation hierarchy, by its chart's id."""
     return f"{HIERARCHIES}/{chart:016x}"
 
 
-def earlier_path(chart: int) -> str:
+def earlier_picture_path(chart: int) -> str:
     """Return the path of a facade's earlier picture, by the id of its chart."""
     return f"{EARLIER}/{chart:016x}"
 
 
-def page_path(page: int) -> str:
+def page_picture_path(page: int) -> str:
     """Return the store path of an atlas page's encoded picture."""
     return f"{PAGES}/{page}"
 
@@ -98,7 +98,7 @@ def digest_stored_file(data: bytes | memoryview) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def delete_stored_files(group: StoreGroup, folder: str, kept: set[str]) -> None:
+def delete_stored_files_except(group: StoreGroup, folder: str, kept: set[str]) -> None:
     """Delete the files of a folder except the `kept` names."""
     for name, _ in list(get_subgroup(group, folder).arrays()):
         if name not in kept:

@@ -47,7 +47,7 @@ def coplanar_pieces(charts: Charts, chart: int, margin: float) -> Int64Array:
     return pieces
 
 
-def read_with_surroundings(
+def read_chart_with_surroundings(
     charts: Charts, density: Float64Array, chart: int, size: tuple[int, int], margin: int, read: ChartReader
 ) -> tuple[UInt8Array, UInt8Array]:
     """Read colour and provenance of a chart with a margin filled from pieces of its surface.

@@ -47,7 +47,7 @@ class AtlasSpec:
 
 
 @dataclass(frozen=True)
-class Axis:
+class DimensionAndChunkSize:
     """Size of one array dimension in a store, and of a chunk along it."""
 
     size: int
@@ -69,7 +69,7 @@ class ArraySpec:
         """Return the CF attributes of the array."""
         return {"long_name": self.long_name, **self.attributes}
 
-    def create(self, group: StoreGroup, axes: Mapping[str, Axis]) -> StoreArray:
+    def create(self, group: StoreGroup, axes: Mapping[str, DimensionAndChunkSize]) -> StoreArray:
         """Create the array empty, replacing an earlier one; only metadata is written."""
         return group.create_array(
             self.path,
@@ -84,10 +84,10 @@ class ArraySpec:
 
     def write(self, group: StoreGroup, folder: str, values: UInt8Array) -> None:
         """Write `values` as a new array of one chunk in `folder`."""
-        axes = {dim: Axis(size, size) for dim, size in zip(self.dims, values.shape, strict=True)}
+        axes = {dim: DimensionAndChunkSize(size, size) for dim, size in zip(self.dims, values.shape, strict=True)}
         replace(self, path=f"{folder}/{self.path}").create(group, axes)[:] = values
 
-    def resize(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
+    def resize(self, group: StoreGroup, axes: Mapping[str, DimensionAndChunkSize]) -> None:
         """Resize the array and keep the common part; create it where it is missing or its chunks differ."""
         if self.path not in group:
             self.create(group, axes)

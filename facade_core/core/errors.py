@@ -27,7 +27,7 @@ class BlockFileError(InputError):
     """Block file with an unknown key, a missing file or a wrong value."""
 
 
-class ModelError(FacadeError):
+class ModelFileError(FacadeError):
     """File of a trained model that is missing, has the wrong checksum or does not fit."""
 
 
@@ -35,11 +35,11 @@ class StoreError(FacadeError):
     """Store that cannot be opened, or whose content does not fit the block."""
 
 
-class FormatError(StoreError):
+class StoreFormatError(StoreError):
     """Store whose tables, arrays or records are of another store format version."""
 
 
-class WithheldError(FacadeError):
+class TooManyFailuresError(FacadeError):
     """Too many units of a run failed, so its result is not made current."""
 
 

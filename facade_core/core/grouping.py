@@ -7,7 +7,7 @@ import numpy as np
 from facade_core.core.arrays import Int64Array, IntArray
 
 
-class RowIndex:
+class RowsByValue:
     """Lookup of table rows by the value of an integer column (n,), without a scan per query."""
 
     def __init__(self, column: IntArray) -> None:

@@ -14,7 +14,7 @@ _MIX_FACTOR = np.uint64(0xD6E8FEB86659FD93)
 
 
 @njit(cache=True, inline="always")
-def hash_bits(h: np.uint64) -> np.uint64:
+def hash_to_random_bits(h: np.uint64) -> np.uint64:
     """Return 40 pseudo-random bits of a hash."""
     return ((h ^ (h >> np.uint64(32))) * _MIX_FACTOR) >> np.uint64(24)
 
@@ -27,7 +27,7 @@ def hash_to_uniform(h: np.uint64) -> float:
 
 
 @njit(cache=True, inline="always")
-def hash_row(y: float, seed: np.uint64) -> np.uint64:
+def hash_cell_row(y: float, seed: np.uint64) -> np.uint64:
     """Return the hash of a lattice row's cells; add column * COLUMN_FACTOR for one cell."""
     return (np.uint64(np.int64(y)) + seed) * ROW_FACTOR
 

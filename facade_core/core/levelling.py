@@ -18,7 +18,7 @@ MAX_SEAM_OFFSET = 64.0
 RELAXATIONS_PER_SIZE = 24
 
 
-def fill_unknown(values: NumericArray, known: BoolArray) -> Float32Array:
+def fill_unknown_values(values: NumericArray, known: BoolArray) -> Float32Array:
     """Fill unknown values with the means of known ones around them (pull-push).
 
     An unknown value takes the mean of the smallest square with a power-of-two side that contains a known one. So means
@@ -38,7 +38,7 @@ def fill_unknown(values: NumericArray, known: BoolArray) -> Float32Array:
 
 
 def fill_unknown_colours(colour: UInt8Array, known: BoolArray) -> UInt8Array:
-    """Fill unknown colours as `fill_unknown` does, rounded to bytes.
+    """Fill unknown colours as `fill_unknown_values` does, rounded to bytes.
 
     The finest size, with four times as many texels as all others together, is processed without floats.
 
@@ -76,7 +76,7 @@ def _known_means(total: Float32Array, weight: Float32Array) -> Float32Array:
     return result
 
 
-def level_seam(colour: UInt8Array, fixed: BoolArray, free: BoolArray, *, reach: float) -> UInt8Array:
+def level_seam_colours(colour: UInt8Array, fixed: BoolArray, free: BoolArray, *, reach: float) -> UInt8Array:
     """Level the seam between the fixed and the free texels of a chart.
 
     The mean colours on both sides of the border are compared, up to MAX_SEAM_OFFSET. A membrane through the difference

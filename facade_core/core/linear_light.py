@@ -24,7 +24,7 @@ def linear_to_srgb(light: FloatArray) -> UInt8Array:
     return srgb
 
 
-def smooth_known(light: FloatArray, known: BoolArray, sigma: float, *, wrap: bool = False) -> Float32Array:
+def smooth_known_light(light: FloatArray, known: BoolArray, sigma: float, *, wrap: bool = False) -> Float32Array:
     """Compute Gaussian means of the known light around each pixel.
 
     Where no known pixel is near, ever wider means are used (pull-push).
@@ -45,7 +45,7 @@ def smooth_known(light: FloatArray, known: BoolArray, sigma: float, *, wrap: boo
     if wrap:
         pad = int(min(4 * sigma, *light.shape[:2]))
         spread = [(pad, pad), (pad, pad), (0, 0)]
-        grown = smooth_known(np.pad(light, spread, "wrap"), np.pad(known, spread[:2], "wrap"), sigma)
+        grown = smooth_known_light(np.pad(light, spread, "wrap"), np.pad(known, spread[:2], "wrap"), sigma)
         return grown[pad:-pad, pad:-pad]
     weight = known.astype(np.float32)
     total, share = light * weight[..., None], weight

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES
 
@@ -29,7 +29,7 @@ def file_stamps(path: Path) -> tuple[tuple[int, int], ...]:
     files = (path, path.with_suffix(".json"))
     for file in files:
         if not file.is_file():
-            raise ModelError(f"{file}: no such file; a parser model is an .onnx file with its .json beside it")
+            raise ModelFileError(f"{file}: no such file; a parser model is an .onnx file with its .json beside it")
     return tuple((file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
@@ -45,11 +45,11 @@ def read_model_record(path: Path) -> JsonObject:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ModelError(f"{path}: not valid JSON ({error}); fetch it again or train the model anew") from error
+        raise ModelFileError(f"{path}: not valid JSON ({error}); fetch it again or train the model anew") from error
     if not isinstance(record, dict):
-        raise ModelError(f"{path}: not a JSON object; fetch it again or train the model anew")
+        raise ModelFileError(f"{path}: not a JSON object; fetch it again or train the model anew")
     if record.get("classes") != list(CLASSES):
-        raise ModelError(f"{path}: made for other classes or features; {_REMEDY}")
+        raise ModelFileError(f"{path}: made for other classes or features; {_REMEDY}")
     return record
 
 
@@ -71,7 +71,7 @@ def open_inference_session(path: Path, record: Mapping[str, object], *, threads:
 
     content = path.read_bytes()
     if record.get("sha256") != hashlib.sha256(content).hexdigest():
-        raise ModelError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
+        raise ModelFileError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -80,7 +80,7 @@ def open_inference_session(path: Path, record: Mapping[str, object], *, threads:
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no public root for its errors
-        raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
+        raise ModelFileError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
 
 
 def extend_model_record(path: Path, **more: object) -> None:

@@ -23,7 +23,7 @@ class Provenance(IntEnum):
     PHOTO = 5
 
 
-def resolve_provenance(
+def merge_atlas_layers(
     seed: UInt8Array, evidence: UInt8Array, street: UInt8Array, views: UInt16Array
 ) -> tuple[UInt8Array, UInt8Array]:
     """Merge base layer and street layer of the atlas by rank into colour and provenance.

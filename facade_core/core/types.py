@@ -105,7 +105,7 @@ SEMANTICS = ("wall", "roof", "ground", "window", "door", "ceiling", "unknown")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shell:
+class BuildingShell:
     """Surface of a building as triangles, in the block's metric frame (z up).
 
     Attributes
@@ -147,7 +147,7 @@ class Roof:
 
 
 @dataclass(frozen=True, slots=True)
-class Finish:
+class BuildingFinish:
     """Stated colours and materials of a building's walls and roof.
 
     Attributes
@@ -163,7 +163,7 @@ class Finish:
 
 
 # Finish of a building without stated colours and materials.
-PLAIN = Finish()
+PLAIN = BuildingFinish()
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,8 +202,8 @@ class Building:
     name: str | None = None
     base: float | None = None
     roof: Roof | None = None
-    shell: Shell | None = None
-    finish: Finish = PLAIN
+    shell: BuildingShell | None = None
+    finish: BuildingFinish = PLAIN
     raised: float = 0.0
     part_of: str | None = None
 
@@ -218,7 +218,7 @@ Shares = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class FacadeCorrection:
+class FacadeCorrections:
     """Corrections of one facade, in shares of its wall's width and height, y down.
 
     Attributes
@@ -235,11 +235,11 @@ class FacadeCorrection:
     facade: bool = True
 
 
-AS_FOUND = FacadeCorrection()
+AS_FOUND = FacadeCorrections()
 
 
 @dataclass(frozen=True, slots=True)
-class ModelFiles:
+class TrainedModelFiles:
     """Files of the trained parser and layout models; None selects the shipped one.
 
     Attributes
@@ -258,11 +258,11 @@ class ModelFiles:
         return (*parser, *(() if self.layout is None else (self.layout,)))
 
 
-SHIPPED_MODELS = ModelFiles()
+SHIPPED_MODELS = TrainedModelFiles()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Elevation:
+class ElevationRaster:
     """Raster of ground heights in the block's metric frame.
 
     Attributes
@@ -310,7 +310,7 @@ class Street:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class GroundWay:
     """Way on the ground, mapped or assumed, in the block's metric frame; carries no camera.
 
     Attributes
@@ -350,7 +350,7 @@ SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
+class GroundArea:
     """Area of ground with one surface of SURFACES, in the block's metric frame."""
 
     id: str
@@ -359,9 +359,9 @@ class Area:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class MappedGround:
     """Mapped ground of a block; outline is the border of the block, None where unknown."""
 
-    ways: tuple[Way, ...] = ()
-    areas: tuple[Area, ...] = ()
+    ways: tuple[GroundWay, ...] = ()
+    areas: tuple[GroundArea, ...] = ()
     outline: Polygon | None = None

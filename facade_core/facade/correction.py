@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.core.levelling import fill_unknown
+from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.facade.facade import Facade
@@ -110,7 +110,7 @@ def _paint_wall(image: UInt8Array, labels: UInt8Array, e: Element, synthetic: Bo
         y, x = np.unravel_index(np.where(clear, likeness, np.inf).argmin(), clear.shape)
         piece = image[y : y + h, x : x + w].copy()
     else:
-        piece = np.rint(fill_unknown(image, ~mask)).astype(np.uint8)[outer]
+        piece = np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8)[outer]
     image[outer] = np.where(mask[outer][..., None], piece, image[outer])
 
 

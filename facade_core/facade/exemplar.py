@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_with_labels
-from facade_core.core.types import SHIPPED_MODELS, Box, Element, ModelFiles
+from facade_core.core.types import SHIPPED_MODELS, Box, Element, TrainedModelFiles
 from facade_core.facade.facade import time_stage
 from facade_core.facade.photo_facade import NO_DOORS, PhotoMasks, complete_photo
 from facade_core.facade.texture.scale import exemplar_scale
@@ -59,7 +59,7 @@ def prepare_exemplar(
     floor_height: float,
     private: BoolArray | None = None,
     labels: UInt8Array | None = None,
-    models: ModelFiles = SHIPPED_MODELS,
+    models: TrainedModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Exemplar:
     """Cut an exemplar to its facade, complete it and measure it.

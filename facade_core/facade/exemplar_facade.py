@@ -13,11 +13,11 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.retargeting import ExemplarStyle
+from facade_core.facade.texture.retargeting import ExemplarAnalysis
 from facade_core.facade.texture.tint import tint_facade
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode_variations
-from facade_core.facade.variation.photo_exchange import exchange_in_photo
+from facade_core.facade.variation.photo_exchange import permute_photo_elements
 from facade_core.facade.variation.variations import find_variations
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.elements import elements
@@ -45,9 +45,9 @@ class ScaledStyle:
     floor_style : exemplar whose floor heights apply; `style` by default.
     """
 
-    style: ExemplarStyle
+    style: ExemplarAnalysis
     metres_per_pixel: float
-    floor_style: ExemplarStyle | None = None
+    floor_style: ExemplarAnalysis | None = None
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def build_facade_from_exemplar(
     with time_stage(seconds, "vary"):
         if wall.on_street:
             # Permute window states between walls of one exemplar and between repeated bays.
-            texture, varied = exchange_in_photo(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
+            texture, varied = permute_photo_elements(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
         factors = _paint_factors(texture, labels, paint.wall_colour)
         texture = tint_facade(texture, labels, building_seed=paint.building_seed, seed=seed, paint=factors)
     with time_stage(seconds, "lattice"):

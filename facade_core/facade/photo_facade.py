@@ -11,17 +11,17 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, ModelFiles
+from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, TrainedModelFiles
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
+from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.variation.encoding import encode
 from facade_core.parsing.confidence import FacadeEstimates, box_coverage, calibrate_elements, load_calibration
 from facade_core.parsing.elements import elements
 from facade_core.parsing.lattice import lattice
-from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, dilate, occluder_mask, remove_spill
+from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, clean_occluder_mask, dilate, remove_occluders_lining_hole
 from facade_core.parsing.segmenter import parse
 
 # Smallest visible share of a facade to complete; with less the result would be a guess.
@@ -86,7 +86,7 @@ def build_facade_from_photo(
     *,
     masks: PhotoMasks = NO_MASKS,
     doors: MappedDoors = NO_DOORS,
-    models: ModelFiles = SHIPPED_MODELS,
+    models: TrainedModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Facade:
     """Run all stages on a rectified photo of a facade.
@@ -132,7 +132,7 @@ def build_facade_from_photo(
 
 
 def complete_photo(
-    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: ModelFiles, seed: int
+    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: TrainedModelFiles, seed: int
 ) -> CompletedPhoto:
     """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
     seconds: dict[str, float] = {}
@@ -140,10 +140,10 @@ def complete_photo(
     with time_stage(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]), model=models.parser)
-        occluded = np.zeros_like(hidden) if masks.is_clean else remove_spill(parsing.occluded, hidden)
+        occluded = np.zeros_like(hidden) if masks.is_clean else remove_occluders_lining_hole(parsing.occluded, hidden)
         if masks.facade is not None:
             occluded &= ~masks.facade
-        occluders, masked = occluder_mask(occluded)
+        occluders, masked = clean_occluder_mask(occluded)
         if masks.private is not None:
             occluders |= masks.private
         masked_share = float((occluders & ~hidden).mean())
@@ -158,7 +158,7 @@ def complete_photo(
         height, width = hidden.shape
         with time_stage(seconds, "complete"):
             if observed:
-                region = visible_boxes(dilate_by_window(hidden, observed))
+                region = visible_region_boxes(dilate_hidden_by_window(hidden, observed))
                 region += [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 evidence = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(

@@ -15,22 +15,22 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.buildings.chimneys import build_chimneys
 from facade_core.geometry.buildings.dormers import build_dormers
 from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
-from facade_core.geometry.buildings.extrusion import Extrusion, add_extrusion, facets_above
-from facade_core.geometry.buildings.facets import Facets, group_facets, wall_share
+from facade_core.geometry.buildings.extrusion import Extrusion, add_extrusion_charts, facets_entirely_above
+from facade_core.geometry.buildings.facets import Facets, extract_shell_facets, line_share_with_walls
 from facade_core.geometry.buildings.gutters import build_gutters
 from facade_core.geometry.buildings.neighbours import (
-    eaves_obstacles,
-    free_outline,
-    level_building_parts,
-    roof_neighbours,
+    neighbour_area_above_eaves,
+    outline_without_party_walls,
+    roof_continuation_footprints,
+    unify_building_part_bases,
 )
 from facade_core.geometry.buildings.roof_details import RoofDetail
 from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
-from facade_core.geometry.buildings.roof_shapes import GRID_M, build_roof_shell
-from facade_core.geometry.buildings.shells import add_facets, add_skirt, lift_to_ground
+from facade_core.geometry.buildings.roof_shapes import GRID_M, build_shell_with_roof
+from facade_core.geometry.buildings.shells import add_facet_charts, add_skirt_charts, lift_to_ground
 from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
 from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarget
-from facade_core.geometry.ground.ground_charts import add_ground
+from facade_core.geometry.ground.ground_charts import add_ground_charts
 from facade_core.geometry.ground.terrain import Terrain
 
 # Footprint vertices nearer than this to the straight wall do not split it into two facades; metres.
@@ -77,20 +77,21 @@ def build_block_surfaces(
     """
     pieces = ChartBuilder()
     refused, outlines = [], []
-    buildings = level_building_parts(buildings, terrain)
+    buildings = unify_building_part_bases(buildings, terrain)
     tree = shapely.STRtree([building.footprint for building in buildings])
     eyes = sample_streets([street.line for street in streets])
     for index, building in enumerate(buildings):
         try:
-            adjoining = roof_neighbours(index, buildings, tree)
-            surroundings = RoofSurroundings(eaves_obstacles(index, buildings, tree, terrain), eyes, tree)
+            adjoining = roof_continuation_footprints(index, buildings, tree)
+            surroundings = RoofSurroundings(neighbour_area_above_eaves(index, buildings, tree, terrain), eyes, tree)
             target = SurfaceTarget(pieces, index, largest, grid)
-            outline, found = add_building(target, building, terrain, adjoining, surroundings)
+            outline, found = add_building_charts(target, building, terrain, adjoining, surroundings)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
         if building.raised == 0 and (
-            found is None or wall_share(found, free_outline(index, buildings, tree)) >= MIN_WALLED_SHARE
+            found is None
+            or line_share_with_walls(found, outline_without_party_walls(index, buildings, tree)) >= MIN_WALLED_SHARE
         ):
             outlines.append(outline)
     if streets:
@@ -103,14 +104,14 @@ def build_block_surfaces(
             end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(FORECOURT_M, join_style="mitre")
             open_ground = open_ground.intersection(end)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
-        add_ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
+        add_ground_charts(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
     if not len(pieces):
         why = f": {refused[0][0]}: {refused[0][1]}" if refused else "; check its area and input files"
         raise GeometryError(f"the block has neither buildings nor streets{why}")
     return *pieces.build(), tuple(refused)
 
 
-def add_building(
+def add_building_charts(
     target: SurfaceTarget,
     building: Building,
     terrain: Terrain,
@@ -144,7 +145,9 @@ def add_building(
         base = terrain.lowest_along(outline) if building.base is None else building.base
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
         roof_shell = (
-            build_roof_shell(replace(building, footprint=onto_grid), base, adjoining) if onto_grid.is_valid else None
+            build_shell_with_roof(replace(building, footprint=onto_grid), base, adjoining)
+            if onto_grid.is_valid
+            else None
         )
         details: list[RoofDetail | None] = []
         assumed = building.roof is not None and building.roof.confidence < 1
@@ -154,12 +157,12 @@ def add_building(
                 details.append(build_parapet(outline, top, surroundings))
                 if assumed:
                     details.append(build_flat_roof_vents(building.id, outline, top, surroundings, building.height))
-            add_extrusion(target, Extrusion(outline, base, building.height, building.raised), terrain)
+            add_extrusion_charts(target, Extrusion(outline, base, building.height, building.raised), terrain)
         else:
-            closed = facets_above(group_facets(roof_shell, outline), top)
+            closed = facets_entirely_above(extract_shell_facets(roof_shell, outline), top)
             over = build_overhang(closed, onto_grid, surroundings)
             roof = over.roof
-            add_extrusion(target, Extrusion(onto_grid, base, building.height, building.raised), terrain, roof)
+            add_extrusion_charts(target, Extrusion(onto_grid, base, building.height, building.raised), terrain, roof)
             details += [
                 over.coves,
                 build_gutters(building.id, over, lambda xy: _wall_foot(terrain, base, building.raised, xy)),
@@ -171,13 +174,13 @@ def add_building(
                 details += [stacks, lights, cowls]
         for trim in details:
             if trim is not None:
-                add_facets(target, trim.facets, trim.along)
+                add_facet_charts(target, trim.facets, trim.along)
         return outline, None
-    found = group_facets(shell, outline)
+    found = extract_shell_facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
-    add_facets(target, found)
-    add_skirt(target, found, outline, terrain)
+    add_facet_charts(target, found)
+    add_skirt_charts(target, found, outline, terrain)
     return outline, found
 
 

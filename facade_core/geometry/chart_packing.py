@@ -18,7 +18,7 @@ THIN_DIVISOR = 4
 
 
 @dataclass(frozen=True)
-class Placement:
+class ChartPlacements:
     """Places of all n charts in the atlas; rows and columns are half-open.
 
     Attributes
@@ -62,11 +62,11 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class PreviousPlacement:
+class PreviousChartPlacements:
     """Placement of an earlier ingest, with its chart ids (n,) as computed by `facade_core.plan.identity`."""
 
     ids: UInt64Array
-    placement: Placement
+    placement: ChartPlacements
 
 
 def pack_charts(
@@ -78,8 +78,8 @@ def pack_charts(
     chunk: int,
     gutter: int,
     ids: UInt64Array | None = None,
-    previous: PreviousPlacement | None = None,
-) -> Placement:
+    previous: PreviousChartPlacements | None = None,
+) -> ChartPlacements:
     """Pack charts into square pages, first fit in their order over the last few pages.
 
     Charts up to half a chunk share chunks with charts of the same owner, and so do long charts up to chunk /
@@ -122,7 +122,7 @@ def pack_charts(
         page // chunk,
         MAX_OPEN_PAGES if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
     )
-    return Placement(
+    return ChartPlacements(
         page=place[block, 0].astype(np.int32),
         x=(place[block, 1] * chunk + inner_x + gutter).astype(np.int32),
         y=(place[block, 2] * chunk + inner_y + gutter).astype(np.int32),
@@ -139,7 +139,7 @@ def _reuse_places(
     corner: Int64Array,
     texels: Int64Array,
     ids: UInt64Array,
-    last: PreviousPlacement,
+    last: PreviousChartPlacements,
     chunk: int,
 ) -> Int64Array:
     """Fill `place` (blocks, 3) with page, column and row of each block whose charts all keep their earlier places."""

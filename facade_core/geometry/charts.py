@@ -21,7 +21,7 @@ from facade_core.core.arrays import (
     ObjectArray,
     UInt8Array,
 )
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 
 CHART_KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
 
@@ -180,8 +180,8 @@ class Mesh:
         return self._by_chart.rows_with(chart)
 
     @cached_property
-    def _by_chart(self) -> RowIndex:
-        return RowIndex(self.chart)
+    def _by_chart(self) -> RowsByValue:
+        return RowsByValue(self.chart)
 
     def chart_coordinates(self, charts: Charts) -> Float64Array:
         """Return each vertex in the frame of its chart: (v, 2) metres, x right and y down."""

@@ -42,7 +42,7 @@ def grid_crossings(a: Float64Array, b: Float64Array, length: float, grid: float)
     return kept
 
 
-def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
+def cut_polygon_on_grid(polygon: Polygon, grid: float) -> list[Polygon]:
     """Cut a polygon on the cell borders of the world grid and return its parts, row by row.
 
     A part does not depend on where the polygon's rings begin. Each cell is intersected with the polygon near it only:
@@ -73,7 +73,7 @@ def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
     return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
 
 
-def cut_triangles(
+def cut_triangles_on_grid(
     vertices: Float64Array, triangles: Int64Array, uv: Float32Array, grid: float
 ) -> tuple[Float64Array, Int64Array, Float32Array, Int64Array, Int64Array]:
     """Cut triangles on the planes of the world grid, along the axes on which together they exceed a cell.

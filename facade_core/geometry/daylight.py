@@ -27,7 +27,7 @@ MIN_DAYLIGHT = 0.35
 MAX_BACK_FACE_SHARE = 0.5
 
 
-class Daylight:
+class ChartDaylight:
     """Daylight of charts on their own grids, computed on demand and safe between threads.
 
     The light of a chart does not depend on the order of requests. Ground continues below buildings, where it takes the
@@ -75,7 +75,7 @@ class Daylight:
             depth, met = self._caster.cast(points, ray)
             clear += np.minimum(depth, MAX_OCCLUDER_M) / MAX_OCCLUDER_M / RAYS_PER_PLACE
             behind += (met != MISS) & (np.einsum("ij,ij->i", normal[met], ray) > 0)
-        fill_hidden_places(
+        fill_daylight_inside_buildings(
             clear, behind > MAX_BACK_FACE_SHARE * RAYS_PER_PLACE, first, self.rows[new], self.columns[new]
         )
         end = self._used + len(own)
@@ -89,7 +89,7 @@ class Daylight:
 
 
 @njit(cache=True)
-def fill_hidden_places(
+def fill_daylight_inside_buildings(
     clear: Float64Array, inside: BoolArray, first: Int64Array, rows: Int64Array, columns: Int64Array
 ) -> None:
     """Fill the sky shares of places inside buildings from visible neighbours, ring by ring, in place.

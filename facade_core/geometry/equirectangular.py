@@ -35,7 +35,7 @@ def _camera_rays(width: int) -> Float64Array:
     return camera
 
 
-def project_to_panorama(
+def project_points_to_panorama(
     points: Float64Array, position: Float64Array, forward: Float64Array, width: int
 ) -> tuple[Float64Array, Float64Array]:
     """Project world points into a panorama.

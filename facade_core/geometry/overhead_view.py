@@ -22,13 +22,13 @@ TEXELS_PER_BATCH = 1 << 17
 AerialSampler = Callable[[Float64Array, float], tuple[UInt8Array, BoolArray]]
 
 
-def roofs_seen_from_above(scene: Scene) -> BoolArray:
+def upward_roof_mask(scene: Scene) -> BoolArray:
     """Mask the roof charts (charts,) that face up enough for a picture from above to texture."""
     is_seen_roof: BoolArray = (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normals()[:, 2] > MIN_UP_COSINE)
     return is_seen_roof
 
 
-def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[UInt8Array, BoolArray]:
+def resample_aerial_to_chart(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[UInt8Array, BoolArray]:
     """Resample an aerial picture to a chart's raster, where nothing of the block covers it.
 
     Parameters

@@ -11,10 +11,10 @@ from facade_core.core.arrays import Float32Array, Float64Array, FloatArray, Int3
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.name_hash import hash_name
 from facade_core.core.numba_cache import njit
-from facade_core.core.types import Finish
-from facade_core.geometry.chart_packing import Placement
+from facade_core.core.types import BuildingFinish
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts, Mesh
-from facade_core.geometry.daylight import Daylight
+from facade_core.geometry.daylight import ChartDaylight
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.streets import Viewpoint
@@ -35,12 +35,12 @@ class Scene:
 
     mesh: Mesh
     charts: Charts
-    placement: Placement
+    placement: ChartPlacements
     spec: AtlasSpec
     spacing: float = 5.0
     visibility_range: float = 40.0
     names: tuple[str, ...] = ()
-    finishes: tuple[Finish, ...] = ()
+    finishes: tuple[BuildingFinish, ...] = ()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[object, ...]]:
         """Pickle the fields only, without derived values such as the ray caster."""
@@ -59,9 +59,9 @@ class Scene:
         return RayCaster(self.mesh)
 
     @cached_property
-    def daylight(self) -> Daylight:
+    def daylight(self) -> ChartDaylight:
         """Return the daylight of the charts."""
-        return Daylight(self.charts, self.caster)
+        return ChartDaylight(self.charts, self.caster)
 
     def cast_panorama(self, viewpoint: Viewpoint, width: int) -> tuple[Float64Array, Float32Array, Int32Array]:
         """Cast the rays of a viewpoint's panorama.

@@ -11,7 +11,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 
 # Metres; a shorter street has no viewpoint.
 MIN_STREET_M = 1.0
@@ -37,7 +37,7 @@ class Viewpoint:
     forward: Float64Array
 
 
-def flat_ground(points: Float64Array) -> Float64Array:
+def zero_ground_heights(points: Float64Array) -> Float64Array:
     """Return zero ground heights (n,) for points (n, 2), as on level ground."""
     return np.zeros(len(points))
 
@@ -49,7 +49,7 @@ def place_viewpoints(
     height: float = 2.5,
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
-    ground: Callable[[Float64Array], Float64Array] = flat_ground,
+    ground: Callable[[Float64Array], Float64Array] = zero_ground_heights,
 ) -> tuple[Float64Array, Float64Array]:
     """Place viewpoints every `spacing` metres along a centreline.
 
@@ -89,7 +89,7 @@ def place_viewpoints(
     return np.column_stack([points, ground(points) + height]), forward
 
 
-def assign_waves(reads: Sequence[set[ChunkId]], writes: Sequence[set[ChunkId]]) -> Int32Array:
+def assign_streets_to_waves(reads: Sequence[set[ChunkId]], writes: Sequence[set[ChunkId]]) -> Int32Array:
     """Assign streets to waves, (n,); within a wave no street touches a chunk that another writes.
 
     Greedy colouring of the conflict graph: streets with most conflicts first (ties: lower index), lowest free wave.
@@ -113,7 +113,7 @@ def assign_waves(reads: Sequence[set[ChunkId]], writes: Sequence[set[ChunkId]]) 
     return wave
 
 
-def wave_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -> list[Int64Array]:
+def street_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -> list[Int64Array]:
     """Return for each street the streets of earlier waves that must end before it starts, ascending.
 
     They touch a chunk of its writes, or write a chunk of its reads.
@@ -124,7 +124,7 @@ def wave_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -
     reads, writes : (r, 2) and (w, 2) pairs of street and chunk; writes are among the reads.
     """
     writes, reads = (np.unique(pairs, axis=0) for pairs in (writes, reads))
-    by_chunk = RowIndex(reads[:, 1])
+    by_chunk = RowsByValue(reads[:, 1])
     pairs = [np.zeros((0, 2), np.int64)]
     for street, chunk in writes.tolist():
         others = reads[by_chunk.rows_with(chunk), 0]
@@ -132,5 +132,5 @@ def wave_predecessors(wave: Int32Array, reads: Int64Array, writes: Int64Array) -
     both = np.concatenate(pairs)
     both = np.concatenate([both, both[:, ::-1]])
     both = np.unique(both[wave[both[:, 0]] < wave[both[:, 1]]], axis=0)
-    after = RowIndex(both[:, 1])
+    after = RowsByValue(both[:, 1])
     return [both[after.rows_with(street), 0] for street in range(len(wave))]

@@ -13,7 +13,7 @@ MIN_HIT_M = 0.02
 RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
 
 
-class CrossingCounter:
+class RayCrossingCounter:
     """Counter of ray crossings with the triangles (t, 3, 3) of a shell; not picklable."""
 
     def __init__(self, corners: Float64Array, facet: Int64Array) -> None:
@@ -28,7 +28,7 @@ class CrossingCounter:
                 self._tensor(np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)),
             )
 
-    def is_odd(self, points: Float64Array, directions: Float64Array, own: Int64Array) -> BoolArray:
+    def has_odd_crossings(self, points: Float64Array, directions: Float64Array, own: Int64Array) -> BoolArray:
         """Return whether most of three rays from each point cross an odd number of triangles.
 
         Parameters

@@ -7,7 +7,7 @@ import shapely
 
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.walls import wall_runs
+from facade_core.geometry.walls import group_walls_into_runs
 
 # Metres from a viewpoint up to which a chart that faces it has full and half density; all others have a quarter. A
 # pixel of a picture 1,400 wide with a field of view of 75 degrees covers 1 / 57 m at 16 m.
@@ -39,7 +39,7 @@ def texel_density(
     (n,) texels per metre.
     """
     nearest = np.where(free_share > MAX_PARTY_WALL_SHARE, _viewpoint_distances(charts, viewpoints), np.inf)
-    for run in wall_runs(charts, np.flatnonzero(charts.kind == ChartKind.WALL)):
+    for run in group_walls_into_runs(charts, np.flatnonzero(charts.kind == ChartKind.WALL)):
         nearest[run] = nearest[run].min()
     halved = (nearest > FULL_DENSITY_M).astype(int) + (nearest > HALF_DENSITY_M)
     return np.maximum(texels_per_metre / 2.0**halved, min_texel_density(texels_per_metre))

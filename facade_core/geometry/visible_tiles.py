@@ -42,7 +42,7 @@ class FacingCharts(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def mark_visible_tiles(
+def mark_visible_texel_tiles(
     seen: Int32Array, surface: Int32Array, place: Int64Array, camera: Float64Array, charts: FacingCharts
 ) -> BoolArray:
     """Mark the texel tiles of charts on which the pixels of a panorama may fall.

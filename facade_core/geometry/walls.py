@@ -48,14 +48,14 @@ MIN_MAIN_SURFACE_M = 0.6
 FLOOR_HEIGHT_M = (2.6, 4.5)
 
 
-def is_main_surface(charts: Charts) -> BoolArray:
+def main_surface_mask(charts: Charts) -> BoolArray:
     """Mask the charts (n,) that are large walls or roofs, not details."""
     large = (charts.size.min(axis=1) >= MIN_MAIN_SURFACE_M) & (charts.size.prod(axis=1) >= MIN_MAIN_SURFACE_M2)
     is_main: BoolArray = ((charts.kind == ChartKind.WALL) | (charts.kind == ChartKind.ROOF)) & large
     return is_main
 
 
-def free_wall_area(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:
+def wall_outline_and_free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:
     """Return a wall's outline, and the part of it without a neighbour's wall against it.
 
     Parameters
@@ -91,7 +91,7 @@ def free_wall_shares(charts: Charts, mesh: Mesh) -> Float64Array:
     """
     share = np.ones(len(charts))
     for chart in np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= MIN_WALL_M).all(axis=1)).tolist():
-        whole, part = free_wall_area(charts, mesh, chart)
+        whole, part = wall_outline_and_free_part(charts, mesh, chart)
         share[chart] = part.area / max(whole.area, SNAP_M**2)
     return share
 
@@ -107,7 +107,7 @@ def _outline_without_openings(charts: Charts, mesh: Mesh, chart: int, frame: int
     return shapely.union_all(parts)
 
 
-def wall_runs(charts: Charts, walls: Int64Array) -> list[list[int]]:
+def group_walls_into_runs(charts: Charts, walls: Int64Array) -> list[list[int]]:
     """Group walls (k,) into runs that are laid out as one, from left to right seen from outside.
 
     A run is a rounded wall of several facets, or the pieces of one surface; most walls form their own run.

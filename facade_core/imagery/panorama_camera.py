@@ -41,7 +41,7 @@ def camera_from_world(pose: Pose) -> Float64Array:
     return rotation
 
 
-def project_to_panorama(directions: Float64Array, pose: Pose) -> Float64Array:
+def project_directions_to_panorama(directions: Float64Array, pose: Pose) -> Float64Array:
     """Project world directions to the full panorama.
 
     Parameters

@@ -18,7 +18,7 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.model_file import file_stamps, read_model_record
 from facade_core.core.types import Element, Parsing
@@ -46,7 +46,7 @@ _MIN_WINDOW_SHARE = 0.15
 _MIN_PROBABILITY = 1e-3
 
 
-class FacadeFigures(NamedTuple):
+class FacadeStatistics(NamedTuple):
     """Window share, number of windows and number of floors, or one value for each of these."""
 
     window_share: float
@@ -64,9 +64,9 @@ class FacadeEstimates(NamedTuple):
     high : upper ends.
     """
 
-    value: FacadeFigures
-    low: FacadeFigures
-    high: FacadeFigures
+    value: FacadeStatistics
+    low: FacadeStatistics
+    high: FacadeStatistics
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +76,11 @@ class Calibration:
     Attributes
     ----------
     lines : class -> slope and offset of the calibrated log odds over those of the confidence.
-    widths : half width of an interval per unit of uncertainty, see `figure_uncertainty`.
+    widths : half width of an interval per unit of uncertainty, see `statistics_uncertainty`.
     """
 
     lines: Mapping[str, tuple[float, float]]
-    widths: FacadeFigures
+    widths: FacadeStatistics
 
     def element_probability(self, element: Element) -> float:
         """Compute the probability that a parsed element is correct."""
@@ -98,27 +98,27 @@ class Calibration:
         """
         value = _parse_figures(parsing.labels, elements_found)
         doubt, hidden_part = (
-            figure_uncertainty(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
+            statistics_uncertainty(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
             _hidden_figures(value, elements_found, hidden),
         )
         share, windows, floors = self.half_widths(doubt, hidden_part)
         return FacadeEstimates(
             value,
-            FacadeFigures(
+            FacadeStatistics(
                 max(0.0, value.window_share - share),
                 max(0, math.ceil(value.windows - windows)),
                 max(min(1, value.floors), math.ceil(value.floors - floors)),
             ),
-            FacadeFigures(
+            FacadeStatistics(
                 min(1.0, value.window_share + share),
                 math.floor(value.windows + windows),
                 math.floor(value.floors + floors),
             ),
         )
 
-    def half_widths(self, doubt: FacadeFigures, hidden_part: FacadeFigures) -> FacadeFigures:
+    def half_widths(self, doubt: FacadeStatistics, hidden_part: FacadeStatistics) -> FacadeStatistics:
         """Compute half the intervals' widths from the uncertainty and the hidden parts' error."""
-        return FacadeFigures(
+        return FacadeStatistics(
             *(
                 width * uncertainty + more
                 for width, uncertainty, more in zip(self.widths, doubt, hidden_part, strict=True)
@@ -143,10 +143,12 @@ def _cached_calibration(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Cali
     record = read_model_record(path).get("certainty")
     try:
         lines = {name: (float(slope), float(offset)) for name, (slope, offset) in record["elements"].items()}  # type: ignore[index]
-        widths = FacadeFigures(**{name: float(width) for name, width in record["widths"].items()})  # type: ignore[index]
+        widths = FacadeStatistics(**{name: float(width) for name, width in record["widths"].items()})  # type: ignore[index]
         return Calibration({name: lines[name] for name in ELEMENT_CLASSES}, widths)
     except (TypeError, KeyError, ValueError) as error:
-        raise ModelError(f"{path}: its .json does not say how sure it is; train it anew with this version") from error
+        raise ModelFileError(
+            f"{path}: its .json does not say how sure it is; train it anew with this version"
+        ) from error
 
 
 def calibrate_elements(elements_found: Sequence[Element], calibration: Calibration, hidden: BoolArray) -> list[Element]:
@@ -172,7 +174,7 @@ def box_coverage(mask: BoolArray, element: Element) -> float:
     return float(part.mean()) if part.size else 0.0
 
 
-def estimate_window_error(chance: Float32Array, share: float, hidden: BoolArray) -> float:
+def estimate_window_error_share(chance: Float32Array, share: float, hidden: BoolArray) -> float:
     """Estimate the share of a facade's pixels that are wrongly classed as window or as other.
 
     Parameters
@@ -186,7 +188,7 @@ def estimate_window_error(chance: Float32Array, share: float, hidden: BoolArray)
     return _MIN_UNCERTAINTY + float(error.mean())
 
 
-def figure_uncertainty(chance: Float32Array, value: FacadeFigures, hidden: BoolArray) -> FacadeFigures:
+def statistics_uncertainty(chance: Float32Array, value: FacadeStatistics, hidden: BoolArray) -> FacadeStatistics:
     """Compute the uncertainty that widens the intervals of a parse.
 
     For counts it is the uncertainty of the visible part times the square root of the count: the error of a large count
@@ -199,16 +201,18 @@ def figure_uncertainty(chance: Float32Array, value: FacadeFigures, hidden: BoolA
     hidden : (...) bool.
     """
     visible_error = _MIN_UNCERTAINTY + float(np.where(hidden, 0, np.minimum(chance, 1 - chance)).mean())
-    share = estimate_window_error(chance, value.window_share, hidden)
-    return FacadeFigures(share, visible_error * math.sqrt(1 + value.windows), math.sqrt(visible_error * value.floors))
+    share = estimate_window_error_share(chance, value.window_share, hidden)
+    return FacadeStatistics(
+        share, visible_error * math.sqrt(1 + value.windows), math.sqrt(visible_error * value.floors)
+    )
 
 
-def _parse_figures(labels: UInt8Array, elements_found: Sequence[Element]) -> FacadeFigures:
+def _parse_figures(labels: UInt8Array, elements_found: Sequence[Element]) -> FacadeStatistics:
     windows = sum(element.label == "window" for element in elements_found)
-    return FacadeFigures(float((labels == FacadeClass.WINDOW).mean()), windows, count_floors(labels))
+    return FacadeStatistics(float((labels == FacadeClass.WINDOW).mean()), windows, count_floors(labels))
 
 
-def _hidden_figures(value: FacadeFigures, elements_found: Sequence[Element], hidden: BoolArray) -> FacadeFigures:
+def _hidden_figures(value: FacadeStatistics, elements_found: Sequence[Element], hidden: BoolArray) -> FacadeStatistics:
     """Numbers of windows and floors that may be wrong in hidden parts (h, w) bool, by visible surroundings or by
     guesses.
 
@@ -219,10 +223,10 @@ def _hidden_figures(value: FacadeFigures, elements_found: Sequence[Element], hid
     # one window may be hidden even where none is seen
     around = max(value.windows - guessed, 1) * share / max(1 - share, _MIN_UNCERTAINTY)
     rows = float((hidden.mean(1) >= _MIN_HIDDEN_ROW_SHARE).mean())
-    return FacadeFigures(0.0, _HIDDEN_ERROR_SHARE * max(guessed, around), _HIDDEN_ERROR_SHARE * value.floors * rows)
+    return FacadeStatistics(0.0, _HIDDEN_ERROR_SHARE * max(guessed, around), _HIDDEN_ERROR_SHARE * value.floors * rows)
 
 
-class ParseObservation(NamedTuple):
+class ParseComparison(NamedTuple):
     """Comparison of one photo's parse with its true labels, as input of a calibration.
 
     Attributes
@@ -230,18 +234,18 @@ class ParseObservation(NamedTuple):
     found : compared elements.
     is_correct : (n,) bool.
     misses : absolute errors of the figures.
-    uncertainty : see `figure_uncertainty`.
+    uncertainty : see `statistics_uncertainty`.
     hidden_part : possible errors in hidden parts.
     """
 
     found: list[Element]
     is_correct: BoolArray
-    misses: FacadeFigures
-    uncertainty: FacadeFigures
-    hidden_part: FacadeFigures
+    misses: FacadeStatistics
+    uncertainty: FacadeStatistics
+    hidden_part: FacadeStatistics
 
 
-def observe_parse(parsing: Parsing, truth: UInt8Array, possible: UInt8Array) -> ParseObservation:
+def compare_parse_with_truth(parsing: Parsing, truth: UInt8Array, possible: UInt8Array) -> ParseComparison:
     """Compare a parse with true labels, where these are known.
 
     Parameters
@@ -257,15 +261,17 @@ def observe_parse(parsing: Parsing, truth: UInt8Array, possible: UInt8Array) -> 
     ]
     share, true_share = (float((labels[is_known] == FacadeClass.WINDOW).mean()) for labels in (parsing.labels, truth))
     windows, counts, true_counts = _comparable_counts(parsing, truth, possible)
-    value = FacadeFigures(share, *counts)
-    doubt = figure_uncertainty(
+    value = FacadeStatistics(share, *counts)
+    doubt = statistics_uncertainty(
         parsing.confidence[..., FacadeClass.WINDOW][is_known], value, np.zeros(int(is_known.sum()), bool)
     )
-    misses = FacadeFigures(
+    misses = FacadeStatistics(
         *(abs(figure - true_figure) for figure, true_figure in zip(value, (true_share, *true_counts), strict=True))
     )
     hidden_part = _hidden_figures(value, windows, parsing.occluded)
-    return ParseObservation(elements_found, match_elements(elements_found, elements(truth)), misses, doubt, hidden_part)
+    return ParseComparison(
+        elements_found, mark_matched_elements(elements_found, elements(truth)), misses, doubt, hidden_part
+    )
 
 
 def _comparable_counts(
@@ -293,7 +299,7 @@ def _comparable_counts(
     return windows, (len(windows), floors), (len(true_windows), true_floors)
 
 
-def match_elements(found: Sequence[Element], true: Sequence[Element]) -> BoolArray:
+def mark_matched_elements(found: Sequence[Element], true: Sequence[Element]) -> BoolArray:
     """Mark the parsed elements that match a true element of their class, one to one by IoU.
 
     Parameters
@@ -336,14 +342,14 @@ class CalibrationRecord(TypedDict):
     Attributes
     ----------
     elements : slope and offset of the log odds of each class.
-    widths : factor on each figure of `FacadeFigures`.
+    widths : factor on each figure of `FacadeStatistics`.
     """
 
     elements: dict[str, list[float]]
     widths: dict[str, float]
 
 
-def fit_calibration(photos: Sequence[ParseObservation]) -> CalibrationRecord:
+def fit_calibration(photos: Sequence[ParseComparison]) -> CalibrationRecord:
     """Fit the calibration record of a network from observations on at least one photo."""
     outcomes: dict[str, list[tuple[float, bool]]] = {}
     for element, is_right in (
@@ -357,7 +363,7 @@ def fit_calibration(photos: Sequence[ParseObservation]) -> CalibrationRecord:
     # a facade without storeys is unsure of none
     ratios = np.sort(np.maximum(0, misses - unseen) / np.maximum(doubted, _MIN_UNCERTAINTY), axis=0)
     place = min(len(ratios), math.ceil((len(ratios) + 1) * COVERAGE))
-    widths = FacadeFigures(*ratios[place - 1].tolist())
+    widths = FacadeStatistics(*ratios[place - 1].tolist())
     return {"elements": lines, "widths": {name: round(width, 4) for name, width in widths._asdict().items()}}
 
 

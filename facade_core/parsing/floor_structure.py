@@ -22,7 +22,7 @@ _MIN_GROUND_WINDOWS = 1.3
 
 
 @dataclass(frozen=True, slots=True)
-class FloorStructure:
+class FloorsAndBays:
     """Spans of floors and bays and the cuts between them, in pixels of the label map.
 
     Attributes
@@ -67,18 +67,18 @@ class FloorStructure:
 
 def count_floors(labels: UInt8Array) -> int:
     """Count the floors of a label map (H, W), including the ground floor and roof windows; 0 without windows."""
-    structure = find_structure(labels)
+    structure = find_floors_and_bays(labels)
     return structure.floor_count if structure else 0
 
 
-def spans_above(profile: Float64Array, threshold: float) -> list[Span]:
+def spans_above_threshold(profile: Float64Array, threshold: float) -> list[Span]:
     """Return half-open spans over which a profile (n,) exceeds a threshold."""
     inside = np.concatenate([[False], profile > threshold, [False]])
     edges = np.flatnonzero(inside[1:] != inside[:-1])
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def window_spans(window: BoolArray) -> list[Span]:
+def window_row_spans(window: BoolArray) -> list[Span]:
     """Find the spans of rows with windows in a mask (H, W) bool, one per floor, top first.
 
     In these rows the window profile exceeds a quarter of its typical peak. Spans below a third of the median height are
@@ -87,7 +87,7 @@ def window_spans(window: BoolArray) -> list[Span]:
     profile = gaussian_filter1d(window.mean(1), 1.0)
     if profile.max() <= 0.0:
         return []
-    spans = spans_above(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
+    spans = spans_above_threshold(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
     height = np.median([b - a for a, b in spans])
     joined: list[Span] = []
     for a, b in spans:
@@ -98,7 +98,7 @@ def window_spans(window: BoolArray) -> list[Span]:
     return joined
 
 
-def find_structure(labels: UInt8Array) -> FloorStructure | None:
+def find_floors_and_bays(labels: UInt8Array) -> FloorsAndBays | None:
     """Find the floors and bays of a label map (H, W); None without windows.
 
     The sky above the roof is excluded: `top` is the first row with less than a tenth of sky.
@@ -110,7 +110,7 @@ def find_structure(labels: UInt8Array) -> FloorStructure | None:
     window = labels == FacadeClass.WINDOW
     top = _move_off_windows(window, top)
     window[:top] = False
-    floors = window_spans(window)
+    floors = window_row_spans(window)
     if not floors:
         return None
     kinds = _floor_kinds(labels, floors, top)
@@ -120,7 +120,7 @@ def find_structure(labels: UInt8Array) -> FloorStructure | None:
             floors, kinds = floors[:-1], kinds[:-1]
     middle = [span for span, kind in zip(floors, kinds, strict=True) if kind == "middle"] or floors
     rows = np.concatenate([np.arange(a, b) for a, b in middle])
-    bays = window_spans(window[rows].T)
+    bays = window_row_spans(window[rows].T)
     ground_top = _ground_top(labels, floors, kinds)
     element = (
         4.0 * np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR))
@@ -140,14 +140,12 @@ def find_structure(labels: UInt8Array) -> FloorStructure | None:
         floor_cuts.append(bottom)
     across = element[floors[0][0] : ground_top].mean(0)
     bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
-    return FloorStructure(
-        tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom
-    )
+    return FloorsAndBays(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
 
 
 def _move_off_windows(window: BoolArray, top: int) -> int:
     """Top row that cuts no window: below windows that are mostly above it, else above them."""
-    for a, b in spans_above(window.mean(1), 0.0):
+    for a, b in spans_above_threshold(window.mean(1), 0.0):
         if a < top < b:
             return a if top - a <= b - top else b
     return top
@@ -208,7 +206,7 @@ def _cut(cost: Float64Array, start: int, stop: int, preferred: float) -> int:
     return int(at[np.argmin(between + 0.1 * np.abs(fraction - preferred))])
 
 
-def structural_lattice(structure: FloorStructure) -> Lattice:
+def floor_bay_lattice(structure: FloorsAndBays) -> Lattice:
     """Build a lattice of three rows per floor and three columns per bay: before, across and after its windows.
 
     The roof and the ground floor get one row each.

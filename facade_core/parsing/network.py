@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 
 from facade_core.core.arrays import Float32Array, Float64Array, UInt8Array
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
 from facade_core.parsing.segmentation import Segmentation
@@ -87,7 +87,7 @@ class Network:
         view = cv2.resize(image[:, ::-1].copy() if mirrored else image, size, interpolation=mode)
         feed = {
             "image": np.ascontiguousarray(view.transpose(2, 0, 1)[None], np.float32),
-            "place": place_planes(size[1], size[0], _WHOLE_IMAGE)[None],
+            "place": cell_position_planes(size[1], size[0], _WHOLE_IMAGE)[None],
         }
         logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
         if mirrored:
@@ -107,7 +107,7 @@ def _channels_last(planes: Float32Array) -> Float32Array:
     return np.ascontiguousarray(np.moveaxis(planes, 0, 2))
 
 
-def place_planes(height: int, width: int, corners: Float64Array) -> Float32Array:
+def cell_position_planes(height: int, width: int, corners: Float64Array) -> Float32Array:
     """Compute the positions of an image's cells as two network input planes, across and down.
 
     Parameters
@@ -140,9 +140,9 @@ def load_network(path: str | Path) -> Network:
 def _cached_network(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
     record = read_model_record(path)
     if record.get("network_version") != NETWORK_VERSION:
-        raise ModelError(f"{path}: made for another version of the network; train it anew with this version")
+        raise ModelFileError(f"{path}: made for another version of the network; train it anew with this version")
     session = open_inference_session(path, record, threads=_INTRA_OP_THREADS)
     names = [node.name for node in (*session.get_inputs(), *session.get_outputs())]
     if names != ["image", "place", "logits"]:
-        raise ModelError(f"{path}: has {names}, not this version's inputs and outputs; train it anew")
+        raise ModelFileError(f"{path}: has {names}, not this version's inputs and outputs; train it anew")
     return Network(session)

@@ -94,11 +94,11 @@ class ParserNetwork(nn.Module):
         """Return the parameters of the encoder."""
         return [*self.stem.parameters(), *self.blocks.parameters()]
 
-    def first_parameters(self) -> list[nn.Parameter]:
+    def early_encoder_parameters(self) -> list[nn.Parameter]:
         """Return the encoder's parameters down to stride 4."""
         return [*self.stem.parameters(), *self.blocks[:3].parameters()]
 
-    def read_imagenet(self, weights: Mapping[str, Tensor]) -> None:
+    def load_imagenet_weights(self, weights: Mapping[str, Tensor]) -> None:
         """Read the encoder from the state of an ImageNet classifier, with batch normalisation folded in."""
         _fold_norm(self.stem, weights, "_conv_stem", "_bn0")
         for number, block in enumerate(self.blocks):

@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.network import DOOR_WEIGHT, OCCLUDER_OUTPUT, OUTSIDE_OUTPUT
 from facade_core.parsing.training_views import (
     ANY_CLASS,
-    Cutout,
     LabelledPhoto,
+    OccluderCutout,
     TrainingView,
-    extract_cutouts,
-    occluder_weights,
+    extract_occluder_cutouts,
+    occluder_loss_weights,
     sample_view,
 )
 
@@ -117,7 +117,9 @@ def train_parser_network(
     try:
         import torch
     except ImportError as error:
-        raise ModelError("training the network needs torch; install the extra `train` (make train-setup)") from error
+        raise ModelFileError(
+            "training the network needs torch; install the extra `train` (make train-setup)"
+        ) from error
     from facade_core.parsing.network_architecture import ParserNetwork
 
     _check_sets(sets, schedule)
@@ -126,12 +128,12 @@ def train_parser_network(
     torch.set_num_threads(1)
     network = ParserNetwork()
     if start is None:
-        network.read_imagenet(_imagenet_weights())
+        network.load_imagenet_weights(_imagenet_weights())
     else:
         network.load_state_dict(start)
     network = network.to(memory_format=torch.channels_last)
     # ImageNet taught edges and colours well; training them again would take a quarter of the time.
-    for parameter in network.first_parameters():
+    for parameter in network.early_encoder_parameters():
         parameter.requires_grad_(False)
     optimiser = _make_optimiser(network, schedule)
     average = {name: value.clone() for name, value in network.state_dict().items()}
@@ -143,11 +145,11 @@ def train_parser_network(
         shorter = min(saved["steps"], schedule.steps)
         changed = saved["steps"] != schedule.steps and saved["done"] > shorter - _cool_down_steps(shorter)
         if saved["identity"] != identity or changed:
-            raise ModelError(f"{state}: state of another training run; remove it or name another folder")
+            raise ModelFileError(f"{state}: state of another training run; remove it or name another folder")
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
-    cutout_groups = [group for photos in sets.values() for group in extract_cutouts(photos)]
+    cutout_groups = [group for photos in sets.values() for group in extract_occluder_cutouts(photos)]
     network.train(not schedule.freeze_norms)
     replicas = [network, *(_replicate(network) for _ in range(_PARALLEL_PARTS - 1))]
     with ThreadPoolExecutor(_PARALLEL_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
@@ -160,7 +162,7 @@ def train_parser_network(
             )
             losses = list(pool.map(_backward, replicas, views))
             if not all(map(math.isfinite, losses)):
-                raise ModelError(f"training diverged at step {step}: lower the learning rate {schedule.rate}")
+                raise ModelFileError(f"training diverged at step {step}: lower the learning rate {schedule.rate}")
             _average_replicas(replicas)
             optimiser.step()
             _update_average(average, network.state_dict(), min(1 - 1 / _AVERAGE_STEPS, (1 + step) / (10 + step)))
@@ -201,10 +203,10 @@ def read_finished_weights(state: Path) -> dict[str, Tensor]:
         If there is no finished run.
     """
     if not state.is_file():
-        raise ModelError(f"{state}: no such file; train the network first, into the same folder")
+        raise ModelFileError(f"{state}: no such file; train the network first, into the same folder")
     saved = _read_state(state)
     if saved["done"] < saved["steps"]:
-        raise ModelError(f"{state}: {saved['done']} of {saved['steps']} steps done; finish this training first")
+        raise ModelFileError(f"{state}: {saved['done']} of {saved['steps']} steps done; finish this training first")
     return saved["average"]
 
 
@@ -232,7 +234,7 @@ def _check_sets(sets: Mapping[str, Sequence[LabelledPhoto]], schedule: TrainingS
 def _draw_views(
     sets: Mapping[str, Sequence[LabelledPhoto]],
     schedule: TrainingSchedule,
-    cutout_groups: Sequence[Sequence[Cutout]],
+    cutout_groups: Sequence[Sequence[OccluderCutout]],
     seeds: tuple[int, int],
     part: int,
 ) -> list[TrainingView]:
@@ -323,7 +325,7 @@ def _loss(network: ParserNetwork, views: Sequence[TrainingView]) -> Tensor:
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * weight).sum() / weight.sum().clamp(min=1)
     questions = (
-        (OCCLUDER_OUTPUT, [v.occluder for v in views], [occluder_weights(v.occluder) for v in views]),
+        (OCCLUDER_OUTPUT, [v.occluder for v in views], [occluder_loss_weights(v.occluder) for v in views]),
         (OUTSIDE_OUTPUT, [v.outside for v in views], [v.outside != UNKNOWN for v in views]),
     )
     for output, answers, counted in questions:
@@ -347,7 +349,7 @@ def _read_state(path: Path) -> _TrainingState:
     try:
         state: _TrainingState = torch.load(path, weights_only=True)
     except Exception as error:  # the type depends on how the archive is broken
-        raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
+        raise ModelFileError(f"{path}: not the state of a training run; remove it to start anew") from error
     return state
 
 

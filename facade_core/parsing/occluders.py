@@ -16,7 +16,7 @@ OCCLUDER_RIM_SHARE = 0.006
 MAX_SPILL_SHARE = 0.05
 
 
-def occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
+def clean_occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
     """Remove specks from the parser's occluder mask, add a rim, and return its boxes too.
 
     Returns
@@ -33,7 +33,7 @@ def occluder_mask(occluded: BoolArray) -> tuple[BoolArray, tuple[Box, ...]]:
     )
 
 
-def remove_spill(occluded: BoolArray, hidden: BoolArray) -> BoolArray:
+def remove_occluders_lining_hole(occluded: BoolArray, hidden: BoolArray) -> BoolArray:
     """Remove the parts of an occluder mask that stay within a narrow rim around a hole.
 
     A car that crosses the hole's border is no such part: it is kept up to there.

@@ -29,7 +29,7 @@ _MIN_FILLED_LINE = 0.7
 _MIN_CONFIDENCE = 1e-3
 
 
-def window_boxes(confidence: Float32Array) -> Int64Array:
+def extract_regular_window_boxes(confidence: Float32Array) -> Int64Array:
     """Extract regular windows from a confidence map (H, W, 7) float32.
 
     Returns
@@ -48,7 +48,7 @@ def window_boxes(confidence: Float32Array) -> Int64Array:
     return _fit_boxes(np.array(boxes, np.intp), gain)
 
 
-def draw_windows(labels: UInt8Array, confidence: Float32Array, boxes: Int64Array) -> None:
+def draw_windows_into_labels(labels: UInt8Array, confidence: Float32Array, boxes: Int64Array) -> None:
     """Draw window boxes into labels and confidence, in place.
 
     Only boxes that are mostly window already are drawn. Window pixels near them, but outside, get the next best class.

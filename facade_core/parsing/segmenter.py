@@ -15,7 +15,7 @@ from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import file_stamps
 from facade_core.core.types import Parsing
 from facade_core.parsing.network import SHIPPED_NETWORK, load_network
-from facade_core.parsing.regularity import draw_windows, window_boxes
+from facade_core.parsing.regularity import draw_windows_into_labels, extract_regular_window_boxes
 from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.validation import check_image
 
@@ -107,15 +107,15 @@ def parse_with_segmenter(image: UInt8Array, segmenter: Segmenter, *, regularise:
     occluded = _hidden_by_alpha(image)
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
     confidence, occluder, _ = segmenter.segment(working)
-    windows = window_boxes(confidence) if regularise else np.zeros((0, 4), np.intp)
+    windows = extract_regular_window_boxes(confidence) if regularise else np.zeros((0, 4), np.intp)
     scale = np.array([width / confidence.shape[1], height / confidence.shape[0]])
     if coarse := scale.min() < _MIN_DRAWING_SCALE:
-        draw_windows(confidence.argmax(2).astype(np.uint8), confidence, windows)
+        draw_windows_into_labels(confidence.argmax(2).astype(np.uint8), confidence, windows)
     if nearest is not None:
         confidence, occluder = confidence[nearest], occluder[nearest]
     labels, confidence = _to_full_size(confidence, height, width)
     if not coarse:  # enlarged with the rest, windows would have round corners
-        draw_windows(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
+        draw_windows_into_labels(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
     return Parsing(labels, confidence, occluded | _enlarge(_occluder_regions(occluder), height, width))
 
 
@@ -136,7 +136,7 @@ def _occluder_regions(probability: Float32Array) -> BoolArray:
     return regions
 
 
-def outside_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
+def facade_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
     """Mask sky, street and neighbours outside a facade.
 
     Parameters

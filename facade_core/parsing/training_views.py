@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from facade_core.core.arrays import AnyArray, Float32Array, UInt8Array
 from facade_core.core.labels import CLASSES, UNKNOWN
-from facade_core.parsing.network import PLACE_STRIDE, place_planes
+from facade_core.parsing.network import PLACE_STRIDE, cell_position_planes
 
 # Side of the square views in pixels.
 VIEW_SIDE = 320
@@ -77,7 +77,7 @@ class TrainingView:
 
 
 @dataclass(frozen=True, slots=True)
-class Cutout:
+class OccluderCutout:
     """Occluder cut out of a labelled photo, with alpha.
 
     Attributes
@@ -90,7 +90,7 @@ class Cutout:
     height_share: float
 
 
-def extract_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[Cutout], list[Cutout]]:
+def extract_occluder_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[OccluderCutout], list[OccluderCutout]]:
     """Extract the occluders of photos, upright ones and others, ordered by photo and place."""
     cutouts = []
     for photo in photos:
@@ -101,17 +101,17 @@ def extract_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[Cutout], list
             if _CUTOUT_SHARE_RANGE[0] <= share <= _CUTOUT_SHARE_RANGE[1]:
                 alpha = np.where(parts[place] == number, 255, 0).astype(np.uint8)
                 piece = np.dstack([photo.image[place], alpha])
-                cutouts.append(Cutout(piece, piece.shape[0] / parts.shape[0]))
+                cutouts.append(OccluderCutout(piece, piece.shape[0] / parts.shape[0]))
     upright = [cutout for cutout in cutouts if cutout.image.shape[0] > _MIN_UPRIGHT_ASPECT * cutout.image.shape[1]]
     others = [cutout for cutout in cutouts if cutout.image.shape[0] <= _MIN_UPRIGHT_ASPECT * cutout.image.shape[1]]
     return _thin_out(upright), _thin_out(others)
 
 
-def _thin_out(cutouts: list[Cutout]) -> list[Cutout]:
+def _thin_out(cutouts: list[OccluderCutout]) -> list[OccluderCutout]:
     return cutouts[:: max(1, len(cutouts) // _MAX_CUTOUTS)]
 
 
-def occluder_weights(occluder: UInt8Array) -> Float32Array:
+def occluder_loss_weights(occluder: UInt8Array) -> Float32Array:
     """Compute each pixel's weight in the occluder loss: more for smaller occluders, by the root of their area.
 
     Parameters
@@ -130,7 +130,7 @@ def occluder_weights(occluder: UInt8Array) -> Float32Array:
 
 
 def sample_view(
-    photo: LabelledPhoto, cutout_groups: Sequence[Sequence[Cutout]], rng: np.random.Generator
+    photo: LabelledPhoto, cutout_groups: Sequence[Sequence[OccluderCutout]], rng: np.random.Generator
 ) -> TrainingView:
     """Sample a random view: scale, crop, mirror, pasted occluders, light, blur, noise.
 
@@ -179,7 +179,7 @@ def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[AnyArray
         # Rectified textures often show only a part of the facade: treat the view as a whole photo.
         left, top, whole = 0.0, 0.0, size
     corners = (left / whole[0], top / whole[1], (left + VIEW_SIDE) / whole[0], (top + VIEW_SIDE) / whole[1])
-    place = place_planes(VIEW_SIDE, VIEW_SIDE, 2 * np.array(corners) - 1)
+    place = cell_position_planes(VIEW_SIDE, VIEW_SIDE, 2 * np.array(corners) - 1)
     pad = ((0, VIEW_SIDE - size[1]), (0, VIEW_SIDE - size[0]))
     image = np.pad(image, (*pad, (0, 0)), mode="edge")
     possible = np.pad(possible, pad, constant_values=ANY_CLASS)
@@ -192,7 +192,7 @@ def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[AnyArray
 
 
 def _paste_occluder(
-    image: UInt8Array, occluder: UInt8Array, place: Float32Array, cutout: Cutout, rng: np.random.Generator
+    image: UInt8Array, occluder: UInt8Array, place: Float32Array, cutout: OccluderCutout, rng: np.random.Generator
 ) -> tuple[UInt8Array, UInt8Array]:
     """View with a cut-out over it, mostly at its original relative height and at the photo's foot; classes behind
     stay."""

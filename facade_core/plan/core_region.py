@@ -24,7 +24,7 @@ class CoreRegion:
     streets: Collection[str]
 
 
-def core_charts(
+def core_chart_mask(
     charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], core: CoreRegion
 ) -> BoolArray:
     """Return the mask (n,) bool of the charts in the core.
@@ -95,7 +95,7 @@ def core_facades(facades: Facades, buildings: Sequence[Building], core: CoreRegi
     return Facades(id=tuple(facades.id[row] for row in rows.tolist()), **kept)
 
 
-def core_streets(
+def restrict_to_core_streets(
     streets: Sequence[Street], viewpoints: Sequence[Viewpoint], facades: Facades, core: CoreRegion
 ) -> tuple[tuple[Street, ...], list[int], list[Viewpoint], Facades]:
     """Restrict streets to the core and its facades, and renumber viewpoints and facades.

@@ -18,7 +18,7 @@ MIN_DOOR_WALL_M = 1.6
 MIN_BACKS_FOR_TWO_DOORS = 5
 
 
-def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
+def is_corner_facade(charts: Charts, facades: Facades, facade: int) -> bool:
     """Return whether a facade is a narrow wall that cuts off the corner of two streets."""
     if facades.role[facade] != WallRole.SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
         return False

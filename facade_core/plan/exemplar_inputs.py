@@ -10,13 +10,13 @@ import shapely
 from facade_core.core.arrays import Float64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
-from facade_core.plan.exemplar_style import StyleTargets
-from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_floors
+from facade_core.plan.exemplar_style import ExemplarTargetWalls
+from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_facade_floors
 
 
-def walls_from_outlines(
+def target_walls_from_outlines(
     buildings: Sequence[Building], streets: Sequence[str], shops: Sequence[int], floor_height: float
-) -> StyleTargets:
+) -> ExemplarTargetWalls:
     """Return the footprint edges that are wide enough for a facade as target walls.
 
     Parameters
@@ -37,8 +37,8 @@ def walls_from_outlines(
     walls = np.concatenate([np.zeros((0, 2, 2)), *ends])
     of = np.concatenate([np.zeros(0, np.int64), *owner])
     heights = np.array([building.height for building in buildings], float)
-    floors = count_floors([building.levels for building in buildings], heights, floor_height)
-    return StyleTargets(
+    floors = count_facade_floors([building.levels for building in buildings], heights, floor_height)
+    return ExemplarTargetWalls(
         np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1),
         heights[of],
         floors[of],

@@ -49,7 +49,7 @@ _COLOUR_COMPONENTS = 3
 
 
 @dataclass(frozen=True)
-class StyleTargets:
+class ExemplarTargetWalls:
     """Walls that need an exemplar, as columns of n.
 
     Attributes
@@ -160,7 +160,7 @@ def style_descriptor(image: UInt8Array, labels: UInt8Array, metres_per_pixel: fl
     return [round(float(v), 4) for v in (*colour, share[0], tall, pitch, share[1], share[2], ornament)]
 
 
-def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> Int64Array:
+def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
     The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted
@@ -187,7 +187,7 @@ def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int
     first = np.empty(len(numbers))
     for place, number in enumerate(numbers.tolist()):
         draw = np.random.default_rng([seed, number])
-        first[place] = draw.random()  # the same draw as in `choice_order`
+        first[place] = draw.random()  # the same draw as in `exemplar_choice_order`
         misfit[place] += RANDOM_COST * draw.random(misfit.shape[1])
     misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
@@ -206,7 +206,7 @@ def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int
 
 
 @dataclass(frozen=True)
-class ChoiceOrder:
+class ExemplarChoiceOrder:
     """Order in which the buildings of a city choose their exemplars.
 
     Attributes
@@ -230,14 +230,14 @@ class ChoiceOrder:
         return self.numbers[found]
 
 
-def choice_order(walls: StyleTargets, *, seed: int) -> ChoiceOrder:
+def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarChoiceOrder:
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
     near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
     rank = _rank_draws(
         np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()]), numbers
     )
-    return ChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
+    return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
 def _rank_draws(first: Float64Array, numbers: Int64Array) -> Int64Array:
@@ -247,7 +247,7 @@ def _rank_draws(first: Float64Array, numbers: Int64Array) -> Int64Array:
     return rank
 
 
-def _misfit_costs(walls: StyleTargets, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
+def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
     """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
 
     def ratio(own: Float64Array, theirs: Float64Array) -> Float64Array:

@@ -9,8 +9,8 @@ from shapely.affinity import translate
 
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import WallRole, free_wall_area
-from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
+from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facades import Facades
 
 
@@ -24,7 +24,10 @@ def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence
     """
     own = facades.run_members(facade)
     parts = [
-        translate(free_wall_area(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
+        translate(
+            wall_outline_and_free_part(scene.charts, scene.mesh, int(facades.chart[one]))[1],
+            xoff=float(facades.along[one]),
+        )
         for one in own.tolist()
     ]
     return FacadeWall(
@@ -38,7 +41,7 @@ def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence
         free=shapely.union_all(parts),
         is_raised=bool(facades.raised[facade]),
         seams=tuple(facades.along[own][1:].tolist()),
-        is_corner=turns_corner(scene.charts, facades, facade),
+        is_corner=is_corner_facade(scene.charts, facades, facade),
         has_back_door=has_back_door(facades, facade),
         entrances=tuple(entrances),
     )

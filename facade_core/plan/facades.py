@@ -11,14 +11,14 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt8Array
-from facade_core.core.grouping import RowIndex, group_rows
+from facade_core.core.grouping import RowsByValue, group_rows
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, WallRole, wall_runs
+from facade_core.geometry.walls import FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, WallRole, group_walls_into_runs
 
 # Smallest street facade in metres, and share of it that the street sees.
 MIN_FACADE_WIDTH_M = 3.0
@@ -92,12 +92,12 @@ class Facades:
         return self._by_building.rows_with(int(self.building[facade]))
 
     @cached_property
-    def _by_building(self) -> RowIndex:
-        return RowIndex(self.building)
+    def _by_building(self) -> RowsByValue:
+        return RowsByValue(self.building)
 
     @cached_property
-    def _by_run(self) -> RowIndex:
-        return RowIndex(self.run)
+    def _by_run(self) -> RowsByValue:
+        return RowsByValue(self.run)
 
 
 def find_facades(
@@ -125,7 +125,7 @@ def find_facades(
     upright = ~_is_gable(scene, buildings)
     large = _is_large_wall(scene) & upright
     free = _is_tall_wall(charts) & (free_share >= MIN_FREE_SHARE) & upright if streets else np.zeros(len(charts), bool)
-    runs = wall_runs(charts, np.flatnonzero(large | free))
+    runs = group_walls_into_runs(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
         ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
@@ -145,7 +145,7 @@ def find_facades(
     width, height = charts.size[chart].T
     foot, eaves = _foot_and_eaves(charts, chart)
     levels = [buildings[b].levels for b in building]
-    storeys = count_floors(levels, eaves, floor_height)
+    storeys = count_facade_floors(levels, eaves, floor_height)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -282,7 +282,7 @@ def _wall_numbers(charts: Charts) -> Int64Array:
     return number
 
 
-def count_floors(levels: Sequence[int | None], height: Float64Array, floor_height: float) -> Int32Array:
+def count_facade_floors(levels: Sequence[int | None], height: Float64Array, floor_height: float) -> Int32Array:
     """Count the floors of facades: tagged levels, else by the floor height, limited to what the height allows.
 
     Parameters

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt64Array
-from facade_core.core.types import PLAIN, Finish, Ground
+from facade_core.core.types import PLAIN, BuildingFinish, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.raycast import MISS
@@ -32,7 +32,7 @@ class ParallelMap(Protocol):
     def __call__(self, function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]: ...
 
 
-def map_in_process(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+def map_in_this_process(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
     """Apply a function to all items at once in the calling process."""
     return function(items)
 
@@ -75,7 +75,7 @@ class SceneObjects:
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
-def serialise_finish(finish: Finish) -> str:
+def serialise_finish(finish: BuildingFinish) -> str:
     """Serialise a finish for chart ids, version 1: another text would move charts in every store."""
     return (
         f"Finish(wall_colour={finish.wall_colour!r}, roof_colour={finish.roof_colour!r}, "
@@ -84,7 +84,7 @@ def serialise_finish(finish: Finish) -> str:
 
 
 def chart_ids(
-    charts: Charts, share: Float64Array, names: Sequence[str], finishes: Sequence[Finish] = ()
+    charts: Charts, share: Float64Array, names: Sequence[str], finishes: Sequence[BuildingFinish] = ()
 ) -> UInt64Array:
     """Compute a 64-bit id for each chart, (n,); charts that are equal get different ids by their order.
 
@@ -140,9 +140,9 @@ def compute_view_digests(
     objects: SceneObjects,
     ids: UInt64Array,
     viewpoints: Sequence[Viewpoint],
-    ground: Ground,
+    ground: MappedGround,
     width: int,
-    parallel_map: ParallelMap = map_in_process,
+    parallel_map: ParallelMap = map_in_this_process,
 ) -> tuple[list[Int32Array], tuple[str, ...]]:
     """Compute what the panorama of each viewpoint shows, and a digest of everything it is made of.
 

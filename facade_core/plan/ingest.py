@@ -10,22 +10,34 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Int32Array
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Building, Elevation, Ground, Pose, Street
+from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
-from facade_core.geometry.chart_packing import PreviousPlacement, pack_charts
-from facade_core.geometry.ground.carriageways import fit_ground
+from facade_core.geometry.chart_packing import PreviousChartPlacements, pack_charts
+from facade_core.geometry.ground.carriageways import fit_ground_between_buildings
 from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, assign_waves, place_viewpoints
+from facade_core.geometry.streets import Viewpoint, assign_streets_to_waves, place_viewpoints
 from facade_core.geometry.texel_density import min_texel_density, texel_density
 from facade_core.geometry.walls import WallRole, free_wall_shares
 from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
-from facade_core.plan.core_region import CoreRegion, core_charts, core_facades, core_streets, core_viewpoints
+from facade_core.plan.core_region import (
+    CoreRegion,
+    core_chart_mask,
+    core_facades,
+    core_viewpoints,
+    restrict_to_core_streets,
+)
 from facade_core.plan.facades import Facades, find_facades
-from facade_core.plan.identity import ParallelMap, build_scene_objects, chart_ids, compute_view_digests, map_in_process
-from facade_core.plan.plan import Plan, Sightings
+from facade_core.plan.identity import (
+    ParallelMap,
+    build_scene_objects,
+    chart_ids,
+    compute_view_digests,
+    map_in_this_process,
+)
+from facade_core.plan.plan import FacadeSightings, Plan
 
 # Share of a facade off the streets that a panorama must show to texture it.
 MIN_OFF_STREET_SHARE = 0.3
@@ -57,17 +69,17 @@ class IngestSettings:
     page: int = 2048
 
 
-def ingest(
+def build_plan(
     buildings: Sequence[Building],
     streets: Sequence[Street],
     settings: IngestSettings,
     *,
-    ground: Ground | None = None,
-    elevation: Elevation | None = None,
+    ground: MappedGround | None = None,
+    elevation: ElevationRaster | None = None,
     poses: Sequence[Pose] = (),
     panorama_sizes: Sequence[tuple[int, int]] = (),
-    previous: PreviousPlacement | None = None,
-    parallel_map: ParallelMap = map_in_process,
+    previous: PreviousChartPlacements | None = None,
+    parallel_map: ParallelMap = map_in_this_process,
     core: CoreRegion | None = None,
 ) -> Plan:
     """Build the plan of a block: charts, mesh, atlas places, facades, viewpoints and waves of streets.
@@ -91,7 +103,7 @@ def ingest(
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or derive_streets(footprints)
-    ground = fit_ground(ground or Ground(), streets, footprints)
+    ground = fit_ground_between_buildings(ground or MappedGround(), streets, footprints)
     terrain = build_terrain(buildings, elevation)
     one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page)
     charts, mesh, refused = build_block_surfaces(
@@ -109,7 +121,7 @@ def ingest(
     )
     owned = np.ones(len(charts), bool)
     if core is not None:
-        owned = core_charts(charts, buildings, streets, core)
+        owned = core_chart_mask(charts, buildings, streets, core)
         cameras = core_viewpoints(cameras, streets, buildings, core, settings.visibility_range)
     places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
     free = free_wall_shares(charts, mesh)
@@ -145,7 +157,7 @@ def ingest(
     facades = find_facades(scene, buildings, cameras, seen, settings.floor_height, free, around)
     if core is not None:
         facades = core_facades(facades, buildings, core)
-        streets, rows, cameras, facades = core_streets(streets, cameras, facades, core)
+        streets, rows, cameras, facades = restrict_to_core_streets(streets, cameras, facades, core)
         seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
@@ -174,7 +186,7 @@ def ingest(
         view_digests=looks,
         in_core=owned,
     )
-    return replace_panoramas(plan, place_poses(poses, terrain, settings.viewpoint_height), panorama_sizes)
+    return replace_panoramas(plan, fill_pose_heights(poses, terrain, settings.viewpoint_height), panorama_sizes)
 
 
 def _place_cameras(
@@ -192,7 +204,7 @@ def _place_cameras(
     return cameras
 
 
-def place_poses(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
+def fill_pose_heights(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
     """Return poses with unknown heights set to `height` metres above the terrain."""
     return tuple(
         replace(pose, z=float(terrain.interpolate(np.array([[pose.x, pose.y]]))[0]) + height)
@@ -209,7 +221,7 @@ def replace_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[i
 
 def _find_sightings(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
-) -> Sightings:
+) -> FacadeSightings:
     found = []
     for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
         chart, of = int(facades.chart[index]), near.tolist()
@@ -221,7 +233,7 @@ def _find_sightings(
             if sighting.seen_share >= least:
                 found.append((index, of[sighting.panorama], sighting.seen_share, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
-    return Sightings(
+    return FacadeSightings(
         np.array(columns[0], np.int32),
         np.array(columns[1], np.int32),
         np.array(columns[2], np.float64),
@@ -244,4 +256,4 @@ def _street_waves(
             reads[camera.street] |= chunks[chart]
             if writable[chart]:
                 writes[camera.street] |= chunks[chart]
-    return assign_waves(reads, writes)
+    return assign_streets_to_waves(reads, writes)

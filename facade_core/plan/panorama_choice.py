@@ -12,7 +12,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Ar
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
-from facade_core.imagery.rectify.panorama import nearby_panoramas, point_visibility
+from facade_core.imagery.rectify.panorama import chart_point_view_quality, nearby_panoramas
 from facade_core.plan.facades import Facades
 
 # Quality (points_shown), relative to the best panorama, from which a panorama covers a point of a facade.
@@ -132,7 +132,9 @@ def _facade_points(
     panorama, point, weight, facade = [], [], [], []
     total = 0
     for place, (chart, some) in enumerate(zip(charts.tolist(), near, strict=True)):
-        shown = point_visibility(scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()])
+        shown = chart_point_view_quality(
+            scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()]
+        )
         best = shown.max(axis=0, initial=0.0)
         row, column = np.nonzero((shown > 0) & (shown >= MIN_RELATIVE_QUALITY * best))
         known = np.flatnonzero(best > 0)

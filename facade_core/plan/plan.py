@@ -10,25 +10,25 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt64Array
-from facade_core.core.grouping import RowIndex
-from facade_core.core.types import Ground, Pose, Street
+from facade_core.core.grouping import RowsByValue
+from facade_core.core.types import MappedGround, Pose, Street
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import is_main_surface
+from facade_core.geometry.walls import main_surface_mask
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.plan.facades import Facades
 from facade_core.plan.identity import SceneObjects, build_scene_objects
 
-__all__ = ["Facades", "Plan", "Sightings"]
+__all__ = ["FacadeSightings", "Facades", "Plan"]
 
 # Metres; refinement moves a pose by less.
 MAX_POSE_SHIFT_M = 3.0
 
 
 @dataclass(frozen=True)
-class Sightings:
+class FacadeSightings:
     """Sightings of facades in panoramas as columns, best first within a facade.
 
     Attributes
@@ -48,8 +48,8 @@ class Sightings:
         return self.panorama[self._of_facade.rows_with(facade)]
 
     @cached_property
-    def _of_facade(self) -> RowIndex:
-        return RowIndex(self.facade)
+    def _of_facade(self) -> RowsByValue:
+        return RowsByValue(self.facade)
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ class Plan:
 
     scene: Scene
     streets: tuple[Street, ...]
-    ground: Ground
+    ground: MappedGround
     facades: Facades
     poses: tuple[Pose, ...]
     rejected_buildings: tuple[tuple[str, str], ...]
-    sightings: Sightings
+    sightings: FacadeSightings
     textured: BoolArray
     viewpoints: tuple[Viewpoint, ...]
     views: Int32Array
@@ -119,8 +119,8 @@ class Plan:
         return len(self._facade_of_chart.rows_with(chart)) > 0
 
     @cached_property
-    def _facade_of_chart(self) -> RowIndex:
-        return RowIndex(self.facades.chart)
+    def _facade_of_chart(self) -> RowsByValue:
+        return RowsByValue(self.facades.chart)
 
     def list_textured_charts(self, building: int) -> list[int]:
         """Return the charts of a building, without facades, that have source textures."""
@@ -135,8 +135,8 @@ class Plan:
         return np.flatnonzero(others)
 
     @cached_property
-    def _own_by_building(self) -> RowIndex:
-        return RowIndex(self.scene.charts.building[self._own_charts])
+    def _own_by_building(self) -> RowsByValue:
+        return RowsByValue(self.scene.charts.building[self._own_charts])
 
     def ground_near_cameras(self) -> Int64Array:
         """Return the ground charts (k,) of the core, ascending, that a panorama may show after refinement of its pose."""
@@ -160,7 +160,7 @@ class Plan:
     @cached_property
     def _walls_near_cameras(self) -> dict[int, list[int]]:
         charts = self.scene.charts
-        plain = is_main_surface(charts) & self.in_core & ~self.textured
+        plain = main_surface_mask(charts) & self.in_core & ~self.textured
         plain[self.facades.chart] = False
         plain_charts = np.flatnonzero(plain)
         if not self.poses or not len(plain_charts):
@@ -176,7 +176,7 @@ class Plan:
         return dict(sorted(found.items()))
 
     @cached_property
-    def street_of_viewpoints(self) -> Int64Array:
+    def viewpoint_streets(self) -> Int64Array:
         """Return the street of every viewpoint, (viewpoints,)."""
         return np.array([viewpoint.street for viewpoint in self.viewpoints], np.int64)
 
@@ -185,13 +185,13 @@ class Plan:
         return [self.viewpoints[row] for row in self._by_street.rows_with(street).tolist()]
 
     @cached_property
-    def _by_street(self) -> RowIndex:
-        return RowIndex(self.street_of_viewpoints)
+    def _by_street(self) -> RowsByValue:
+        return RowsByValue(self.viewpoint_streets)
 
     @cached_property
     def street_charts(self) -> Int64Array:
         """Return the sorted pairs of street and chart in its panoramas, (k, 2)."""
-        return np.unique(np.column_stack([self.street_of_viewpoints[self.views[:, 0]], self.views[:, 1]]), axis=0)
+        return np.unique(np.column_stack([self.viewpoint_streets[self.views[:, 0]], self.views[:, 1]]), axis=0)
 
     def charts_of_street(self, street: int) -> Int64Array:
         """Return the charts (k,) in the panoramas of a street, ascending."""
@@ -199,16 +199,16 @@ class Plan:
         return charts
 
     @cached_property
-    def _charts_by_street(self) -> RowIndex:
-        return RowIndex(self.street_charts[:, 0])
+    def _charts_by_street(self) -> RowsByValue:
+        return RowsByValue(self.street_charts[:, 0])
 
-    def streets_of_charts(self, charts: Int64Array) -> Int64Array:
+    def select_street_chart_pairs(self, charts: Int64Array) -> Int64Array:
         """Return the rows (k, 2) of the street and chart pairs with some charts (n,)."""
         return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
 
     @cached_property
-    def _streets_by_chart(self) -> RowIndex:
-        return RowIndex(self.street_charts[:, 1])
+    def _streets_by_chart(self) -> RowsByValue:
+        return RowsByValue(self.street_charts[:, 1])
 
     def charts_of_viewpoint(self, viewpoint: int) -> Int32Array:
         """Return the charts (k,) in the panorama of a viewpoint, ascending."""
@@ -216,16 +216,16 @@ class Plan:
         return charts
 
     @cached_property
-    def _charts_by_viewpoint(self) -> RowIndex:
-        return RowIndex(self.views[:, 0])
+    def _charts_by_viewpoint(self) -> RowsByValue:
+        return RowsByValue(self.views[:, 0])
 
-    def views_of_charts(self, charts: Int64Array) -> Int32Array:
+    def select_view_rows(self, charts: Int64Array) -> Int32Array:
         """Return the rows (k, 2) of views with some charts (n,)."""
         return self.views[self._views_by_chart.rows_with_any(charts)]
 
     @cached_property
-    def _views_by_chart(self) -> RowIndex:
-        return RowIndex(self.views[:, 1])
+    def _views_by_chart(self) -> RowsByValue:
+        return RowsByValue(self.views[:, 1])
 
     def texel_counts(self) -> Int64Array:
         """Return the number of texels of every chart, (charts,)."""
@@ -241,7 +241,7 @@ class Plan:
             pictures.setdefault(building, []).append(picture)
         return pictures
 
-    def street_texels(self) -> Int64Array:
+    def street_texel_counts(self) -> Int64Array:
         """Return per street the numbers of texels that it sees and writes, (streets, 2)."""
         seen = self.street_charts
         texels = self.texel_counts()

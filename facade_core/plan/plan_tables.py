@@ -14,15 +14,15 @@ from facade_core.atlas.store import open_root, open_table, write_table
 from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Area, Building, Finish, Ground, Pose, Street, Way
-from facade_core.geometry.chart_packing import Placement
+from facade_core.core.types import Building, BuildingFinish, GroundArea, GroundWay, MappedGround, Pose, Street
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.facades import Facades
-from facade_core.plan.plan import Plan, Sightings
+from facade_core.plan.plan import FacadeSightings, Plan
 
-T = TypeVar("T", Charts, Facades, Placement, Sightings)
+T = TypeVar("T", Charts, Facades, ChartPlacements, FacadeSightings)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
@@ -56,11 +56,11 @@ def read_table(session: icechunk.Session, name: str) -> TableValues:
     return TABLES[name].read_columns(open_table(session, name).load())
 
 
-def placement_from_table(charts: TableValues, texels_per_metre: float) -> Placement:
+def placement_from_table(charts: TableValues, texels_per_metre: float) -> ChartPlacements:
     """Return the placement in a table of charts; in older stores all charts have the atlas density."""
     density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
     pages = int(charts["page"].max(initial=-1)) + 1
-    return _from_columns(Placement, {**charts, "pages": pages, "texels_per_metre": density})
+    return _from_columns(ChartPlacements, {**charts, "pages": pages, "texels_per_metre": density})
 
 
 def _facades_from_table(values: TableValues) -> Facades:
@@ -76,7 +76,7 @@ def _from_columns(kind: type[T], values: TableValues) -> T:
     return kind(**{field.name: values[field.name] for field in fields(kind)})
 
 
-def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, object]:
+def _columns(value: Charts | Facades | ChartPlacements | FacadeSightings) -> dict[str, object]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
@@ -202,7 +202,7 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         rejected_buildings=tuple(
             (id_, why) for id_, why in zip(buildings["id"], buildings["refused"], strict=True) if why
         ),
-        sightings=_from_columns(Sightings, tables["sightings"]),
+        sightings=_from_columns(FacadeSightings, tables["sightings"]),
         textured=charts["textured"],
         viewpoints=tuple(
             Viewpoint(i, int(street), position, forward)
@@ -219,13 +219,13 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
     )
 
 
-def _finishes_from_table(buildings: TableValues) -> tuple[Finish, ...]:
+def _finishes_from_table(buildings: TableValues) -> tuple[BuildingFinish, ...]:
     """Return the stated finishes of buildings; none in older stores."""
     if "wall_colour" not in buildings:
         return ()
     columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
     return tuple(
-        Finish(_parse_colour(wall_colour), _parse_colour(roof_colour), wall or None, roof or None)
+        BuildingFinish(_parse_colour(wall_colour), _parse_colour(roof_colour), wall or None, roof or None)
         for wall_colour, roof_colour, wall, roof in zip(*columns, strict=True)
     )
 
@@ -238,18 +238,18 @@ def _parse_colour(text: str) -> tuple[int, int, int] | None:
     return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
 
 
-def _ground_from_tables(ways: TableValues, areas: TableValues) -> Ground:
+def _ground_from_tables(ways: TableValues, areas: TableValues) -> MappedGround:
     names = ("id", "kind", "width", "surface", "assumed", "lanes", "oneway", "rank")
     columns = [ways[name] if isinstance(ways[name], tuple) else ways[name].tolist() for name in names]
     lines = [shapely.from_wkb(line) for line in ways["line"]]
     sides = [[tuple(pair) for pair in ways[name].tolist()] for name in ("pavement", "parking")]
-    return Ground(
+    return MappedGround(
         tuple(
-            Way(line=line, pavement=pavement, parking=parking, **dict(zip(names, values, strict=True)))
+            GroundWay(line=line, pavement=pavement, parking=parking, **dict(zip(names, values, strict=True)))
             for line, pavement, parking, *values in zip(lines, *sides, *columns, strict=True)
         ),
         tuple(
-            Area(id, shapely.from_wkb(outline), surface)
+            GroundArea(id, shapely.from_wkb(outline), surface)
             for id, outline, surface in zip(areas["id"], areas["outline"], areas["surface"], strict=True)
         ),
         shapely.from_wkb(areas["block"]) if areas["block"] else None,

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_with_surroundings
+from facade_core.atlas.surroundings import ChartReader, coplanar_pieces, read_chart_with_surroundings
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
-from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam
+from facade_core.core.levelling import MAX_SEAM_DECAYS, SEAM_DECAY_M, level_seam_colours
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.overhead_view import AerialSampler, render_from_above
+from facade_core.geometry.overhead_view import AerialSampler, resample_aerial_to_chart
 from facade_core.geometry.party_walls import find_enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
@@ -120,7 +120,7 @@ class _Surroundings(NamedTuple):
     decay_m: float = SEAM_DECAY_M
 
 
-def paint_visible_texels(buffer: TexelBuffer, placement: Placement, materials: MaterialField) -> None:
+def paint_visible_texels(buffer: TexelBuffer, placement: ChartPlacements, materials: MaterialField) -> None:
     """Paint the material of every untextured texel that a view saw, in place.
 
     For translators that return a material field (street paper, 3 Texture propagation).
@@ -195,7 +195,7 @@ def _finish_unlit(
         colour[hidden] = _distant_colour(scene, materials, chart)
         provenance[untextured] = Provenance.MATERIAL
         if aerial is not None and scene.charts.kind[chart] == ChartKind.GROUND:
-            rgb, has_aerial = render_from_above(scene, chart, aerial)
+            rgb, has_aerial = resample_aerial_to_chart(scene, chart, aerial)
             has_aerial &= untextured
             colour[has_aerial], provenance[has_aerial] = rgb[has_aerial], Provenance.PHOTO
     if settings.repaint and not is_neural:
@@ -269,7 +269,7 @@ def _extend_photos(
         piece_colour, rank = known.read(piece, rows, columns)
         return piece_colour, rank + 1  # 0 is outside all pieces
 
-    wide, rank = read_with_surroundings(
+    wide, rank = read_chart_with_surroundings(
         scene.charts, scene.placement.texels_per_metre, chart, size, margin, read_ranked
     )
     has_photo, fillable = rank == Provenance.PHOTO + 1, rank > 0
@@ -341,7 +341,7 @@ def _level_to_surroundings(
     if not free.any():
         return colour
     if not any(piece in neighbours for piece in coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()):
-        return level_seam(colour, fixed, free, reach=reach)
+        return level_seam_colours(colour, fixed, free, reach=reach)
     margin = round(LEVELLING_MARGIN_M * density)
     interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
     unranked = np.zeros(size, np.uint8)  # the masks `fixed` and `free` decide inside the chart
@@ -349,9 +349,9 @@ def _level_to_surroundings(
     def read_current(piece: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         return (colour[rows, columns], unranked[rows, columns]) if piece == chart else read(piece, rows, columns)
 
-    wide, rank = read_with_surroundings(
+    wide, rank = read_chart_with_surroundings(
         scene.charts, scene.placement.texels_per_metre, chart, size, margin, read_current
     )
     pinned, loose = rank > rank_limit, np.zeros(rank.shape, bool)
     pinned[interior], loose[interior] = fixed, free
-    return level_seam(wide, pinned, loose, reach=reach)[interior]
+    return level_seam_colours(wide, pinned, loose, reach=reach)[interior]

@@ -1,7 +1,7 @@
 """Canvas of the painter: colour, relief and gloss of a wall in metres on a supersampled raster.
 
 The canvas has no lighting. A facade is first modelled as a coloured relief (metres in front of the wall plane), then
-lit as a whole by `canvas_light.light_canvas`, so that all its shadows agree.
+lit as a whole by `canvas_light.shade_canvas`, so that all its shadows agree.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def hex_to_linear(colour: str) -> Float32Array:
 
 
 @dataclass(frozen=True)
-class Plate:
+class WallAttachment:
     """Thin object in front of the wall, such as a railing or an awning.
 
     Attributes
@@ -61,7 +61,7 @@ class Canvas:
     relief: Float32Array
     gloss: Float32Array
     scale: float
-    plates: list[Plate] = field(default_factory=list)
+    plates: list[WallAttachment] = field(default_factory=list)
 
     @classmethod
     def blank(cls, height: int, width: int, scale: float) -> Canvas:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import Float32Array
-from facade_core.synth.canvas import Canvas, Plate, gaussian_blur
+from facade_core.synth.canvas import Canvas, WallAttachment, gaussian_blur
 
 SUN_COLOUR = np.array([0.720, 0.690, 0.640], np.float32)
 SKY_COLOUR = np.array([0.285, 0.305, 0.335], np.float32)
@@ -16,7 +16,7 @@ SHADOW_DOWN_PER_METRE = 0.78
 MAX_RELIEF_M = 1.0  # metres that anything projects from a facade
 
 
-def light_canvas(canvas: Canvas) -> Float32Array:
+def shade_canvas(canvas: Canvas) -> Float32Array:
     """Shade a canvas and its plates with sun, sky and cast shadows.
 
     Returns
@@ -70,7 +70,7 @@ def _cast_shadows(relief: Float32Array, scale: float) -> Float32Array:
     return np.asarray(cv2.resize(soft, relief.shape[::-1], interpolation=cv2.INTER_LINEAR), soft.dtype)
 
 
-def _add_plate_shadow(shadow: Float32Array, plate: Plate, scale: float) -> None:
+def _add_plate_shadow(shadow: Float32Array, plate: WallAttachment, scale: float) -> None:
     dy, dx = round(plate.depth * SHADOW_DOWN_PER_METRE * scale), round(plate.depth * SHADOW_RIGHT_PER_METRE * scale)
     pad = max(2, round(0.08 * scale))
     alpha = plate.alpha

@@ -9,7 +9,7 @@ from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 from facade_core.synth.windows import glass_reflections
 
 
-def door_tile(
+def paint_door_tile(
     shape: tuple[int, int], scale: float, colour: Float32Array, *, is_modern: bool, rng: np.random.Generator
 ) -> Canvas:
     """Paint a two-leaved door under a fanlight.

@@ -13,7 +13,7 @@ from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
 from facade_core.synth.canvas import GAMMA, Canvas, hex_to_linear
-from facade_core.synth.canvas_light import light_canvas
+from facade_core.synth.canvas_light import shade_canvas
 from facade_core.synth.facade_plan import FacadePlan, PaintedOpening, plan_facade
 from facade_core.synth.occluders import paint_occluders
 from facade_core.synth.styles import STYLE_BY_NAME, STYLES
@@ -22,8 +22,8 @@ from facade_core.synth.windows import (
     HIGH_FLOOR_SKY_PROBABILITY,
     LOW_FLOOR_SKY_PROBABILITY,
     WindowColours,
+    paint_window_tile,
     vary_pane_brightness,
-    window_tile,
 )
 
 MIN_FLOOR_HEIGHT_M = 2.4
@@ -98,7 +98,7 @@ def paint_facade(
         STYLE_BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
     )
     canvas = _paint_canvas(plan, rng)
-    small = cv2.resize(light_canvas(canvas), (width, height), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(shade_canvas(canvas), (width, height), interpolation=cv2.INTER_AREA)
     image = np.round(255 * np.clip(small, MIN_LINEAR_LIGHT, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
     image, occluded = paint_occluders(image, metres_per_pixel, occluders, np.random.default_rng([seed, 0x0CC]))
     states = [opening.element_state for opening in plan.openings]
@@ -155,7 +155,7 @@ def _paint_canvas(plan: FacadePlan, rng: np.random.Generator) -> Canvas:
     )
     frame, curtain, blind = (hex_to_linear(str(rng.choice(c))) for c in (style.frame_colours, _CURTAINS, _BLINDS))
     _paint_walls(canvas, plan, palette, rng)
-    ledges = ornament.paint_floor_lines(canvas, plan, palette)
+    ledges = ornament.paint_courses_quoins_plinth(canvas, plan, palette)
     ornament.paint_crown(canvas, plan, palette)
     _paint_openings(canvas, plan, palette, WindowColours(frame, curtain, blind), rng)
     sills = [
@@ -221,14 +221,14 @@ def _paint_openings(
 
     by_label = {name: [o for o in plan.openings if o.label == name] for name in ("window", "balcony", "door", "shop")}
     for o in by_label["window"]:
-        ornament.paint_surround(canvas, plan, o, metres(o), palette)
+        ornament.paint_window_surround(canvas, plan, o, metres(o), palette)
     for o in by_label["window"]:
         # Several rooms per state, so that neighbouring curtains differ.
         high = 2 * o.floor > plan.floors
         key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOM_VARIANTS)))
         if key not in tiles:
             sky = HIGH_FLOOR_SKY_PROBABILITY if high else LOW_FLOOR_SKY_PROBABILITY
-            tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, sky, rng)
+            tiles[key] = paint_window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, sky, rng)
         tile, opening = tiles[key]
         canvas.paste(vary_pane_brightness(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
     spacing = factor * max(2, round(0.13 / mpp))
@@ -243,18 +243,18 @@ def _paint_openings(
             railings.paint_brackets(canvas, np.array([box[0] + 0.2, box[2] - 0.2]), box[3], palette.trim)
         railings.paint_balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
     for o in by_label["door"]:
-        ornament.paint_doorway(canvas, plan, metres(o), palette)
-        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, is_modern=style.is_modern, rng=rng)
+        ornament.paint_door_surround(canvas, plan, metres(o), palette)
+        tile = entrances.paint_door_tile(shape(o), canvas.scale, palette.door, is_modern=style.is_modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
     bays = by_label["shop"]
-    ornament.paint_piers(canvas, plan, [metres(o) for o in bays], palette)
+    ornament.paint_shop_pilasters(canvas, plan, [metres(o) for o in bays], palette)
     numbers = sorted({o.shop_number for o in bays})
     for number, shop in zip(numbers, shops.design_shops(len(numbers), rng), strict=True):
         shop_bays = [o for o in bays if o.shop_number == number]
         for place, o in enumerate(shop_bays):
             # The first bay has the name, the second the door.
             has_name, has_door = place == 0, place == min(1, len(shop_bays) - 1)
-            tile, awning = shops.shop_tile(
+            tile, awning = shops.paint_shop_bay_tile(
                 shape(o), canvas.scale, o.state, shop, has_name=has_name, has_door=has_door, stone=palette.base, rng=rng
             )
             canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)

@@ -20,7 +20,7 @@ METRES_PER_TREE = 14.0
 METRES_PER_PERSON = 11.0
 
 
-def street_furniture(
+def build_street_occluders(
     line: shapely.LineString, ground: Callable[[Float64Array], Float64Array], *, seed: int
 ) -> Mesh | None:
     """Build cars, trees and people along a street as one mesh with one chart per triangle.

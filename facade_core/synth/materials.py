@@ -11,7 +11,7 @@ from facade_core.street.materials.grain import (
     GrainKind,
     add_grain,
 )
-from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.synth.canvas import Canvas, fractal_noise, hex_to_linear, smooth_noise
 
 # Pixels whose grain is computed at once, which bounds memory.
@@ -154,7 +154,7 @@ def photographic_grain(
     factor : (H, W) float32, for linear light.
     """
     rows, columns = shape
-    out, grains, seed = np.empty(shape, np.float32), load_shipped_grains(), int(rng.integers(1 << 31))
+    out, grains, seed = np.empty(shape, np.float32), load_shipped_grain_tables(), int(rng.integers(1 << 31))
     across = (np.arange(columns) + 0.5) / scale
     batch_rows = max(1, PIXELS_PER_BATCH // max(columns, 1))
     for first in range(0, rows, batch_rows):

@@ -20,7 +20,7 @@ _SHADOW = 92
 _LIT_SILL = 236
 
 
-def relief_image(labels: UInt8Array, metres_per_pixel: float) -> UInt8Array:
+def render_facade_relief(labels: UInt8Array, metres_per_pixel: float) -> UInt8Array:
     """Render a label map as grey, untextured relief: openings are recessed and shadowed.
 
     Parameters

@@ -85,7 +85,7 @@ def paint_crown(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> Non
         _paint_garland(canvas, plan, y0 + 0.60 * tall, y1, trim)
 
 
-def paint_floor_lines(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> list[float]:
+def paint_courses_quoins_plinth(canvas: Canvas, plan: FacadePlan, palette: FacadePalette) -> list[float]:
     """Paint string courses at the floor lines, corner quoins and the plinth; return the courses.
 
     Parameters
@@ -219,7 +219,9 @@ def paint_quoins(canvas: Canvas, plan: FacadePlan, y0: float, y1: float, colour:
             canvas.fill_box(x0, top + 0.018, x1, bottom - 0.018, tone, 0.055)
 
 
-def paint_surround(canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, box: Box, palette: FacadePalette) -> None:
+def paint_window_surround(
+    canvas: Canvas, plan: FacadePlan, opening: PaintedOpening, box: Box, palette: FacadePalette
+) -> None:
     """Paint the surround of a window, before the window itself.
 
     Parameters
@@ -297,7 +299,7 @@ def paint_sill(canvas: Canvas, box: Box, colour: Float32Array, *, out: float) ->
     canvas.add_moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL_PROFILE_M)
 
 
-def paint_piers(canvas: Canvas, plan: FacadePlan, bays: list[Box], palette: FacadePalette) -> None:
+def paint_shop_pilasters(canvas: Canvas, plan: FacadePlan, bays: list[Box], palette: FacadePalette) -> None:
     """Paint pilasters with plinths on both sides of shop bays.
 
     Parameters
@@ -317,7 +319,7 @@ def paint_piers(canvas: Canvas, plan: FacadePlan, bays: list[Box], palette: Faca
             canvas.fill_box(left - 0.02, foot - 0.5, right + 0.02, foot, palette.base * 0.85, 0.1)
 
 
-def paint_doorway(canvas: Canvas, plan: FacadePlan, box: Box, palette: FacadePalette) -> None:
+def paint_door_surround(canvas: Canvas, plan: FacadePlan, box: Box, palette: FacadePalette) -> None:
     """Paint a door's surround with a hood; stone for the old styles, a thin canopy for the modern one.
 
     Parameters

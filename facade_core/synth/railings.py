@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array
-from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear
+from facade_core.synth.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear
 
 BALCONY_DEPTH_M = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
 _FLOWER_COLOURS = ("#c8413c", "#d96a8c", "#e0a63a", "#b65bb0", "#f0e6e0")
@@ -47,7 +47,7 @@ def paint_balcony(
         colour, alpha = _ironwork(shape, canvas.scale, spacing, is_ornate=railing == "iron")
     if state == "flowers":
         _add_flowers(colour, alpha, canvas.scale, rng)
-    canvas.plates.append(Plate(colour, alpha, rows.start, columns.start, depth))
+    canvas.plates.append(WallAttachment(colour, alpha, rows.start, columns.start, depth))
 
 
 def paint_brackets(canvas: Canvas, places: Float64Array, y: float, stone: Float32Array) -> None:

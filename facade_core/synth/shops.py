@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import Float32Array, Float64Array
-from facade_core.synth.canvas import Canvas, Plate, fractal_noise, hex_to_linear, smooth_noise
+from facade_core.synth.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear, smooth_noise
 from facade_core.synth.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 
 # Names of shops by the goods behind their glass.
@@ -91,7 +91,7 @@ def design_shops(count: int, rng: np.random.Generator) -> list[ShopDesign]:
     return shops
 
 
-def shop_tile(
+def paint_shop_bay_tile(
     shape: tuple[int, int],
     scale: float,
     state: str,
@@ -101,7 +101,7 @@ def shop_tile(
     has_door: bool,
     stone: Float32Array,
     rng: np.random.Generator,
-) -> tuple[Canvas, Plate | None]:
+) -> tuple[Canvas, WallAttachment | None]:
     """Paint one bay of a shop.
 
     Parameters
@@ -329,7 +329,7 @@ def _paint_fascia(
     tile.relief[at] += 0.02 * cover[..., 0]
 
 
-def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> Plate:
+def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> WallAttachment:
     """Return a shallow awning over the upper part of the glass, which it darkens."""
     tall = min(0.62, 0.2 * tile.height_m)
     rows, columns = tile.to_pixels(tall), tile.relief.shape[1]
@@ -345,6 +345,6 @@ def _awning_plate(tile: Canvas, top: float, shop: ShopDesign) -> Plate:
     colour = np.where(stripe, first, second) * light[..., None]
     edge = 0.90 + 0.10 * np.sqrt(np.clip(1 - (2 * (x % 1) - 1) ** 2, 0, 1)) if shop.is_striped else np.ones(columns)
     alpha = (y <= edge).astype(np.float32)
-    return Plate(
+    return WallAttachment(
         colour.astype(np.float32), alpha, tile.to_pixels(top) - max(1, tile.to_pixels(0.04)), 0, 0.5, is_hinged=True
     )

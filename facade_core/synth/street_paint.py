@@ -12,7 +12,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 
 
-def ground_pattern(street: SyntheticStreet) -> GroundPaint:
+def ground_pattern_painter(street: SyntheticStreet) -> GroundPaint:
     """Return a function that paints ground points with a pattern unlike any material."""
     rng = np.random.default_rng(5)
     grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
@@ -37,7 +37,7 @@ def ground_pattern(street: SyntheticStreet) -> GroundPaint:
     return paint
 
 
-def side_pattern(street: SyntheticStreet) -> SidePaint:
+def side_pattern_painter(street: SyntheticStreet) -> SidePaint:
     """Return a function that paints side walls and roofs with a pattern unlike any material.
 
     Bricks, worn plaster and courses of tiles; each building has its own tones and stains, and some charts have a patch.
@@ -86,7 +86,7 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) 
     return replace(street, facades=tuple(painted))
 
 
-def ground_photos(
+def ground_photo_painter(
     street: SyntheticStreet, roadway: tuple[UInt8Array, float], pavement: tuple[UInt8Array, float]
 ) -> GroundPaint:
     """Return a function that paints the ground from two photographs with a kerb between them.

@@ -39,7 +39,7 @@ class WindowColours:
     blind: Float32Array
 
 
-def window_tile(
+def paint_window_tile(
     shape: tuple[int, int],
     scale: float,
     glazing: str,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.imagery import fetch_block_imagery, report_fetched
+from flows.cli.imagery import fetch_block_imagery, print_imagery_fetch
 from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
@@ -79,7 +79,7 @@ def new_block(
     for line in found.lines():
         print_line(line)
     if imagery is not None:
-        report_fetched(fetch_block_imagery(block_file, imagery))
+        print_imagery_fetch(fetch_block_imagery(block_file, imagery))
     print_line(f"ready: streetloom run {block_file}")
 
 

@@ -97,17 +97,17 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
     import tempfile
 
     from catalogs.block.reader import read_block
-    from tasks.city.block_counts import count_from_plan
-    from tasks.city.blocks import read_city
+    from tasks.city.block_counts import block_counts_from_plan
+    from tasks.city.blocks import partition_city_file
     from tasks.city.city_log import CityLog
 
     with tempfile.TemporaryDirectory() as folder:
-        found = read_city(city_file, Path(folder))
+        found = partition_city_file(city_file, Path(folder))
         planned = {}
         with click.progressbar(found.blocks, label="planning", file=sys.stderr) as blocks:
             for block in blocks:  # an unreadable block is skipped here; its run reports the error
-                planned[block.name] = count_from_plan(read_block(block.file)) if block.digest else {}
-    account = CityLog("").for_city(found, "")
+                planned[block.name] = block_counts_from_plan(read_block(block.file)) if block.digest else {}
+    account = CityLog("").adapt_to_city(found, "")
     estimate = account.estimate(list(account.blocks), workers, at_once, planned)
     if as_json:
         click.echo(json.dumps(estimate))
@@ -179,15 +179,15 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
 
     Runs without the server where it is unavailable or nothing is pending.
     """
-    from catalogs.published.folders import local_folder
-    from flows.server.startup import ServerDown, prefect_server
-    from tasks.city.city_log import prepare_city
+    from catalogs.published.folders import local_run_folder
+    from flows.server.startup import ServerDown, provide_prefect_server
+    from tasks.city.city_log import load_or_partition_city
 
-    if not prepare_city(city_file, out)[0].pending_blocks(out, tiles=options.tiles):
+    if not load_or_partition_city(city_file, out)[0].pending_blocks(out, tiles=options.tiles):
         from flows.city import run_city_without_server
 
         return run_city_without_server(city_file, out, options)
-    with prefect_server(local_folder(out) / "prefect") as record:
+    with provide_prefect_server(local_run_folder(out) / "prefect") as record:
         from flows.city import city as recorded
         from flows.city import run_city_without_server
 

@@ -51,9 +51,9 @@ class CommandGroup(click.Group):
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise  # control flow of Click
         except Exception as error:
-            from flows.cli.exit_codes import describe_error
+            from flows.cli.exit_codes import exit_code_and_message
 
-            code, line = describe_error(error)
+            code, line = exit_code_and_message(error)
             print_notice(line)
             ctx.exit(code)
 
@@ -167,12 +167,12 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
       streetloom demo
       streetloom demo --exemplars facades/ --out out/photos
     """
-    from catalogs.published.folders import local_folder
+    from catalogs.published.folders import local_run_folder
     from flows.lock import lock_folder
     from tasks.examples.demo import has_painted_photos, write_demo
 
     with lock_folder(out):
-        block_file = write_demo(local_folder(out) / "input", exemplars)
+        block_file = write_demo(local_run_folder(out) / "input", exemplars)
     _run_block(block_file, out, RunOptions(workers, dask, as_json), painted=has_painted_photos(block_file))
 
 
@@ -202,9 +202,9 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
                 only = street if options.only else None
                 summary = _texture_recorded(entry.source, out, options.workers, options.dask, only)
         if options.keep is not None:
-            from tasks.publish.prune import prune_or_explain
+            from tasks.publish.prune import prune_snapshots_or_explain
 
-            for line in prune_or_explain(out, options.keep):
+            for line in prune_snapshots_or_explain(out, options.keep):
                 print_notice(line)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if options.as_json:
@@ -219,12 +219,12 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
 
 def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> JsonObject:
     """Run the block with a record in Prefect's server; continue without the server where it fails."""
-    from catalogs.published.folders import local_folder
-    from facade_core.core.errors import FacadeError, WithheldError
+    from catalogs.published.folders import local_run_folder
+    from facade_core.core.errors import FacadeError, TooManyFailuresError
     from flows.console import print_status
-    from flows.server.startup import ServerDown, prefect_server
+    from flows.server.startup import ServerDown, provide_prefect_server
 
-    with prefect_server(local_folder(out) / "prefect") as record:
+    with provide_prefect_server(local_run_folder(out) / "prefect") as record:
         from flows.block import (  # the import takes seconds, during which the server starts
             city_block,
             run_block_without_server,
@@ -233,7 +233,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
         try:
             record.wait_until_ready()
             return cast("JsonObject", city_block(block_file, str(out), workers=workers, dask=dask, only=only))
-        except WithheldError:
+        except TooManyFailuresError:
             pass  # reported in the summary
         except FacadeError:
             raise
@@ -251,9 +251,9 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
 
 def _redo_street(run: Run, street: str, only: bool) -> None:
     """Mark a street and its dependants pending and print them."""
-    from tasks.stages.streets.redo import redo_street
+    from tasks.stages.streets.redo import schedule_street_redo
 
-    streets, dependants = redo_street(run, street, only=only)
+    streets, dependants = schedule_street_redo(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
     fate = ", marked stale until the next run" if only and dependants else ""
     print_notice(f"doing street {', '.join(streets)} again; {others}{fate}")

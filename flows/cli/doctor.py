@@ -36,7 +36,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     """
     from itertools import chain
 
-    from catalogs.published.folders import local_folder
+    from catalogs.published.folders import local_run_folder
     from facade_core.core.errors import InputError
     from flows.lock import is_locked
     from tasks.doctor import examine_machine
@@ -44,7 +44,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     if out and is_locked(out):
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
-    side = local_folder(out) if out else Path.cwd()
+    side = local_run_folder(out) if out else Path.cwd()
     disk = next(
         folder for folder in (side, *side.parents) if folder.is_dir()
     )  # the local folder of a bucket may not exist yet
@@ -61,10 +61,10 @@ def doctor(out: Folder | None, as_json: bool) -> None:
 
 def _examine_runs(out: Folder) -> Iterator[Finding]:
     """Return the findings of the run in a folder, or of each run below it with its name."""
-    from catalogs.published.runs import find_stores
+    from catalogs.published.runs import find_runs_with_store
     from tasks.doctor import examine_folder
 
-    runs = {} if (out / "store").is_dir() else find_stores(out)
+    runs = {} if (out / "store").is_dir() else find_runs_with_store(out)
     if not runs:
         yield from examine_folder(out)
     for name, folder in runs.items():

@@ -27,7 +27,7 @@ ACCESS_ERRNOS = {
 }
 
 
-def describe_error(error: Exception) -> tuple[int, str]:
+def exit_code_and_message(error: Exception) -> tuple[int, str]:
     """Return the exit code and the one-line message for an error that ended a command."""
     if isinstance(error, FacadeError):
         return _exit_code(error), " ".join(str(error).split())
@@ -53,9 +53,9 @@ def _exit_code(error: FacadeError) -> int:
 
 def _locate_traceback(error: Exception) -> str:
     """Return the location of the traceback: the run's log, else a new file."""
-    from flows.log_file import find_log
+    from flows.log_file import find_error_log
 
-    if (log := find_log(error)) is not None:
+    if (log := find_error_log(error)) is not None:
         return f"where is in {log}"
     text = "".join(traceback.format_exception(error))
     try:

@@ -13,7 +13,7 @@ from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
 if TYPE_CHECKING:
-    from tasks.fetching import ImageryFetch
+    from tasks.fetching import ImageryFetchResult
 
 # Unusable pictures that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -68,19 +68,21 @@ def fetch_imagery(
         raise click.UsageError("name a block file, or --bbox W S E N with --to FOLDER")
     exit_on_signal("interrupted; what was fetched stays, run the same command to go on")
     if block_file is not None:
-        report_fetched(fetch_block_imagery(block_file, source, to, poses, dates, most, licence))
+        print_imagery_fetch(fetch_block_imagery(block_file, source, to, poses, dates, most, licence))
         print_line(f"ready: streetloom run {block_file}")
         return
     if to is None:
         raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
     from catalogs.imagery.services import resolve_service
     from flows.console import show_progress
-    from tasks.fetching import fetch_for_box
+    from tasks.fetching import fetch_box_panoramas
 
     assert bbox is not None
     with show_progress(quiet=not sys.stderr.isatty()):
-        found = fetch_for_box(bbox, to, resolve_service(source, poses), dates=dates, max_count=most, licence=licence)
-    report_fetched(found)
+        found = fetch_box_panoramas(
+            bbox, to, resolve_service(source, poses), dates=dates, max_count=most, licence=licence
+        )
+    print_imagery_fetch(found)
 
 
 @click.command("match")
@@ -163,7 +165,7 @@ def fetch_block_imagery(
     dates: str | None = None,
     most: int | None = None,
     licence: str | None = None,
-) -> ImageryFetch:
+) -> ImageryFetchResult:
     """Fetch the panoramas of a block, with progress bars in a terminal.
 
     Parameters
@@ -173,15 +175,15 @@ def fetch_block_imagery(
     """
     from catalogs.imagery.services import resolve_service
     from flows.console import show_progress
-    from tasks.fetching import fetch_for_block
+    from tasks.fetching import fetch_block_panoramas
 
     with show_progress(quiet=not sys.stderr.isatty()):
-        return fetch_for_block(
+        return fetch_block_panoramas(
             block_file, resolve_service(source, poses), to=to, dates=dates, max_count=most, licence=licence
         )
 
 
-def report_fetched(fetched: ImageryFetch) -> None:
+def print_imagery_fetch(fetched: ImageryFetchResult) -> None:
     """Print the fetched pictures; exit with 1 if another run may fetch the missing ones."""
     for fault in fetched.faults[:MAX_LISTED_FAULTS]:
         print_notice(f"{fault.id}: {fault.reason}")

@@ -28,11 +28,11 @@ def metrics(out: Folder, otlp: str | None) -> None:
     """
     from prometheus_client import generate_latest
 
-    from catalogs.published.runs import find_stores, publish_hint
+    from catalogs.published.runs import find_runs_with_store, publish_hint
     from facade_core.core.errors import InputError
     from tasks.metrics import collect_metrics
 
-    if not (runs := find_stores(out)):
+    if not (runs := find_runs_with_store(out)):
         raise InputError(f"{out}: holds no run; {publish_hint(out, 'makes one')}")
     if otlp is None:
         click.echo(generate_latest(collect_metrics(runs)).decode(), nl=False)

@@ -25,10 +25,10 @@ class ExistingPath(PathType):
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            from catalogs.block.paths import suggest_name
+            from catalogs.block.paths import suggest_similar_file_name
 
             path = Path(value)
-            if os.path.lexists(path) or (close := suggest_name(path)) is None:
+            if os.path.lexists(path) or (close := suggest_similar_file_name(path)) is None:
                 raise
             message = f"{error.message.rstrip('.')}; did you mean {path.with_name(close)}?"
             raise click.BadParameter(message, ctx, param) from error
@@ -39,7 +39,7 @@ EXISTING_FILE = ExistingPath(exists=True, dir_okay=False, path_type=Path)
 EXISTING_FOLDER = ExistingPath(exists=True, file_okay=False, path_type=Path)
 
 
-class OutputFolder(FolderType):
+class LocalOrS3Folder(FolderType):
     """Folder of this machine, or s3://bucket/prefix.
 
     Parameters
@@ -63,7 +63,7 @@ class OutputFolder(FolderType):
         return self._local.convert(value, param, ctx)
 
 
-class LocalPath(PathType):
+class LocalOutputPath(PathType):
     """File or folder to write; rejects addresses with a scheme, which would create a folder of that name."""
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
@@ -78,7 +78,7 @@ class LocalPath(PathType):
         return super().convert(value, param, ctx)
 
 
-FOLDER = LocalPath(file_okay=False, path_type=Path)
-NEW_FILE = LocalPath(dir_okay=False, path_type=Path)
-OUT = OutputFolder()
-EXISTING_OUT = OutputFolder(existing=True)
+FOLDER = LocalOutputPath(file_okay=False, path_type=Path)
+NEW_FILE = LocalOutputPath(dir_okay=False, path_type=Path)
+OUT = LocalOrS3Folder()
+EXISTING_OUT = LocalOrS3Folder(existing=True)

@@ -30,7 +30,7 @@ def prune(out: Folder, keep: int) -> None:
     """
     from catalogs.published.runs import find_runs
     from flows.lock import lock_folder
-    from tasks.publish.prune import prune as remove
+    from tasks.publish.prune import prune_snapshots as remove
 
     runs, left_out = find_runs(out)
     for run in runs:

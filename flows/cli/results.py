@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.output import print_line, print_notice
-from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
+from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalOutputPath
 from flows.cli.usage import BboxCommand, current_user
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
@@ -24,7 +24,7 @@ else:  # releases of click differ in what this class takes as arguments
 MAX_LISTED_FILES = 8
 
 
-class FolderOfRuns(TextType):
+class RunsFolderParam(TextType):
     """Existing folder, or s3://bucket/prefix, as text."""
 
     name = "folder"
@@ -48,7 +48,7 @@ class QueryCommand(BboxCommand):
 
 
 @click.command(cls=QueryCommand)
-@click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
+@click.argument("folder", metavar="FOLDER", type=RunsFolderParam())
 @click.option(
     "--where",
     "conditions",
@@ -109,7 +109,7 @@ def query(
 )
 @click.option(
     "--to",
-    type=LocalPath(path_type=Path),
+    type=LocalOutputPath(path_type=Path),
     help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]",
 )
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Export only this building; repeatable.")
@@ -198,29 +198,29 @@ def catalog(folder: Folder, to: str | None) -> None:
       streetloom catalog out --to s3://bucket/runs
     """
     from catalogs.published.runs import find_runs
-    from catalogs.published.s3 import S3Folder, folder_at
-    from catalogs.published.s3_copy import copy_catalog, copy_run
+    from catalogs.published.s3 import S3Path, folder_at
+    from catalogs.published.s3_copy import copy_catalog_to_bucket, copy_run_to_bucket
     from catalogs.stac.catalog import write_catalog
     from facade_core.core.errors import InputError
     from flows.lock import lock_folder
 
     target = folder_at(to) if to else None
-    if to and not isinstance(target, S3Folder):
+    if to and not isinstance(target, S3Path):
         raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
-    if to and isinstance(folder, S3Folder):
+    if to and isinstance(folder, S3Path):
         raise InputError(f"{folder}: is in a bucket already; copy it from there to {to} by the bucket's own tools")
     written = write_catalog(folder, on_left_out=print_notice)
-    if not isinstance(target, S3Folder) or not isinstance(folder, Path):
+    if not isinstance(target, S3Path) or not isinstance(folder, Path):
         print_line(written)
         return
     runs, _ = find_runs(folder)
     for run in runs:
         place = target if run.folder == folder else target / run.name
         with lock_folder(run.folder), lock_folder(place):
-            sent = copy_run(run.folder, place)
+            sent = copy_run_to_bucket(run.folder, place)
         print_line(f"{place}: {sent} files sent", err=True)
     if runs[0].folder != folder:
-        copy_catalog(folder, target)
+        copy_catalog_to_bucket(folder, target)
     print_line(target / "catalog.json")
 
 
@@ -276,19 +276,19 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     out = out if len(runs) > 1 else _find_single_run(out)
     try:
         from flows.viewer.app import serve
-        from flows.viewer.editing import Editor
-        from tasks.corrections.correction_import import find_block_file
+        from flows.viewer.editing import EditorUser
+        from tasks.corrections.correction_import import find_run_block_file
         from tasks.matching.match_table import TABLE
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
     for run in runs.values():
-        find_block_file(run)  # corrections are stored next to the block file
+        find_run_block_file(run)  # corrections are stored next to the block file
     if edit and len(runs) < 2:
-        folder = find_block_file(out).parent
+        folder = find_run_block_file(out).parent
         if photos is not None and not (folder / TABLE).is_file():
             raise InputError(
-                f"{folder / TABLE}: there is no such table; write it: streetloom match {find_block_file(out)} {photos}"
+                f"{folder / TABLE}: there is no such table; write it: streetloom match {find_run_block_file(out)} {photos}"
             )
 
     def ready(address: str, seen_by: str | None) -> None:
@@ -304,14 +304,16 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     exit_on_signal(
         "the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was"
     )
-    serve(runs if len(runs) > 1 else out, host, port, ready, Editor(who or current_user(), photos) if edit else None)
+    serve(
+        runs if len(runs) > 1 else out, host, port, ready, EditorUser(who or current_user(), photos) if edit else None
+    )
 
 
 def _find_runs(folder: Folder) -> dict[str, Folder]:
     """Return the runs in a folder by name."""
-    from catalogs.published.runs import find_stores
+    from catalogs.published.runs import find_runs_with_store
 
-    return find_stores(folder)
+    return find_runs_with_store(folder)
 
 
 def _find_single_run(folder: Folder) -> Folder:
@@ -322,14 +324,14 @@ def _find_single_run(folder: Folder) -> Folder:
     InputError
         There are several runs, which the message names, or none.
     """
-    from catalogs.published.runs import find_stores
-    from catalogs.published.s3 import S3Folder
+    from catalogs.published.runs import find_runs_with_store
+    from catalogs.published.s3 import S3Path
     from facade_core.core.errors import InputError
     from flows.lock import is_locked
 
-    found = list(find_stores(folder).items())
+    found = list(find_runs_with_store(folder).items())
     if not found:
-        if isinstance(folder, S3Folder):
+        if isinstance(folder, S3Path):
             raise InputError(
                 f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
             )

@@ -56,7 +56,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
     """
     from flows.console import show_progress
     from tasks.training.corrected_facades import load_corrected_facades
-    from tasks.training.parser import train_corrected, train_fold, train_network
+    from tasks.training.parser import fine_tune_benchmark_parser, fine_tune_on_corrections, train_shipped_parser
 
     if corrections and (data or fold):
         raise click.UsageError("--corrections goes on from the shipped network, without --data and --fold")
@@ -64,11 +64,11 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
     with show_progress(quiet=False):
         if data is None:
-            model = train_corrected(load_corrected_facades(corrections), out, seed=seed)
+            model = fine_tune_on_corrections(load_corrected_facades(corrections), out, seed=seed)
         elif fold:
-            model = train_fold(data, out, fold, seed=seed)
+            model = fine_tune_benchmark_parser(data, out, fold, seed=seed)
         else:
-            model = train_network(data, out, seed=seed)
+            model = train_shipped_parser(data, out, seed=seed)
     print_line(model)
 
 
@@ -117,10 +117,10 @@ def train_material_examples(data: Path, out: Path) -> None:
       streetloom train materials --data ../shared/data --out materials/
     """
     from flows.console import show_progress
-    from tasks.training.materials import train_materials
+    from tasks.training.materials import learn_grain_examples
 
     with show_progress(quiet=False):
-        model = train_materials(data, out)
+        model = learn_grain_examples(data, out)
     print_line(model)
 
 
@@ -185,7 +185,7 @@ def train_translation_network(
 
     from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
     from flows.console import show_progress
-    from tasks.training.translator import TrainingSplit, train_translator
+    from tasks.training.translator import PanoramaSplitPrefixes, train_translator
 
     course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE
     if steps is not None:
@@ -197,7 +197,7 @@ def train_translation_network(
             out,
             seed=seed,
             recipe=course,
-            split=TrainingSplit(judge_by, leave_out),
+            split=PanoramaSplitPrefixes(judge_by, leave_out),
             runs=runs,
             paired=composites,
         )

@@ -141,7 +141,7 @@ class PrefectServer:
 
 
 @contextmanager
-def prefect_server(home: Path) -> Iterator[PrefectServer]:
+def provide_prefect_server(home: Path) -> Iterator[PrefectServer]:
     """Set PREFECT_API_URL for the block: the user's where set, else of a new server on loopback.
 
     Prefect loads its settings at its first import, so enter this context before. The server starts while the block
@@ -164,7 +164,7 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
         yield PrefectServer(url, home)
         return
     home.mkdir(parents=True, exist_ok=True)
-    port = free_port()
+    port = find_free_port()
     laid_out = server_database.restore_database(home)
     saved = dict(os.environ)
     url = f"http://127.0.0.1:{port}/api"
@@ -200,7 +200,7 @@ def server_command(port: int) -> list[str]:
     return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
 
 
-def free_port() -> int:
+def find_free_port() -> int:
     """Return a port on loopback for a server that is about to start.
 
     For the next minute Linux gives the port to no other socket without a fixed port, because this side has just closed a

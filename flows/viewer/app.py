@@ -21,12 +21,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from catalogs.published.folders import Folder
 from facade_core.core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_locked
-from flows.viewer.editing import Editor, edit_routes
+from flows.viewer.editing import EditorUser, correction_routes
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
-from flows.viewer.matching import match_routes
-from flows.viewer.model import find_model_file, model_index
+from flows.viewer.matching import photo_match_routes
+from flows.viewer.model import find_model_file, viewer_model_index
 from tasks.stages.facades.record import FacadeRecord
-from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_picture
+from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_capture_picture
 from tasks.viewing.pictures import encode_picture
 from tasks.viewing.run_view import RunReader
 from tasks.viewing.street_replay import StreetReplay
@@ -50,7 +50,7 @@ HEADERS = {
 
 
 def create_application(
-    out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None
+    out: Folder | Mapping[str, Folder], host: str, bound: str, editor: EditorUser | None = None
 ) -> Starlette:
     """Create the viewer of one run, or of several runs by name, each below its own address.
 
@@ -69,7 +69,7 @@ def create_application(
     return Starlette(routes=routes, middleware=middleware)
 
 
-def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[BaseRoute]:
+def _city_routes(runs: Mapping[str, Folder], editor: EditorUser | None) -> list[BaseRoute]:
     return [
         Route("/", lambda request: Response((PAGE_FOLDER / "city.html").read_text("utf-8"), media_type="text/html")),
         Route("/api/blocks", lambda request: JSONResponse({"blocks": list(runs)})),
@@ -78,7 +78,7 @@ def _city_routes(runs: Mapping[str, Folder], editor: Editor | None) -> list[Base
     ]
 
 
-def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
+def _run_routes(out: Folder, editor: EditorUser | None) -> list[BaseRoute]:
     reader, growth = RunReader(out), StreetReplay()
 
     def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
@@ -102,7 +102,7 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def facade(request: Request) -> Response:
         view = reader.open_newest()
-        index = view.find_facade(request.query_params["id"])
+        index = view.find_facade_index(request.query_params["id"])
         record = view.records[index] or cast(FacadeRecord, {})
         return JSONResponse(
             {
@@ -117,13 +117,15 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def stage(request: Request) -> Response:
         view = reader.open_newest()
-        image = draw_stage_picture(view, view.find_facade(request.query_params["id"]), request.query_params["stage"])
+        image = draw_stage_picture(
+            view, view.find_facade_index(request.query_params["id"]), request.query_params["stage"]
+        )
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
     def earlier(request: Request) -> Response:
         view = reader.open_newest()
         return Response(
-            read_previous_picture(view, view.find_facade(request.query_params["id"])),
+            read_previous_capture_picture(view, view.find_facade_index(request.query_params["id"])),
             media_type="image/webp",
             headers=IMMUTABLE,
         )
@@ -136,11 +138,11 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
 
     def grown(request: Request) -> Response:
         view = reader.open_newest()
-        image = growth.draw_after(view, _parse_index(request, "viewpoint", len(view.tables.street)))
+        image = growth.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
     def in_3d(request: Request) -> Response:
-        return JSONResponse(model_index(out, reader.open_newest()))
+        return JSONResponse(viewer_model_index(out, reader.open_newest()))
 
     def tile(request: Request) -> Response:
         file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
@@ -164,9 +166,9 @@ def _run_routes(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
     ]
     if editor is not None:
-        routes += edit_routes(reader, editor)
+        routes += correction_routes(reader, editor)
         if editor.photos is not None:
-            routes += match_routes(reader, editor, editor.photos)
+            routes += photo_match_routes(reader, editor, editor.photos)
     return routes
 
 
@@ -207,7 +209,7 @@ def serve(
     host: str,
     port: int,
     ready: Callable[[str, str | None], None],
-    editor: Editor | None = None,
+    editor: EditorUser | None = None,
 ) -> None:
     """Serve `create_application` until interrupted.
 

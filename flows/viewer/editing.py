@@ -19,10 +19,10 @@ from facade_core.core.errors import FacadeError, StoreError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from flows.viewer.background_run import BackgroundRun
-from flows.viewer.guard import edit_refusal
-from tasks.corrections.correction_import import CorrectionImporter, find_block_file
-from tasks.corrections.drawable_values import drawable_values
-from tasks.engine.store.status import read_source
+from flows.viewer.guard import editor_request_refusal
+from tasks.corrections.correction_import import CorrectionImporter, find_run_block_file
+from tasks.corrections.drawable_values import valid_correction_values
+from tasks.engine.store.status import read_run_block_file
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 
@@ -38,7 +38,7 @@ MAX_BODY_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
-class Editor:
+class EditorUser:
     """User who may correct facades in the viewer: name, photo folder and token.
 
     Attributes
@@ -53,16 +53,16 @@ class Editor:
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
 
-def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
+def correction_routes(reader: RunReader, editor: EditorUser) -> list[Route]:
     """Return the HTTP routes for corrections of facades."""
     redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
 
     def state(request: Request) -> JsonObject:
-        block = read_source(reader.out)
+        block = read_run_block_file(reader.out)
         return {
             "who": editor.who,
             "labels": ELEMENT_CLASSES,
-            "words": drawable_values(),
+            "words": valid_correction_values(),
             "kept": str(corrections_file(block)) if block else "",
             "redo": redo.status(),
             "photos": editor.photos is not None,
@@ -70,7 +70,7 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
 
     def facade_state(id: str) -> JsonObject:
         view = reader.open_newest()
-        return read_facade_state(view, view.find_facade(id), read_corrections(find_block_file(reader.out)))
+        return read_facade_state(view, view.find_facade_index(id), read_corrections(find_run_block_file(reader.out)))
 
     def facade(request: Request) -> JsonObject:
         return facade_state(request.query_params.get("id", ""))
@@ -84,18 +84,18 @@ def edit_routes(reader: RunReader, editor: Editor) -> list[Route]:
         return {"saved": result.facades + result.buildings, "said": result.lines()[0], "notes": result.notes}
 
     def start(body: object) -> JsonObject:
-        redo.start(find_block_file(reader.out))
+        redo.start(find_run_block_file(reader.out))
         return redo.status()
 
     return [
-        Route("/edit/state", authorize_read(editor, state)),
-        Route("/edit/facade", authorize_read(editor, facade)),
-        Route("/edit/corrections", authorize_write(editor, save), methods=["POST"]),
-        Route("/edit/redo", authorize_write(editor, start), methods=["POST"]),
+        Route("/edit/state", editor_read_endpoint(editor, state)),
+        Route("/edit/facade", editor_read_endpoint(editor, facade)),
+        Route("/edit/corrections", editor_write_endpoint(editor, save), methods=["POST"]),
+        Route("/edit/redo", editor_write_endpoint(editor, start), methods=["POST"]),
     ]
 
 
-def authorize_read(editor: Editor, handler: Callable[[Request], JsonObject | Response]) -> Endpoint:
+def editor_read_endpoint(editor: EditorUser, handler: Callable[[Request], JsonObject | Response]) -> Endpoint:
     """Return an endpoint that answers GET requests with the editor's token."""
 
     async def endpoint(request: Request) -> Response:
@@ -106,7 +106,7 @@ def authorize_read(editor: Editor, handler: Callable[[Request], JsonObject | Res
     return endpoint
 
 
-def authorize_write(editor: Editor, handler: Callable[[object], JsonObject]) -> Endpoint:
+def editor_write_endpoint(editor: EditorUser, handler: Callable[[object], JsonObject]) -> Endpoint:
     """Return an endpoint that accepts JSON with the editor's token, from the viewer's own page."""
 
     async def endpoint(request: Request) -> Response:
@@ -126,8 +126,8 @@ def authorize_write(editor: Editor, handler: Callable[[object], JsonObject]) -> 
     return endpoint
 
 
-def _refusal_response(request: Request, editor: Editor, *, writes: bool) -> Response | None:
-    found = edit_refusal(
+def _refusal_response(request: Request, editor: EditorUser, *, writes: bool) -> Response | None:
+    found = editor_request_refusal(
         editor.token, request.headers.getlist(TOKEN_HEADER), request.headers.getlist("origin"), writes=writes
     )
     return JSONResponse({"reason": found[1]}, found[0]) if found else None

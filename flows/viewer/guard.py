@@ -50,7 +50,9 @@ class HostGuard:
         return name in self.names or (self.accepts_any_address and _is_address(name))
 
 
-def edit_refusal(token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool) -> tuple[int, str] | None:
+def editor_request_refusal(
+    token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool
+) -> tuple[int, str] | None:
     """Return status and reason for rejecting an editor's request; None to accept it.
 
     Applies to requests that `HostGuard.refusal` accepts.

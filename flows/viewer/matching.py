@@ -12,8 +12,8 @@ from starlette.routing import Route
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
-from flows.viewer.editing import Editor, authorize_read, authorize_write
-from tasks.corrections.correction_import import find_block_file
+from flows.viewer.editing import EditorUser, editor_read_endpoint, editor_write_endpoint
+from tasks.corrections.correction_import import find_run_block_file
 from tasks.matching.match_table import (
     TABLE,
     MatchDecision,
@@ -31,7 +31,7 @@ from tasks.viewing.run_view import RunReader
 MAX_PHOTO_SIDE = 1600
 
 
-def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]:
+def photo_match_routes(reader: RunReader, editor: EditorUser, photos: Path) -> list[Route]:
     """Return the HTTP routes that show and decide the matches of a folder of photos.
 
     Decisions go into the table in the folder of the block file, then through `streetloom match --take`.
@@ -40,14 +40,15 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
     def all_matches() -> JsonObject:
         return {
             "photos": [
-                _match_row(match) for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()
+                _match_row(match)
+                for match in read_match_table(find_run_block_file(reader.out).parent / TABLE).matches()
             ]
         }
 
     def picture(request: Request) -> Response:
         name = request.query_params.get("name", "")
         if not any(
-            match.photo == name for match in read_match_table(find_block_file(reader.out).parent / TABLE).matches()
+            match.photo == name for match in read_match_table(find_run_block_file(reader.out).parent / TABLE).matches()
         ):
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
@@ -56,7 +57,7 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
         return Response(encode_picture(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def save(body: object) -> JsonObject:
-        block = find_block_file(reader.out)
+        block = find_run_block_file(reader.out)
         path = block.parent / TABLE
         with lock_match_table(path):
             decisions = _parse_decisions(body)
@@ -73,9 +74,9 @@ def match_routes(reader: RunReader, editor: Editor, photos: Path) -> list[Route]
         } | all_matches()
 
     return [
-        Route("/edit/matches", authorize_read(editor, lambda request: all_matches())),
-        Route("/edit/photo", authorize_read(editor, picture)),
-        Route("/edit/decisions", authorize_write(editor, save), methods=["POST"]),
+        Route("/edit/matches", editor_read_endpoint(editor, lambda request: all_matches())),
+        Route("/edit/photo", editor_read_endpoint(editor, picture)),
+        Route("/edit/decisions", editor_write_endpoint(editor, save), methods=["POST"]),
     ]
 
 

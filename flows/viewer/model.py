@@ -6,14 +6,14 @@ import json
 from urllib.parse import urlencode
 
 from catalogs.published.folders import Folder
-from catalogs.published.snapshot import Snapshot, find_current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
 from tasks.viewing.run_view import RunView
 from tasks.viewing.start_view import choose_start_view
 
 
-def model_index(out: Folder, view: RunView) -> JsonObject:
+def viewer_model_index(out: Folder, view: RunView) -> JsonObject:
     """Return the addresses and boxes of the newest model's tiles, of its overview, and the start of a walk.
 
     Returns
@@ -67,5 +67,5 @@ def find_model_file(out: Folder, snapshot_id: str, tile: str | None) -> Folder:
     return path
 
 
-def _tile_paths(snapshot: Snapshot[Folder]) -> set[str]:
+def _tile_paths(snapshot: SnapshotFolder[Folder]) -> set[str]:
     return {tile["path"] for tile in json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]}

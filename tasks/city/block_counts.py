@@ -56,7 +56,7 @@ class BlockCounts:
 NO_COUNTS = BlockCounts(0, 0, 0, 0, 0, 0)
 
 
-def count_from_map(block: Block) -> BlockCounts:
+def block_counts_from_map(block: Block) -> BlockCounts:
     """Estimate the counts of a block's core from its outlines and centrelines, without a plan."""
     part = block.part
     core = {b.id for b in block.buildings} if part is None else set(part.buildings)
@@ -84,7 +84,7 @@ def count_from_map(block: Block) -> BlockCounts:
     )
 
 
-def count_from_plan(block: Block) -> dict[str, float]:
+def block_counts_from_plan(block: Block) -> dict[str, float]:
     """Count the facades and megatexels of a block from its plan, which takes seconds to make."""
     plan = make_plan(block)
     placement = plan.scene.placement

@@ -22,7 +22,7 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.core.json_types import JsonObject
-from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset
+from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
 from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
@@ -84,7 +84,9 @@ def _run_and_export(
     reason = "" if code == 0 else _failure_reason(failures, command.last_line)
     published = find_current_snapshot(folder)
     snapshot = published.id if published else ""
-    tiled = before.tiles if snapshot and before.tiles == snapshot and block_tileset(folder, snapshot).is_file() else ""
+    tiled = (
+        before.tiles if snapshot and before.tiles == snapshot and block_tileset_path(folder, snapshot).is_file() else ""
+    )
     if code in (0, 1) and tiles and snapshot and not tiled:
         exported = _run_command(["export", str(folder), "--format", "3dtiles"], ends)
         processor += exported.processor_s

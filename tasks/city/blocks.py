@@ -12,22 +12,22 @@ from typing import cast
 import numpy as np
 import yaml
 
-from catalogs.block.block_file import BlockFile
-from catalogs.block.building_corrections import apply_corrections, correction_owners
-from catalogs.block.corrections import Corrections, adopt_corrections, read_corrections
-from catalogs.block.extract import write_extract
+from catalogs.block.block_file import BlockFileErrorContext
+from catalogs.block.building_corrections import apply_corrections_to_block, building_ids_by_correction
+from catalogs.block.corrections import Corrections, migrate_corrections_to_city, read_corrections
+from catalogs.block.extract import write_city_part_file
 from catalogs.block.keys import MAX_NAME_LENGTH
-from catalogs.block.part import CityIndex, PartSelection
-from catalogs.block.reader import build_block, part_values, read_block, set_digest
+from catalogs.block.part import CityIndex, CityPartIds
+from catalogs.block.reader import build_block, city_part_file_values, read_block, set_digest
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.keys import CityKeys, check_city
-from catalogs.city.partition import CityCell, halo_radius, partition_city
+from catalogs.city.keys import CityFileSettings, validate_city_settings
+from catalogs.city.partition import CityBlockIds, halo_radius, partition_city
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.name_hash import hash_name
-from facade_core.plan.exemplar_inputs import walls_from_outlines
-from facade_core.plan.exemplar_style import choice_order
-from tasks.city.block_counts import NO_COUNTS, BlockCounts, count_from_map
+from facade_core.plan.exemplar_inputs import target_walls_from_outlines
+from facade_core.plan.exemplar_style import exemplar_choice_order
+from tasks.city.block_counts import NO_COUNTS, BlockCounts, block_counts_from_map
 from tasks.city.source_digests import block_source_digest
 
 # Dotted keys of a block file whose values are paths.
@@ -67,7 +67,7 @@ class City:
     set_aside: tuple[tuple[str, str, str], ...]
 
 
-def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
+def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
     """Read a city file, partition the city and write its block files into out/input.
 
     Parameters
@@ -85,23 +85,23 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     if isinstance(city_keys, str):
         return _city_from_files(path, values, city_keys, before or {})
     keys = city_keys.block_keys
-    file = BlockFile(path)
+    file = BlockFileErrorContext(path)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
-    adopt_corrections(path, folder)
+    migrate_corrections_to_city(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
-    cuts = partition_index(whole, city_keys.block_size)
+    cuts = partition_indexed_city(whole, city_keys.block_size)
     rest, city = _rebase_paths(city_keys.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
-    for chosen, cut in zip(select_parts(whole, cuts), cuts, strict=True):
+    for chosen, cut in zip(select_city_part_ids(whole, cuts), cuts, strict=True):
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
         named = rest | {"name": _block_name(keys.name, cut.name), "part": {"path": extract, "city": city}}
         part = whole.extract_part(chosen)
-        write_extract(folder / extract, part_values(part, whole.block))
+        write_city_part_file(folder / extract, city_part_file_values(part, whole.block))
         _write_if_changed(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = set_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
-        blocks.append(CityBlock(cut.name, block_file, block.digest, count_from_map(block)))
+        block = set_digest(apply_corrections_to_block(replace(part, name=named["name"]), corrections), file)
+        blocks.append(CityBlock(cut.name, block_file, block.digest, block_counts_from_map(block)))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
     return City(keys.name, tuple(blocks), faults + tuple(_unused_corrections(whole, corrections)))
 
@@ -109,7 +109,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
 def _unused_corrections(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
     """List the corrections of objects outside every block: they are kept, and not used."""
     block = whole.block
-    for id, owner in correction_owners(corrections, block.buildings, block.crs).items():
+    for id, owner in building_ids_by_correction(corrections, block.buildings, block.crs).items():
         if not owner:
             yield "correction", id, "corrected, and not in the city as it is: kept and not used"
 
@@ -119,7 +119,7 @@ def _block_name(city: str, block: str) -> str:
     return f"{city[: MAX_NAME_LENGTH - 1 - len(block)]}-{block}"
 
 
-def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
+def partition_indexed_city(whole: CityIndex, metres: float) -> tuple[CityBlockIds, ...]:
     """Partition a city into blocks of a size in metres."""
     texture = whole.block.texture
     reach = halo_radius(
@@ -128,11 +128,11 @@ def partition_index(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
     return partition_city(whole.block.buildings, whole.segments, block_size=metres, halo=reach)
 
 
-def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
+def select_city_part_ids(whole: CityIndex, cuts: Sequence[CityBlockIds]) -> Iterator[CityPartIds]:
     """Yield the ids of each block: core, halo, and distant buildings that its style needs."""
     block = whole.block
-    walls = walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
-    order = choice_order(walls, seed=block.seed)
+    walls = target_walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
+    order = exemplar_choice_order(walls, seed=block.seed)
     numbers = {building.id: hash_name(building.whole_id) for building in block.buildings}
     numbered = defaultdict(list)
     for building, number in numbers.items():
@@ -140,14 +140,14 @@ def select_parts(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSel
     for cut in cuts:
         needed = order.dependencies(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
         beyond = {building for number in needed for building in numbered[number]} - set(cut.buildings)
-        yield PartSelection(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
+        yield CityPartIds(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
-def _read_city_keys(path: Path) -> tuple[JsonObject, CityKeys | str]:
+def _read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:
     try:
         values = read_yaml(path)
         # check_city refuses documents that are no mapping
-        return cast(JsonObject, values), check_city(values, path)
+        return cast(JsonObject, values), validate_city_settings(values, path)
     except ValueError as error:
         raise BlockFileError(f"{path}: {error}") from error
 
@@ -170,7 +170,7 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
         block = read_block(block_file)
     except BlockFileError:
         return CityBlock(block_file.stem, block_file, "")
-    return CityBlock(block_file.stem, block_file, block.digest, count_from_map(block), source)
+    return CityBlock(block_file.stem, block_file, block.digest, block_counts_from_map(block), source)
 
 
 def _rebase_paths(values: Mapping[str, object], before_: Path, now: Path) -> JsonObject:

@@ -8,15 +8,22 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from catalogs.city.keys import read_city_name
-from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, move_folder, write_atomically
+from catalogs.published.folders import (
+    Folder,
+    join_path,
+    local_run_folder,
+    map_concurrently,
+    move_folder,
+    write_atomically,
+)
 from catalogs.published.runs import CITY_FILE_NAME
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
 from tasks.city.block_counts import BlockCounts
-from tasks.city.blocks import City, CityBlock, read_city
+from tasks.city.blocks import City, CityBlock, partition_city_file
 from tasks.city.cost import COUNT_NAMES, load_cost_model
 from tasks.city.source_digests import block_code_version, city_source_digest
 
@@ -63,12 +70,12 @@ class BlockResult:
     processor: float = 0.0
 
 
-def block_tileset(block: Folder, snapshot: str) -> Folder:
+def block_tileset_path(block: Folder, snapshot: str) -> Folder:
     """Return the path of a block's tileset.json; a bucket has one for each snapshot."""
-    return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
+    return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Path) else ''}tileset.json")
 
 
-def is_up_to_date(out: Folder, name: str, result: BlockResult, digest: str, *, tiles: bool = False) -> bool:
+def is_block_up_to_date(out: Folder, name: str, result: BlockResult, digest: str, *, tiles: bool = False) -> bool:
     """Report whether a block is finished and published in its present form.
 
     Units that failed because of their input do not count: they would fail again.
@@ -87,7 +94,7 @@ def is_up_to_date(out: Folder, name: str, result: BlockResult, digest: str, *, t
     if snapshot is None or snapshot.id != result.snapshot:
         return False
     return not tiles or (
-        result.tiles == snapshot.id and block_tileset(out / BLOCKS_FOLDER / name, snapshot.id).is_file()
+        result.tiles == snapshot.id and block_tileset_path(out / BLOCKS_FOLDER / name, snapshot.id).is_file()
     )
 
 
@@ -116,7 +123,7 @@ class CityLog:
     sources: Mapping[str, str] = field(default_factory=dict)
     over: str = ""
 
-    def for_city(self, city: City, source: str) -> CityLog:
+    def adapt_to_city(self, city: City, source: str) -> CityLog:
         """Return the log for a newly read city, with the results of blocks that still exist."""
         kept = {block.name: self.blocks.get(block.name, BlockResult()) for block in city.blocks}
         digests = {block.name: block.digest for block in city.blocks}
@@ -148,7 +155,9 @@ class CityLog:
     def pending_blocks(self, out: Folder, *, tiles: bool = False) -> list[str]:
         """List the blocks that are not up to date, in their order."""
         up_to_date = map_concurrently(
-            lambda name: is_up_to_date(out, name, self.blocks[name], self.digests[name], tiles=tiles), self.blocks, out
+            lambda name: is_block_up_to_date(out, name, self.blocks[name], self.digests[name], tiles=tiles),
+            self.blocks,
+            out,
         )
         return [name for name, is_current in zip(self.blocks, up_to_date, strict=True) if not is_current]
 
@@ -177,7 +186,7 @@ class CityLog:
         }
 
 
-def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]]:
+def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]]:
     """Load the log of a city, and partition the city again if its inputs changed.
 
     The city is partitioned again too if this machine lacks the block files of a city in a bucket.
@@ -206,7 +215,7 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
         raise InputError(f"{out}: holds the run of a block; give city {name} a folder of its own with --out")
     if log.blocks and log.name != name:
         raise InputError(f"{out}: holds city {log.name}; give city {name} a folder of its own with --out")
-    local = local_folder(out)
+    local = local_run_folder(out)
     files = {name: local / "input" / f"{name}.yaml" for name in log.blocks}
     counted = all(one.keys() == set(COUNT_NAMES) for one in log.told.values())
     whole = log.told.keys() == log.blocks.keys() and all(
@@ -219,8 +228,8 @@ def prepare_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]
         for one, of in log.sources.items()
         if counted
     }
-    city = read_city(city_file, local, before)
-    log = log.for_city(city, f"{source} {block_code_version()}" if source else "")
+    city = partition_city_file(city_file, local, before)
+    log = log.adapt_to_city(city, f"{source} {block_code_version()}" if source else "")
     _hide_removed_blocks(out, log.blocks)  # before the log is written: after a kill the city is partitioned again
     write_city_log(out, log)
     return log, {block.name: block.file for block in city.blocks}

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, file_size, local_folder, map_concurrently, write_atomically
+from catalogs.published.folders import Folder, file_size, local_run_folder, map_concurrently, write_atomically
 from catalogs.published.merged_items import ITEMS_FOLDER as JOINED
 from catalogs.published.merged_items import merge_run_items
 from catalogs.published.runs import PublishedRun
-from catalogs.published.snapshot import Snapshot, find_current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
-from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
-from tasks.city.city_log import BLOCKS_FOLDER, block_tileset
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
+from tasks.city.city_log import BLOCKS_FOLDER, block_tileset_path
 
 TILESET = "tileset.json"
 OVERVIEW = "overview.glb"
@@ -49,7 +49,10 @@ def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str],
     steps: list[tuple[str, Callable[[], object]]] = [
         (CATALOG, lambda: write_catalog(out, on_left_out=lambda line: None)),
         (JOINED, lambda: merge_run_items(out, runs)),
-        (TILESET, lambda: _write_tileset(out, [block_tileset(snapshot.out, snapshot.id) for _, snapshot in published])),
+        (
+            TILESET,
+            lambda: _write_tileset(out, [block_tileset_path(snapshot.out, snapshot.id) for _, snapshot in published]),
+        ),
         (OVERVIEW, lambda: _write_overview(out, [snapshot for _, snapshot in published], note)),
     ]
     whole = True
@@ -114,16 +117,17 @@ def _bounding_sphere(root: JsonObject) -> Float64Array:
     return np.append(centre, np.linalg.norm(box[3:].reshape(3, 3).sum(axis=0)))
 
 
-def _write_overview(out: Folder, snapshots: Sequence[Snapshot[Folder]], note: Callable[[str], None]) -> None:
+def _write_overview(out: Folder, snapshots: Sequence[SnapshotFolder[Folder]], note: Callable[[str], None]) -> None:
     """Merge the blocks' overview models into one, around the first one's origin."""
     sizes = map_concurrently(lambda snapshot: file_size(snapshot.overview), snapshots, out)
     files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]
     if sum(filter(None, sizes)) > MAX_OVERVIEW_BYTES:
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
-    with tempfile.TemporaryDirectory(dir=local_folder(out), prefix=f".{OVERVIEW}.") as name:
+    with tempfile.TemporaryDirectory(dir=local_run_folder(out), prefix=f".{OVERVIEW}.") as name:
         parts = [
-            read_glb_file(file) for file in map_concurrently(lambda file: _local_copy(file, Path(name)), files, out)
+            read_glb_file_header(file)
+            for file in map_concurrently(lambda file: _local_copy(file, Path(name)), files, out)
         ]
         extras = [part.document["scenes"][0]["extras"] for part in parts]
         if parts:

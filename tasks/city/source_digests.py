@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 
 from catalogs.block.corrections import corrections_file
-from catalogs.block.keys import BlockKeys, check_keys
+from catalogs.block.keys import BlockFileSettings, validate_block_settings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.keys import check_city
+from catalogs.city.keys import validate_city_settings
 from catalogs.file_digest import file_digest
 from tasks.engine.stage_code import code_version
 from tasks.stages.order import CODE_STAGES
@@ -27,7 +27,7 @@ def city_source_digest(path: Path) -> str:
     ValueError : the city file cannot be used.
     """
     values = read_yaml(path)
-    asked = check_city(values, path)
+    asked = validate_city_settings(values, path)
     return "" if isinstance(asked, str) else _digest(values, asked.block_keys, asked.tile_indexes, path)
 
 
@@ -35,12 +35,12 @@ def block_source_digest(path: Path) -> str:
     """Compute the digest of a block file's inputs and of the code that reads them; empty if unusable."""
     try:
         values = read_yaml(path)
-        return f"{_digest(values, check_keys(values), (), path)} {block_code_version()}"
+        return f"{_digest(values, validate_block_settings(values), (), path)} {block_code_version()}"
     except (ValueError, OSError):
         return ""
 
 
-def _digest(values: object, keys: BlockKeys, more: tuple[Path, ...], path: Path) -> str:
+def _digest(values: object, keys: BlockFileSettings, more: tuple[Path, ...], path: Path) -> str:
     said = corrections_file(path)
     named = [
         *([said] if said.is_file() else []),

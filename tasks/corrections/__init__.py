@@ -1,5 +1,10 @@
 """Import of corrections that people made."""
 
-from tasks.corrections.correction_import import CorrectionImporter, ImportResult, find_block_file, import_corrections
+from tasks.corrections.correction_import import (
+    CorrectionImporter,
+    ImportResult,
+    find_run_block_file,
+    import_corrections,
+)
 
-__all__ = ["CorrectionImporter", "ImportResult", "find_block_file", "import_corrections"]
+__all__ = ["CorrectionImporter", "ImportResult", "find_run_block_file", "import_corrections"]

@@ -22,11 +22,11 @@ from catalogs.block.corrections import (
     validate_correction,
 )
 from catalogs.crs import LONLAT, coordinate_transform
-from catalogs.readers.annotations import Annotation, MeasuredHeight
+from catalogs.readers.annotations import Annotation, CityJsonHeights
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 from facade_core.facade.correction import find_unmatched_elements
-from tasks.corrections.drawable_values import drawable_values
+from tasks.corrections.drawable_values import valid_correction_values
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -110,18 +110,18 @@ class CorrectionDiff:
         meant = {}
         for id, _, one in said:
             if (
-                isinstance(one, MeasuredHeight)
+                isinstance(one, CityJsonHeights)
                 and (eaves := self._eaves_from_measured_height(named, id, one)) is not None
             ):
                 meant[id] = eaves
         others = [
             one
             for one in said
-            if not isinstance(one[2], MeasuredHeight) and not (one[1] == "height" and one[0] in meant)
+            if not isinstance(one[2], CityJsonHeights) and not (one[1] == "height" and one[0] in meant)
         ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
-    def _eaves_from_measured_height(self, named: str, id: str, said: MeasuredHeight) -> object:
+    def _eaves_from_measured_height(self, named: str, id: str, said: CityJsonHeights) -> object:
         """Derive the eaves from an edited measured height; the roof keeps its own height.
 
         None if the height was not edited, or if the eaves were edited too.
@@ -189,7 +189,7 @@ class CorrectionDiff:
         """Explain why a value is not possible; None if it is."""
         if one.kind == "exemplar" and one.value not in self.exemplars:
             return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
-        if one.value not in (known := drawable_values().get(one.kind, [one.value])):
+        if one.value not in (known := valid_correction_values().get(one.kind, [one.value])):
             near = get_close_matches(one.value, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
             return f"nothing is drawn of {one.kind} {one.value}; {hint}"

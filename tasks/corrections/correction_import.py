@@ -19,7 +19,7 @@ from catalogs.block.corrections import (
     BUILDING_CORRECTION_KINDS,
     FACADE_CORRECTION_KINDS,
     Correction,
-    add_corrections,
+    append_corrections_to_file,
     city_or_block_file,
     corrections_file,
     read_corrections,
@@ -27,11 +27,16 @@ from catalogs.block.corrections import (
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_FILE_NAME, find_runs
 from catalogs.published.snapshot import current_snapshot
-from catalogs.readers.annotations import Annotation, facades_by_picture_name, parse_corrections, read_annotations
+from catalogs.readers.annotations import (
+    Annotation,
+    facades_by_picture_name,
+    parse_correction_annotations,
+    read_correction_annotations,
+)
 from facade_core.core.errors import InputError
 from tasks.corrections.correction_diff import CorrectionDiff
 from tasks.corrections.unaffected_walls import find_unaffected_walls
-from tasks.engine.store.status import read_source
+from tasks.engine.store.status import read_run_block_file
 from tasks.publish.published_run import PublishedBlock, open_published_run, open_published_snapshot
 
 
@@ -86,7 +91,7 @@ def import_corrections(
     if (out / CITY_FILE_NAME).is_file():
         return _import_into_city(out, path, by)
     with open_published_run(out) as results:
-        said = read_annotations(path, facades_by_picture_name(list(results.plan.facades.id)))
+        said = read_correction_annotations(path, facades_by_picture_name(list(results.plan.facades.id)))
         run = results.snapshot.out
         return _write_diffs(run, [_diff_block(run, results, said, str(path), by)])
 
@@ -122,7 +127,7 @@ class CorrectionImporter:
                     _diff_block(
                         self.out,
                         self._found,
-                        parse_corrections(corrections, named),
+                        parse_correction_annotations(corrections, named),
                         named,
                         _correction_author(who, why),
                     )
@@ -130,14 +135,14 @@ class CorrectionImporter:
             )
 
 
-def find_block_file(out: Folder) -> Path:
+def find_run_block_file(out: Folder) -> Path:
     """Return the block file of a run, whose folder holds its corrections.
 
     Raises
     ------
     InputError : the block file does not exist any more.
     """
-    block = read_source(out)
+    block = read_run_block_file(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     return block
@@ -159,7 +164,7 @@ def _correction_author(who: str, why: str, when: datetime | None = None) -> Corr
 def _diff_block(
     out: Folder, results: PublishedBlock, said: Sequence[Annotation], named: str, by: Correction
 ) -> _BlockDiff:
-    block = find_block_file(out)
+    block = find_run_block_file(out)
     diff = CorrectionDiff(results, read_corrections(block))
     new = diff.compute(named, said, by)
     notes, unchanged = find_unaffected_walls(results, new)
@@ -173,7 +178,7 @@ def _write_diffs(out: Folder, of_blocks: Sequence[_BlockDiff]) -> ImportResult:
         if new:
             by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
     for block, new in by_file.values():
-        add_corrections(block, new)
+        append_corrections_to_file(block, new)
     effective = [
         one
         for diff in of_blocks
@@ -208,7 +213,7 @@ def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:
             mine, buildings = _read_ids(snapshot.items)
         facades += mine
         run_by_id |= dict.fromkeys((*mine, *buildings), name)
-    said = read_annotations(path, facades_by_picture_name(facades))
+    said = read_correction_annotations(path, facades_by_picture_name(facades))
     if any(id not in run_by_id for id, _, _ in said):  # the catalogue lacks buildings without a facade
         for name, folder in runs.items():
             with open_published_run(folder) as results:

@@ -10,7 +10,7 @@ ROOF_SHAPES = ("flat", "gabled", "hipped", "half-hipped", "pyramidal", "skillion
 PLASTER = "plaster"
 
 
-def drawable_values() -> dict[str, list[str]]:
+def valid_correction_values() -> dict[str, list[str]]:
     """List the valid roof shapes, wall materials and roof materials of corrections."""
     from facade_core.street.materials.field import ROOF_MATERIAL_TAGS
 

@@ -14,14 +14,14 @@ from pathlib import Path
 import icechunk
 
 from catalogs.block.reader import read_block
-from catalogs.published.file_list import find_damage
+from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import publish_hint
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, Repository, open_repository, open_root
-from facade_core.core.errors import FacadeError, FormatError, StoreError
+from facade_core.core.errors import FacadeError, StoreError, StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
@@ -29,8 +29,8 @@ from tasks.engine.forecast import forecast_work
 from tasks.engine.run_key import create_run
 from tasks.engine.stage import read_journals
 from tasks.engine.store.digests import find_differing_units
-from tasks.engine.store.integrity import find_lost_units, is_suspect, mark_suspect
-from tasks.engine.store.status import explain_unpublished, read_source
+from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect, mark_store_suspect
+from tasks.engine.store.status import explain_unpublished, read_run_block_file
 from tasks.stages.ingest.task import ingest_block
 
 # Maximum number of charts and panoramas whose digests are verified.
@@ -39,7 +39,7 @@ MAX_VERIFIED_UNITS = 64
 
 def examine_folder(out: Folder) -> Iterator[Finding]:
     """Yield the findings about a run's folder; no run may be at work in it."""
-    source = read_source(out)
+    source = read_run_block_file(out)
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
     store = out / "store"
     if not store.is_dir():
@@ -52,7 +52,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         group = open_root(session)
         records = read_journals(group)
         attrs = dict(group.attrs)
-    except FormatError as error:
+    except StoreFormatError as error:
         yield Finding("store", False, str(error))
         yield from _check_published(out, None, again)
         return
@@ -98,13 +98,13 @@ def _check_store(
         yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
     if lost := find_unreadable_chunks(session):
         if has_all_files(repository, store):
-            mark_suspect(out)
+            mark_store_suspect(out)
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {remedy}")
         return
     plan = read_plan(session)
     if wrong := find_differing_units(group, plan, MAX_VERIFIED_UNITS):
-        mark_suspect(out)
+        mark_store_suspect(out)
         summary = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
         yield Finding("store", False, f"texels are not those of their records: {summary}; {remedy}")
     elif not lost_units:
@@ -113,7 +113,7 @@ def _check_store(
             True,
             f"all chunks can be read; digests of {MAX_VERIFIED_UNITS} charts and panoramas at most are right",
         )
-    if is_suspect(out):
+    if is_store_marked_suspect(out):
         yield Finding("store", None, "the next run reads all of it before it starts")
 
 
@@ -124,7 +124,7 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
     leftovers = [name for name in folders if name.startswith(".")]
     if current is None:
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
-    elif fault := find_damage(current.folder, thorough=True):
+    elif fault := find_snapshot_damage(current.folder, thorough=True):
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := explain_unpublished(out, newest)):
         yield Finding(

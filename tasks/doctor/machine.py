@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from tasks.doctor.findings import Finding
 
 PACKAGE = "streetloom"
@@ -112,7 +112,7 @@ def check_models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[F
     for path, load in shipped.items():
         try:
             load(path)
-        except ModelError as error:
+        except ModelFileError as error:
             yield Finding("models", False, str(error))
         else:
             yield Finding("models", True, f"{path.name} has its checksum and loads")
@@ -130,7 +130,7 @@ def check_detectors() -> Finding:
     try:
         for model in detect.MODEL_FILES:
             detect.model_session(model)
-    except ModelError as error:
+    except ModelFileError as error:
         return Finding("privacy", False, str(error))
     return Finding("privacy", True, "faces, number plates and shops' names are looked for in pictures")
 

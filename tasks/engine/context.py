@@ -10,7 +10,7 @@ from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 
 
-def current_worker() -> str:
+def current_worker_name() -> str:
     """Return the name of the Dask worker that runs this unit, or "serial"."""
     import sys
 
@@ -25,6 +25,6 @@ def current_worker() -> str:
 
 
 @lru_cache(maxsize=2)
-def plan_of_run(run: Run) -> Plan:
+def load_run_plan(run: Run) -> Plan:
     """Read a run's plan, once per process. It is written before any unit starts, so the newest snapshot holds it."""
     return read_plan(open_repository(run.store).readonly_session(BRANCH))

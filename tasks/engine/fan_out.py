@@ -13,8 +13,8 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.connect import Compute
-from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failure_record, is_machine_fault, log_units, machine_error
+from tasks.engine.context import load_run_plan
+from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_machine_fault, log_units, machine_error
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
 from tasks.engine.store.commits import commit_units, fork_store
@@ -37,16 +37,16 @@ def make_batches(pieces: Iterable[UnitGroup], compute: Compute) -> Iterator[list
     batch: list[UnitGroup] = []
     memory = 0
     for piece in pieces:
-        memory += piece_memory(piece)
+        memory += unit_group_memory(piece)
         if batch and (memory > most or len(batch) == largest):
             yield batch
-            batch, memory = [], piece_memory(piece)
+            batch, memory = [], unit_group_memory(piece)
         batch.append(piece)
     if batch:
         yield batch
 
 
-def piece_memory(piece: UnitGroup) -> int:
+def unit_group_memory(piece: UnitGroup) -> int:
     """Return the bytes for a unit group, whose units run one after the other."""
     return max(unit.memory for unit in piece)
 
@@ -54,7 +54,7 @@ def piece_memory(piece: UnitGroup) -> int:
 @task(name="units", task_run_name="{stage} {number}", cache_policy=NO_CACHE)
 def process_batch(
     run: Run, stage: str, number: str, function: UnitFunction, batch: Sequence[UnitGroup], compute: Compute
-) -> Outcome:
+) -> UnitOutcomeCounts:
     """Process a batch; each unit group is committed, and its result released, as it completes.
 
     A group that raises as a whole leaves a failed record for each of its units, and nothing else.
@@ -66,8 +66,8 @@ def process_batch(
     started: dict[SubmittedUnit[UnitResult], tuple[UnitGroup, icechunk.Session]] = {}
     for piece in batch:
         session, fork = fork_store(run.store)
-        started[compute.submit(function, run, fork, piece, memory=piece_memory(piece))] = (piece, session)
-    outcome = Outcome()
+        started[compute.submit(function, run, fork, piece, memory=unit_group_memory(piece))] = (piece, session)
+    outcome = UnitOutcomeCounts()
     for future in compute.iterate_completed(list(started)):
         piece, session = started.pop(future)
         try:
@@ -81,7 +81,7 @@ def process_batch(
         commit_units(session, fork, stage, records, f"{stage} {_unit_names(piece)}")
         log_units(stage, records.values())
         del future, fork  # with the last reference its result leaves the cluster
-        ended = Outcome().add(records.values())
+        ended = UnitOutcomeCounts().add(records.values())
         report_progress(stage, ended.processed_count, len(ended.failed))
         outcome += ended
     return outcome
@@ -90,7 +90,7 @@ def process_batch(
 def _clear_charts(run: Run, stage: str, fork: icechunk.ForkSession, piece: UnitGroup) -> None:
     """Clear the charts of failed units: their texels belong to earlier inputs."""
     if charts := [chart for unit in piece for chart in unit.charts]:
-        scene = plan_of_run(run).scene
+        scene = load_run_plan(run).scene
         clear_rasters(open_root(fork), scene.spec, scene.placement, charts, stage)
 
 

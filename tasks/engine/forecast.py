@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from catalogs.block import Block
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
-from tasks.engine.context import plan_of_run
-from tasks.engine.outline import Outline
+from tasks.engine.context import load_run_plan
+from tasks.engine.outline import PlanSummary
 from tasks.engine.pending_reasons import pending_reasons
 from tasks.engine.run import Run
 from tasks.engine.stage import ForecastInputs, Stage, StageForecast, all_stages
-from tasks.engine.store.commits import newest_group
+from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
 
 
@@ -32,17 +32,17 @@ class WorkForecast:
     units: Mapping[str, Sequence[Unit]] = field(default_factory=dict)
 
 
-def forecast_work(run: Run, block: Block, outline: Outline) -> WorkForecast:
+def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     """Find the units of an earlier run that are pending again, by stage and reason.
 
     Each stage may add units that follow from the pending ones of earlier stages (`Stage.forecast`).
     """
     if outline.anew:
         return WorkForecast(f"all is due: {outline.anew}")
-    group = newest_group(run)
+    group = open_newest_root(run)
     if not _has_earlier_run(group):
         return WorkForecast()
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     units: dict[str, list[Unit]] = {}
     pending: dict[str, Mapping[int, str]] = {}
     totals: dict[str, int] = {}
@@ -72,7 +72,7 @@ def forecast_work(run: Run, block: Block, outline: Outline) -> WorkForecast:
     return WorkForecast(said, units)
 
 
-def describe_set_aside(outline: Outline) -> list[str]:
+def describe_rejected_inputs(outline: PlanSummary) -> list[str]:
     """Return a line for each kind of input that cannot be used, before anything is done without it."""
     found: dict[str, list[tuple[str, str]]] = {}
     for kind, unit, reason in outline.set_aside:

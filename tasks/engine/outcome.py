@@ -16,7 +16,7 @@ from zarr.errors import BaseZarrError
 
 from catalogs.printable_text import escape_invisible
 from facade_core.atlas.journal import Record
-from facade_core.core.errors import FacadeError, MachineError, ModelError, StoreError
+from facade_core.core.errors import FacadeError, MachineError, ModelFileError, StoreError
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ MACHINE_ERRORS = {
 MACHINE_ERROR_TYPES = (
     MachineError,
     StoreError,
-    ModelError,
+    ModelFileError,
     MemoryError,
     ImportError,
     icechunk.IcechunkError,
@@ -56,7 +56,7 @@ NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_allo
 
 
 @dataclass(frozen=True)
-class Outcome:
+class UnitOutcomeCounts:
     """Counts of the done, skipped, failed and rejected units of a task.
 
     Attributes
@@ -77,7 +77,7 @@ class Outcome:
         """Count the units that are done, skipped or failed."""
         return self.done + self.skipped + len(self.failed)
 
-    def add(self, records: Iterable[Record]) -> Outcome:
+    def add(self, records: Iterable[Record]) -> UnitOutcomeCounts:
         """Return the outcome with more units, by their journal records."""
         records = list(records)
         failed = tuple((r["unit"], r["reason"]) for r in records if r["status"] == "failed")
@@ -85,11 +85,11 @@ class Outcome:
             self,
             done=self.done + len(records) - len(failed),
             failed=self.failed + failed,
-            refused=self.refused + list_rejected_pictures(records),
+            refused=self.refused + list_units_with_rejections(records),
         )
 
-    def __add__(self, other: Outcome) -> Outcome:
-        return Outcome(
+    def __add__(self, other: UnitOutcomeCounts) -> UnitOutcomeCounts:
+        return UnitOutcomeCounts(
             self.done + other.done,
             self.skipped + other.skipped,
             self.failed + other.failed,
@@ -97,12 +97,12 @@ class Outcome:
         )
 
 
-def list_rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
+def list_units_with_rejections(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
     """List the units that are done without a rejected picture, as (unit, reason)."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
 
-def is_done(record: Record | None, *keys: str) -> bool:
+def is_done_for_keys(record: Record | None, *keys: str) -> bool:
     """Report whether a record says that its unit is done for one of these keys."""
     return record is not None and record["key"] in keys and record["status"] == "done"
 
@@ -142,7 +142,7 @@ def error_reason(error: Exception) -> str:
 
 
 @contextmanager
-def collect_rejections(errors: list[Exception]) -> Iterator[None]:
+def collect_input_errors(errors: list[Exception]) -> Iterator[None]:
     """Append errors of the input raised within to `errors`; faults of the machine pass."""
     try:
         yield
@@ -152,7 +152,7 @@ def collect_rejections(errors: list[Exception]) -> Iterator[None]:
         errors.append(error)
 
 
-def describe_rejections(errors: Sequence[Exception], instead: str) -> dict[str, str]:
+def rejection_record_fields(errors: Sequence[Exception], instead: str) -> dict[str, str]:
     """Return the fields of a record that name rejected pictures and the source used instead."""
     if not errors:
         return {}
@@ -194,7 +194,7 @@ def is_store_fault(error: BaseException) -> bool:
 
 
 @contextmanager
-def raise_machine_errors(doing: str) -> Iterator[None]:
+def convert_machine_faults(doing: str) -> Iterator[None]:
     """Raise faults of the machine as MachineError; other errors pass unchanged."""
     try:
         yield

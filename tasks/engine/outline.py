@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Outline:
+class PlanSummary:
     """Summary of a plan for scheduling: streets, waves and rejected input, without arrays.
 
     Attributes

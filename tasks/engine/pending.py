@@ -8,12 +8,12 @@ from itertools import groupby
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
-from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import is_done
+from tasks.engine.context import load_run_plan
+from tasks.engine.outcome import is_done_for_keys
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
-from tasks.engine.store.carry_over import delete_units
-from tasks.engine.store.commits import newest_group
+from tasks.engine.store.carry_over import delete_unit_results
+from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit, UnitGroup
 
 
@@ -42,14 +42,16 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
     """
     if stage.units is None:
         raise TypeError(f"{stage.stage} are not fanned out")
-    plan = plan_of_run(run)
-    group = newest_group(run)
+    plan = load_run_plan(run)
+    group = open_newest_root(run)
     records = read_journal(group, stage.stage)
     if units is None:
         units = stage.units(run, block, plan, group)
-    waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
+    waiting = [unit for unit in units if not is_done_for_keys(records[unit.index], *unit.keys)]
     if stage.writes_base_layer:
-        delete_units(run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
+        delete_unit_results(
+            run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]}
+        )
     indices = {unit.index for unit in waiting}
     return PendingUnits(
         stage,

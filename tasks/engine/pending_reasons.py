@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from facade_core.atlas.journal import Record
-from tasks.engine.outcome import is_done
+from tasks.engine.outcome import is_done_for_keys
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import differing_parts
+from tasks.engine.unit_key import diff_key_parts
 
 # A viewpoint's view digests changed.
 VIEW_CHANGED = "what is in sight changed"
@@ -50,7 +50,9 @@ NOT_DONE = "not done before"
 
 def pending_reasons(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, str]:
     """Return the reason of each unit that is done by none of its keys, by index."""
-    return {u.index: _reason(records[u.index], u.keys) for u in units if not is_done(records[u.index], *u.keys)}
+    return {
+        u.index: _reason(records[u.index], u.keys) for u in units if not is_done_for_keys(records[u.index], *u.keys)
+    }
 
 
 def _reason(record: Record | None, keys: tuple[str, ...]) -> str:
@@ -58,5 +60,5 @@ def _reason(record: Record | None, keys: tuple[str, ...]) -> str:
         return NEW
     if record["key"] in keys:
         return NOT_DONE
-    changed = min((differing_parts(record["key"], key) for key in keys), key=len)
+    changed = min((diff_key_parts(record["key"], key) for key in keys), key=len)
     return next((reason for part, reason in REASONS.items() if part in changed), REASONS["settings"])

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published.folders import Folder, local_folder
+from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.s3 import folder_at
-from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Privacy
+from facade_core.core.types import SHIPPED_MODELS, Privacy, TrainedModelFiles
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Material, TextureSettings
-    from catalogs.readers.pictures.aerial import Aerial
+    from catalogs.readers.pictures.aerial import Orthophoto
     from catalogs.readers.pictures.materials import MaterialPicture
 
 
@@ -40,10 +40,10 @@ class Run:
     storey: float
     texture: TextureSettings
     privacy: Privacy = "blur"
-    aerial: Aerial | None = None
+    aerial: Orthophoto | None = None
     roof_material: Material | None = None
     materials: tuple[MaterialPicture, ...] = ()
-    models: ModelFiles = SHIPPED_MODELS
+    models: TrainedModelFiles = SHIPPED_MODELS
     failed_limit: float = 0.2
     ingested: float = 0.0
 
@@ -55,7 +55,7 @@ class Run:
     @property
     def local(self) -> Path:
         """Return the folder on this machine."""
-        return local_folder(self.folder)
+        return local_run_folder(self.folder)
 
     @property
     def store(self) -> Folder:

@@ -6,10 +6,10 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder
-from facade_core.core.errors import InputError, ModelError
-from facade_core.core.types import ModelFiles
+from facade_core.core.errors import InputError, ModelFileError
+from facade_core.core.types import TrainedModelFiles
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
@@ -22,7 +22,7 @@ def create_run(block: Block, out: Folder) -> Run:
     ------
     InputError : a model of the block cannot be used.
     """
-    key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
+    key = hashlib.sha256(f"{block.digest}/{stage_code_digest('ingest')}".encode()).hexdigest()
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere
         block=block.name,
@@ -40,7 +40,7 @@ def create_run(block: Block, out: Folder) -> Run:
     )
 
 
-def _check_models(models: ModelFiles) -> ModelFiles:
+def _check_models(models: TrainedModelFiles) -> TrainedModelFiles:
     """Load a block's own models. Raises InputError, with the block's key, for an unusable model."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing.confidence import load_calibration
@@ -55,6 +55,6 @@ def _check_models(models: ModelFiles) -> ModelFiles:
         try:
             if path is not None:
                 opens(path)
-        except ModelError as error:
+        except ModelFileError as error:
             raise InputError(f"models.{name}: {error}") from error
     return models

@@ -13,7 +13,7 @@ from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.outline import Outline
+from tasks.engine.outline import PlanSummary
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitFunction
 
@@ -24,7 +24,7 @@ Records = list[Record | None]
 
 
 @dataclass(frozen=True)
-class Change:
+class ReingestContext:
     """Inputs for carrying over the units of the last ingest to a new plan.
 
     Attributes
@@ -79,14 +79,14 @@ class ForecastInputs:
     block: Block
     plan: Plan
     group: StoreGroup
-    outline: Outline
+    outline: PlanSummary
     units: Mapping[str, Sequence[Unit]]
     pending: Mapping[str, Mapping[int, str]]
     rewritten: Sequence[int]
 
 
 @dataclass(frozen=True)
-class StoreContents:
+class IntegrityInputs:
     """Inputs of a stage's search for units whose data are missing from a snapshot.
 
     Attributes
@@ -135,13 +135,13 @@ class Stage:
     stage: str
     noun: str
     count: Callable[[Block, Plan], int]
-    match_previous: Callable[[Change], dict[int, int]]
+    match_previous: Callable[[ReingestContext], dict[int, int]]
     units: Callable[[Run, Block, Plan, StoreGroup], list[Unit]] | None = None
     function: UnitFunction | None = None
     reads: tuple[str, ...] = ()
     writes_base_layer: bool = False
     in_every_block: bool = False
-    relocate: Callable[[Change, Mapping[int, int], Records], Records] | None = None
+    relocate: Callable[[ReingestContext, Mapping[int, int], Records], Records] | None = None
     derived_only: bool = False
     part_of: str | None = None
     array_folder: str | None = None
@@ -150,7 +150,7 @@ class Stage:
     follows_base_layer: bool = False
     unit_charts: Callable[[Plan], Sequence[Sequence[int]]] | None = None
     unit_names: Callable[[Plan], Sequence[str]] | None = None
-    find_lost: Callable[[StoreContents], list[int]] | None = None
+    find_lost: Callable[[IntegrityInputs], list[int]] | None = None
     confirm_lost: Callable[[Run, Plan, StoreGroup, Sequence[int]], list[int]] | None = None
     find_differing: Callable[[StoreGroup, Plan, int | None], Mapping[str, Sequence[int]]] | None = None
     forecast: Callable[[ForecastInputs, Mapping[int, str]], StageForecast | None] | None = None
@@ -172,7 +172,7 @@ def all_stages() -> tuple[Stage, ...]:
     return stages
 
 
-def code_stages() -> tuple[str, ...]:
+def code_stage_names() -> tuple[str, ...]:
     """Return the names of the stages that have code of their own, with those before and after the units."""
     names: tuple[str, ...] = import_module(ORDER_MODULE).CODE_STAGES
     return names
@@ -188,13 +188,13 @@ def is_done_record(record: Record | None) -> bool:
     return record is not None and record["status"] == "done"
 
 
-def match_by_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
+def match_units_by_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
     """Match units by name with records, new -> old."""
     at = {record["unit"]: i for i, record in enumerate(records) if record}
     return {index: at[name] for index, name in enumerate(names) if name in at}
 
 
-def match_by_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:
+def match_units_by_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:
     """Match units by key with records, else by name, new -> old. The latter are pending, with a known reason."""
     keys = {record["key"]: i for i, record in enumerate(records) if record}
     found = {unit.index: keys[unit.key] for unit in units if unit.key in keys}

@@ -93,7 +93,7 @@ class CodeModule:
 
 
 @cache
-def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
+def stage_code_digest(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
     """Compute the digest of the code of a stage.
 
     Parameters
@@ -128,7 +128,7 @@ def worker_module(stage: str, root: Path = ROOT) -> str:
 @cache
 def code_version(stages: tuple[str, ...], root: Path = ROOT) -> str:
     """Return the version and a digest of the code of some stages: workers of one cluster must agree on it."""
-    return join_code_versions({stage: stage_code(stage, root=root) for stage in stages})
+    return join_code_versions({stage: stage_code_digest(stage, root=root) for stage in stages})
 
 
 def join_code_versions(codes: Mapping[str, str]) -> str:

@@ -18,7 +18,7 @@ def split_key(key: str) -> dict[str, str]:
     return dict(part.partition(":")[::2] for part in key.split())
 
 
-def differing_parts(recorded: str, key: str) -> list[str]:
+def diff_key_parts(recorded: str, key: str) -> list[str]:
     """Return the kinds of input in which two keys of a unit differ."""
     before, now = split_key(recorded), split_key(key)
     return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))

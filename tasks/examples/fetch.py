@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, download_source
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataSource, download_example_data
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
@@ -17,9 +17,9 @@ LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
 def fetch_block(
     name: str,
     folder: Path,
-    sources: Mapping[str, ExampleSource] = EXAMPLE_SOURCES,
+    sources: Mapping[str, ExampleDataSource] = EXAMPLE_SOURCES,
     paint: Callable[[Path], None] = paint_exemplars,
-) -> tuple[Path, ExampleSource]:
+) -> tuple[Path, ExampleDataSource]:
     """Download an example block's public data and write its block file.
 
     Parameters
@@ -42,7 +42,7 @@ def fetch_block(
     if source is None:
         raise InputError(f"{name}: no block of this name has public data; there is {', '.join(sources)}")
     begin_stage("fetch", len(source.files))
-    download_source(source, folder, lambda: report_progress("fetch", 1))
+    download_example_data(source, folder, lambda: report_progress("fetch", 1))
     exemplars = folder / "exemplars"
     if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
         paint(exemplars)

@@ -16,9 +16,9 @@ import yaml
 
 from catalogs.block.geometry import SWAPPED_AXES_NOTE
 from catalogs.block.reader import Block, read_block
-from catalogs.buildings.densest_square import densest_square, square_bounds
+from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -297,7 +297,7 @@ def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:
         crs = geometry.crs or source.crs
         if crs is None:
             raise InputError(f"{geometry.buildings} states no frame; give --crs EPSG:...")
-        found = densest_square([replace(source, crs=crs)], size)
+        found = densest_building_square([replace(source, crs=crs)], size)
     except InputError as error:
         raise InputError(f"{option}: {error}") from error
     if found is None and source.items:
@@ -324,7 +324,7 @@ def _classify_pictures(
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...]]:
     """Split pictures into panoramas with a pose, photos of facades, unusable ones, and the rest."""
     paths, broken = list_images(folder, "photo")
-    stems = facades | set(map(file_stem, facades))
+    stems = facades | set(map(safe_file_stem, facades))
     try:
         found = read_panoramas(folder, poses, block.crs)
         posed = {panorama.path.name for panorama in found.items}

@@ -17,11 +17,11 @@ from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Element
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.models import add_ground
+from tasks.export.models import append_ground_index
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
-    from facade_core.export.bodies.building_models import BuildingModel, ModelPart
+    from facade_core.export.bodies.building_models import BuildingModelParts, ModelPart
     from facade_core.export.bodies.model_face import ModelFace
     from facade_core.export.city_models.cityjson import VertexPool
     from facade_core.export.models.textured_mesh import PackedCharts
@@ -53,7 +53,7 @@ def write_cityjson(results: PublishedBlock, buildings: IntArray, folder: Path) -
     return _write_document(results, buildings, folder, f"{results.block}.city.json", openings=False)
 
 
-def write_lod3(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
+def write_cityjson_lod3(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
     """Write BLOCK.lod3.city.json, with windows and doors of completed facades cut out of their walls.
 
     Parameters
@@ -127,11 +127,11 @@ def _list_features(
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.cityjson import build_geometry
-    from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts
+    from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts_on_pages
 
     source = results.textured_mesh
-    shown = add_ground(results, buildings)
-    drawn = pack_charts(source, source.select_charts(shown))
+    shown = append_ground_index(results, buildings)
+    drawn = pack_charts_on_pages(source, source.select_charts(shown))
     pages = len(drawn.layout.pages)
     begin_stage("export", pages + len(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(pages)]
@@ -144,7 +144,7 @@ def _list_features(
     taken = set(results.names.values())
 
     def building(index: int, pool: VertexPool) -> JsonObject:
-        made = city_objects(results, drawn, triangles[index], index, layouts, pool, taken)
+        made = building_city_objects(results, drawn, triangles[index], index, layouts, pool, taken)
         report_progress("export", 1)
         return made
 
@@ -163,7 +163,7 @@ def _list_features(
     return images, features()
 
 
-def city_objects(
+def building_city_objects(
     results: PublishedBlock,
     drawn: PackedCharts,
     triangles: IntArray,
@@ -229,7 +229,7 @@ def building_model(
     index: int,
     layouts: Mapping[int, list[Element]],
     origin: Float64Array,
-) -> BuildingModel:
+) -> BuildingModelParts:
     """Build a building's faces, with the openings and balconies of `layouts`.
 
     Parameters
@@ -241,13 +241,13 @@ def building_model(
     layouts : elements by chart, metres.
     origin : (3,) origin of the vertex grid, world metres.
     """
-    from facade_core.export.bodies.building_models import build_building_model
+    from facade_core.export.bodies.building_models import build_building_model_parts
 
     assumed = (
         float(results.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in results.buildings else False
     )
     facades = dict(zip(results.plan.facades.chart.tolist(), results.plan.facades.id, strict=True))
-    return build_building_model(drawn, triangles, facades, layouts, origin, has_assumed_roof=assumed)
+    return build_building_model_parts(drawn, triangles, facades, layouts, origin, has_assumed_roof=assumed)
 
 
 def _unused_id(id: str, taken: set[str]) -> str:
@@ -281,10 +281,10 @@ def building_attributes(results: PublishedBlock, building: int, body: ModelPart)
 def compute_building_heights(results: PublishedBlock) -> dict[str, float]:
     """Compute the measured height of each building by id, as exports state it."""
     from facade_core.core.grouping import group_rows
-    from facade_core.export.models.textured_mesh import pack_charts
+    from facade_core.export.models.textured_mesh import pack_charts_on_pages
 
     source, buildings = results.textured_mesh, results.select_buildings(())
-    drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
+    drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     bodies = {
         b: building_model(results, drawn, triangles[b], b, {}, model_origin(results)).body for b in buildings.tolist()

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city import TEXTURE_FOLDER, building_attributes, building_model, facade_layouts, model_origin
-from tasks.export.models import add_ground
+from tasks.export.models import append_ground_index
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -42,11 +42,11 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     notes : remarks for the user.
     """
     from facade_core.core.grouping import group_rows
-    from facade_core.export.city_models.citygml import open_city_model, xml_id
-    from facade_core.export.models.textured_mesh import encode_page, pack_charts
+    from facade_core.export.city_models.citygml import open_citygml_writer, xml_id
+    from facade_core.export.models.textured_mesh import encode_page, pack_charts_on_pages
 
-    source, shown = results.textured_mesh, add_ground(results, buildings)
-    drawn = pack_charts(source, source.select_charts(shown))
+    source, shown = results.textured_mesh, append_ground_index(results, buildings)
+    drawn = pack_charts_on_pages(source, source.select_charts(shown))
     images = [f"{TEXTURE_FOLDER}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + len(shown))
     (folder / TEXTURE_FOLDER).mkdir()
@@ -59,8 +59,8 @@ def write_citygml(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     selection = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
     corners = source.mesh.vertices[source.mesh.triangles[selection].ravel()]
     extent = np.array([corners.min(axis=0), corners.max(axis=0)])
-    name = f"{file_stem(results.block)}.gml"
-    with open_city_model(folder / name, results.block, results.crs, extent, results.attribution) as file:
+    name = f"{safe_file_stem(results.block)}.gml"
+    with open_citygml_writer(folder / name, results.block, results.crs, extent, results.attribution) as file:
         for index in buildings.tolist():
             file.write(_building(results, drawn, triangles[index], index, ids[index], layouts, images))
             report_progress("export", 1)
@@ -83,7 +83,7 @@ def _building(
     from facade_core.export.city_models.citygml import (
         PolygonWriter,
         add_attribute,
-        add_element,
+        add_xml_element,
         boundary_surfaces,
         solid_element,
     )
@@ -105,28 +105,28 @@ def _building(
         )
     said = building_attributes(results, index, model.body)
     member = _member()
-    building = add_element(member, "bldg:Building", gml_id=id)
+    building = add_xml_element(member, "bldg:Building", gml_id=id)
     if "name" in said:
-        add_element(building, "gml:name", escape_invisible(said["name"]))
+        add_xml_element(building, "gml:name", escape_invisible(said["name"]))
     for key, value in {"id": results.names[index], **said}.items():
         if key not in CITYGML_ATTRIBUTES:
             add_attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
     textured.add_appearance(building, images)
     if "roofType" in said:
-        add_element(building, "bldg:roofType", said["roofType"])
-    add_element(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
+        add_xml_element(building, "bldg:roofType", said["roofType"])
+    add_xml_element(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
     if "storeysAboveGround" in said:
-        add_element(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
+        add_xml_element(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
     shell = [solid_element(lod, ids)] if model.body.is_solid else []
     if lod == "2":
         building.extend(shell)
     for prefix, kind, own, within in installations:
-        thing = add_element(
-            add_element(building, "bldg:outerBuildingInstallation"), "bldg:BuildingInstallation", gml_id=prefix
+        thing = add_xml_element(
+            add_xml_element(building, "bldg:outerBuildingInstallation"), "bldg:BuildingInstallation", gml_id=prefix
         )
         for key, value in own.items():
             add_attribute(thing, key, value)
-        add_element(thing, "bldg:function", kind)
+        add_xml_element(thing, "bldg:function", kind)
         thing.extend(within)
     building.extend(bounds)
     if lod == "3":
@@ -139,7 +139,7 @@ def _terrain(
 ) -> list[Element]:
     """Build relief features of the ground, one for each triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
-    from facade_core.export.city_models.citygml import PolygonWriter, add_element
+    from facade_core.export.city_models.citygml import PolygonWriter, add_xml_element
     from facade_core.export.city_models.cityjson import VertexPool
     from facade_core.export.models.textured_mesh import GROUND_NODE
 
@@ -150,11 +150,11 @@ def _terrain(
             id += "-"
         textured = PolygonWriter(id, VertexPool(origin))
         member = _member()
-        relief = add_element(member, "dem:ReliefFeature", gml_id=id)
-        add_element(relief, "dem:lod", 2)
-        tin = add_element(add_element(relief, "dem:reliefComponent"), "dem:TINRelief", gml_id=f"{id}-relief")
-        add_element(tin, "dem:lod", 2)
-        textured.add_triangles(add_element(tin, "dem:tin"), faces)
+        relief = add_xml_element(member, "dem:ReliefFeature", gml_id=id)
+        add_xml_element(relief, "dem:lod", 2)
+        tin = add_xml_element(add_xml_element(relief, "dem:reliefComponent"), "dem:TINRelief", gml_id=f"{id}-relief")
+        add_xml_element(tin, "dem:lod", 2)
+        textured.add_triangles(add_xml_element(tin, "dem:tin"), faces)
         textured.add_appearance(tin, images)
         tin.insert(0, tin[-1])
         members.append(member)

@@ -8,10 +8,12 @@ from facade_core.core.arrays import Float64Array
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
-    from facade_core.export.tiles.earth import EarthFrame
+    from facade_core.export.tiles.earth import EarthTangentFrame
 
 
-def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[EarthFrame, dict[str, object], list[str]]:
+def georeference_tiles(
+    results: PublishedBlock, origin: Float64Array
+) -> tuple[EarthTangentFrame, dict[str, object], list[str]]:
     """Compute the earth frame of a block's tiles.
 
     Parameters
@@ -25,7 +27,7 @@ def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[Earth
     extras : facts for the tileset.
     notes : remarks for the user.
     """
-    from facade_core.export.tiles.earth import earth_frame
+    from facade_core.export.tiles.earth import earth_tangent_frame
 
     separation = results.group.attrs.get("geoid_separation")
     extras: dict[str, object] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
@@ -40,4 +42,4 @@ def place_on_earth(results: PublishedBlock, origin: Float64Array) -> tuple[Earth
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
         notes = []
-    return earth_frame(results.crs, origin, separation or 0.0), extras, notes
+    return earth_tangent_frame(results.crs, origin, separation or 0.0), extras, notes

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.published_run import PublishedBlock
@@ -60,7 +60,7 @@ def write_labelme(results: PublishedBlock, buildings: IntArray, folder: Path) ->
     from facade_core.export.pictures.annotations import labelme_document
 
     facades = list(_annotate_facades(results, buildings, folder, ""))
-    names = [f"{file_stem(facade.facade)}.json" for facade in facades]
+    names = [f"{safe_file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
         (folder / name).write_text(
             json.dumps(labelme_document(facade, results.attribution), indent=2, allow_nan=False) + "\n"
@@ -86,7 +86,7 @@ def _annotate_facades(
         name = results.plan.facades.id[index]
         chart = int(results.plan.facades.chart[index])
         texture = read_chart_raster(results.group, results.plan.scene.placement, chart, "atlas/seed")
-        file = f"{within}{file_stem(name)}.png"
+        file = f"{within}{safe_file_stem(name)}.png"
         Image.fromarray(texture).save(folder / file, pnginfo=said)
         metres = 1 / float(results.plan.scene.placement.texels_per_metre[chart])
         yield AnnotatedFacade(name, file, texture.shape[1], texture.shape[0], metres, results.elements(index))
@@ -120,7 +120,7 @@ def write_geopackage(results: PublishedBlock, buildings: IntArray, folder: Path)
     """
     import shapely
 
-    from catalogs.published.geopackage import LayerContent, write_layers
+    from catalogs.published.geopackage import GeoPackageContent, write_geopackage_layers
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.footprints import building_footprints
     from facade_core.geometry.charts import ChartKind
@@ -137,10 +137,10 @@ def write_geopackage(results: PublishedBlock, buildings: IntArray, folder: Path)
     of_building = group_rows(charts.building[results.textured_mesh.mesh.chart])
     table = results.buildings
     chosen = {results.names[b] for b in buildings.tolist()}
-    name = f"{file_stem(results.block)}.gpkg"
-    write_layers(
+    name = f"{safe_file_stem(results.block)}.gpkg"
+    write_geopackage_layers(
         folder / name,
-        LayerContent(
+        GeoPackageContent(
             items=results.snapshot.items,
             crs=results.crs,
             walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
@@ -183,14 +183,14 @@ def _height_columns(results: PublishedBlock, triangles: IntArray) -> dict[str, f
 
 def _surfaces(results: PublishedBlock, kind: int, buildings: IntArray) -> list[dict[str, object]]:
     """List surfaces of one kind as rows with outline, heights, slope and area; building -1 is the ground."""
-    from facade_core.export.bodies.map_surfaces import surface_polygons
+    from facade_core.export.bodies.map_surfaces import chart_world_polygons
 
     source = results.textured_mesh
     charts = source.select_charts(buildings)
     charts = charts[source.charts.kind[charts] == kind]
     normal = source.charts.normals()
     rows = []
-    for chart, polygon in surface_polygons(source, charts).items():
+    for chart, polygon in chart_world_polygons(source, charts).items():
         z = [corner[2] for part in polygon.geoms for corner in part.exterior.coords]
         building = int(source.charts.building[chart])
         rows.append(

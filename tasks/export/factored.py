@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import report_progress
-from tasks.export.earth import place_on_earth
+from tasks.export.earth import georeference_tiles
 from tasks.export.factored_walls import build_factored_walls
 from tasks.export.features import build_feature_table
 from tasks.publish.published_run import PublishedBlock
@@ -25,7 +25,7 @@ STATISTICS_FILE = "figures.json"
 COARSE_TEXEL_SHARE = 0.5
 
 
-def write_factored(
+def write_factored_glb(
     results: PublishedBlock, buildings: IntArray, shown: IntArray, folder: Path
 ) -> tuple[list[str], list[str]]:
     """Write block.glb with factored facades and a node for each building, and figures.json.
@@ -42,13 +42,13 @@ def write_factored(
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.core.grouping import RowIndex
+    from facade_core.core.grouping import RowsByValue
     from facade_core.export.factored.glb import encode_factored_glb
-    from facade_core.export.factored.parts import build_parts, merge_pieces, pack_unfactored_charts
+    from facade_core.export.factored.parts import build_factored_primitives, merge_pieces, pack_unfactored_charts
     from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
     from facade_core.export.factored.wall_geometry import NEAR_DETAIL
     from facade_core.export.models.encoders import texture_encoder
-    from facade_core.export.models.textured_mesh import local_frame
+    from facade_core.export.models.textured_mesh import mesh_y_up_frame
 
     start = time.monotonic()
     source = results.textured_mesh
@@ -56,11 +56,11 @@ def write_factored(
     pieces_of = walls.details[0]
     whole = merge_pieces(pieces_of.values())
     pictures = pack_textures(whole, walls.libraries)
-    frame = local_frame(results.plan.scene.mesh)
+    frame = mesh_y_up_frame(results.plan.scene.mesh)
     others = np.setdiff1d(source.select_charts(shown), walls.charts)
-    pages, parts = pack_unfactored_charts(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
+    pages, parts = pack_unfactored_charts(source, RowsByValue(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
-        parts[building] = build_parts(pieces, pictures, frame) | parts.get(building, {})
+        parts[building] = build_factored_primitives(pieces, pictures, frame) | parts.get(building, {})
     used = texture_encoder("jpeg")
     encoded = [used.encode(picture) for picture in (*pictures.pictures, *pages)]
     names = {-1: "ground", **results.names}
@@ -112,18 +112,18 @@ def write_factored_tiles(
 
     from facade_core.export.factored.parts import merge_pieces
     from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
-    from facade_core.export.factored.tiles import FactoredLeaves
+    from facade_core.export.factored.tiles import FactoredLeafBuilder
     from facade_core.export.factored.wall_geometry import FAR_DETAIL, NEAR_DETAIL
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.textured_mesh import filter_triangles, local_frame
+    from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
     from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.tileset import count_tiles, write_tileset
+    from facade_core.export.tiles.tileset import TiledModel, TileSettings, count_tiles, write_tileset
 
     start = time.monotonic()
     whole = results.textured_mesh
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
-    frame, extras, notes = place_on_earth(results, local_frame(source.mesh).origin)
+    frame, extras, notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin)
     cells = build_quadtree(source)
     walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
     far, near = walls.details
@@ -153,7 +153,7 @@ def write_factored_tiles(
     for name, picture in zip(names, pictures.pictures, strict=True):
         write_picture(name, used.encode(picture))
     others = np.setdiff1d(source.select_charts(shown), walls.charts)
-    leaves = FactoredLeaves(
+    leaves = FactoredLeafBuilder(
         {"far": far, "near": near},
         pictures,
         names,
@@ -166,17 +166,12 @@ def write_factored_tiles(
         write_picture,
     )
     tiled = write_tileset(
-        source,
+        TiledModel(source, shells, frame, features),
         cells,
-        shells,
-        frame,
-        features,
-        used,
+        TileSettings(used, COARSE_TEXEL_SHARE, levels=leaves.build_detail_levels),
         write,
-        scale=COARSE_TEXEL_SHARE,
         extras=extras,
         attribution=results.attribution,
-        levels=leaves.detail_levels,
     )
     report_progress("export", sum(map(leaves.is_unfactored, cells.leaves())))
     for name, value in tiled.tilesets.items():

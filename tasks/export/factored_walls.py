@@ -13,14 +13,14 @@ from catalogs.block.reader import read_block
 from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.engine.store.status import read_source
+from tasks.engine.store.status import read_run_block_file
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:
     from facade_core.export.factored.library import FacadeLibrary
-    from facade_core.export.factored.wall_decomposition import FactoredFacade
-    from facade_core.export.factored.wall_geometry import WallDetail, WallPieces, WallPolygon
+    from facade_core.export.factored.wall_decomposition import StoredFacadeWall
+    from facade_core.export.factored.wall_geometry import WallDetailLevel, WallPieces, WallPolygon
 
 # Maximum 99.5th percentile difference between an original and its stored picture, grey levels.
 MAX_GREY_DIFFERENCE = 4.0
@@ -45,7 +45,7 @@ class FactoredWalls:
 
 
 def build_factored_walls(
-    results: PublishedBlock, buildings: IntArray, details: Sequence[WallDetail], other_units: int
+    results: PublishedBlock, buildings: IntArray, details: Sequence[WallDetailLevel], other_units: int
 ) -> FactoredWalls:
     """Build the facades of some buildings from libraries, at each of some details.
 
@@ -161,7 +161,7 @@ def _facade_source(results: PublishedBlock, index: int) -> str:
 
 def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     """Find the original exemplar files that still exist, by name."""
-    path = read_source(results.snapshot.out)
+    path = read_run_block_file(results.snapshot.out)
     if path is None:
         return {}
     try:
@@ -189,8 +189,8 @@ def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
     return fine if float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE else None
 
 
-def _read_facade(results: PublishedBlock, index: int) -> FactoredFacade:
-    from facade_core.export.factored.wall_decomposition import FactoredFacade
+def _read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
+    from facade_core.export.factored.wall_decomposition import StoredFacadeWall
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement, chart = results.plan.scene.placement, int(results.plan.facades.chart[index])
@@ -198,4 +198,4 @@ def _read_facade(results: PublishedBlock, index: int) -> FactoredFacade:
         read_chart_raster(results.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
     )
     density = float(placement.texels_per_metre[chart])
-    return FactoredFacade(chart, seed, results.textured_mesh.raster(chart), labels, results.elements(index), density)
+    return StoredFacadeWall(chart, seed, results.textured_mesh.raster(chart), labels, results.elements(index), density)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, remove_path
-from catalogs.published.s3 import S3Folder, folder_at
+from catalogs.published.folders import Folder, join_path, local_run_folder, map_concurrently, remove_path
+from catalogs.published.s3 import S3Path, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
 from tasks.publish.published_run import PublishedBlock, open_published_run
@@ -44,19 +44,19 @@ Writer = Callable[..., tuple[list[str], list[str]]]
 
 
 def _writers() -> dict[str, Writer]:
-    from tasks.export.city import write_cityjson, write_cityjsonseq, write_lod3
+    from tasks.export.city import write_cityjson, write_cityjson_lod3, write_cityjsonseq
     from tasks.export.citygml import write_citygml
     from tasks.export.facades import write_coco, write_geopackage, write_labelme
-    from tasks.export.models import write_3dtiles, write_models
+    from tasks.export.models import write_3dtiles, write_glb_models
     from tasks.export.orthophotos import write_cogs
     from tasks.export.usd import write_usd
 
     return {
-        "glb": write_models,
+        "glb": write_glb_models,
         "3dtiles": write_3dtiles,
         "cityjson": write_cityjson,
         "cityjsonseq": write_cityjsonseq,
-        "lod3": write_lod3,
+        "lod3": write_cityjson_lod3,
         "citygml": write_citygml,
         "coco": write_coco,
         "labelme": write_labelme,
@@ -125,7 +125,7 @@ def export_run(
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
     place = folder_at(out)
-    if to is None and isinstance(place, S3Folder):
+    if to is None and isinstance(place, S3Path):
         if buildings:
             raise InputError(f"{place}: only a whole block is exported into its bucket; name a folder here with --to")
         return _export_in_bucket(place, format, options)
@@ -175,8 +175,8 @@ def _export(
     return ExportResult(target, tuple(target / name for name in main), tuple(notes))
 
 
-def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, object]) -> ExportResult:
-    here = local_folder(place) / "exports" / format
+def _export_in_bucket(place: S3Path, format: str, options: Mapping[str, object]) -> ExportResult:
+    here = local_run_folder(place) / "exports" / format
     try:
         with open_published_run(place) as results:
             target = join_path(place, f"exports/{format}/{results.snapshot.id}")
@@ -197,7 +197,7 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, object
     return ExportResult(target, files, written.notes)
 
 
-def _remove_old_exports(newest: S3Folder) -> None:
+def _remove_old_exports(newest: S3Path) -> None:
     """Remove exports of a format from a bucket, except the newest and the one before it."""
     beside = {name: one for name, one in object_store.list_objects(newest.parent.path).items() if "/" in name}
     whole = {

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from facade_core.core.types import Sun
-from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, ChartTexels, RelightingInputs
+from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, RelightingInputs, StoredChartTexels
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.materials import material_field, read_material_field
 
@@ -25,14 +25,14 @@ def relighting_inputs(results: PublishedBlock) -> RelightingInputs:
     field = read_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
 
     @lru_cache(maxsize=MAX_CACHED_CHARTS)
-    def texels(chart: int) -> ChartTexels:
+    def texels(chart: int) -> StoredChartTexels:
         y, x = int(placement.y[chart]), int(placement.x[chart])
         height, width = int(placement.height[chart]), int(placement.width[chart])
         part = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
         provenance = np.asarray(group["atlas/provenance"][part])
         if not plan.is_facade(chart):
-            return ChartTexels(provenance, None, None)
-        return ChartTexels(
+            return StoredChartTexels(provenance, None, None)
+        return StoredChartTexels(
             provenance, np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
         )
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.earth import place_on_earth
+from tasks.export.earth import georeference_tiles
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ FACTORED = "factored"
 STATISTICS_FILE = "figures.json"
 
 
-def select_lighting(
+def mesh_with_requested_lighting(
     results: PublishedBlock, lit: bool | None, night: bool, *, lit_by_default: bool
 ) -> tuple[TexturedMesh, list[str]]:
     """Return the mesh of a block, relit if requested, and notes.
@@ -43,7 +43,7 @@ def select_lighting(
     ------
     InputError : a night model of unlit materials.
     """
-    from facade_core.export.lighting.relighting import relight
+    from facade_core.export.lighting.relighting import build_relightable_mesh
     from tasks.export.lighting import is_mostly_photographed, relighting_inputs
 
     asked = lit
@@ -54,15 +54,15 @@ def select_lighting(
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
         return results.textured_mesh, [whose] if asked is None and lit_by_default else []
-    return relight(results.textured_mesh, relighting_inputs(results)), []
+    return build_relightable_mesh(results.textured_mesh, relighting_inputs(results)), []
 
 
-def add_ground(results: PublishedBlock, buildings: IntArray) -> IntArray:
+def append_ground_index(results: PublishedBlock, buildings: IntArray) -> IntArray:
     """Append the index of the ground (-1) if the buildings are all of the block's."""
     return np.append(buildings, -1) if len(buildings) == len(results.select_buildings(())) else buildings
 
 
-def write_models(
+def write_glb_models(
     results: PublishedBlock,
     buildings: IntArray,
     folder: Path,
@@ -79,7 +79,7 @@ def write_models(
     buildings : (n,) indices of buildings.
     folder : target folder.
     textures : FACTORED writes block.glb alone, factored; None: unique texels.
-    lit : relight materials; see `select_lighting`.
+    lit : relight materials; see `mesh_with_requested_lighting`.
     night : start with night emission.
 
     Returns
@@ -88,22 +88,27 @@ def write_models(
     notes : remarks for the user.
     """
     if textures is not None:
-        from tasks.export.factored import write_factored
+        from tasks.export.factored import write_factored_glb
 
-        return write_factored(results, buildings, add_ground(results, buildings), folder)
+        return write_factored_glb(results, buildings, append_ground_index(results, buildings), folder)
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.glb import encode_glb
     from facade_core.export.models.gltf_materials import encode_textures
-    from facade_core.export.models.textured_mesh import build_nodes, draw_page_images, local_frame, pack_charts
+    from facade_core.export.models.textured_mesh import (
+        build_nodes,
+        draw_page_images,
+        mesh_y_up_frame,
+        pack_charts_on_pages,
+    )
 
-    source, notes = select_lighting(results, lit, night, lit_by_default=True)
-    frame = local_frame(results.plan.scene.mesh)
+    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    frame = mesh_y_up_frame(results.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": results.crs}
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
     def write(path: Path, selection: IntArray) -> None:
-        drawn = pack_charts(source, source.select_charts(selection))
+        drawn = pack_charts_on_pages(source, source.select_charts(selection))
         nodes, _ = build_nodes([drawn], results.names, frame)
         pages = range(len(drawn.layout.pages))
         textures_by_page = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
@@ -113,8 +118,8 @@ def write_models(
         report_progress("export", 1)
 
     for building in buildings.tolist():
-        write(folder / "buildings" / f"{file_stem(results.names[building])}.glb", np.array([building]))
-    write(folder / "block.glb", add_ground(results, buildings))
+        write(folder / "buildings" / f"{safe_file_stem(results.names[building])}.glb", np.array([building]))
+    write(folder / "block.glb", append_ground_index(results, buildings))
     return ["block.glb"], notes
 
 
@@ -137,7 +142,7 @@ def write_3dtiles(
     folder : target folder.
     textures : encoding of the pictures, or FACTORED.
     max_texture_mb : graphics memory of a view, MB; None: default of the encoding.
-    lit : relight materials; see `select_lighting`.
+    lit : relight materials; see `mesh_with_requested_lighting`.
     night : bake night emission.
 
     Returns
@@ -148,30 +153,36 @@ def write_3dtiles(
     if textures == FACTORED:
         from tasks.export.factored import write_factored_tiles
 
-        return write_factored_tiles(results, buildings, add_ground(results, buildings), folder)
+        return write_factored_tiles(results, buildings, append_ground_index(results, buildings), folder)
     from dataclasses import replace
 
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.gltf_materials import relative_texel_count
-    from facade_core.export.models.textured_mesh import filter_triangles, local_frame
+    from facade_core.export.models.gltf_materials import material_texel_ratio
+    from facade_core.export.models.textured_mesh import filter_triangles, mesh_y_up_frame
     from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
     from facade_core.export.tiles.far_shells import build_shells
-    from facade_core.export.tiles.tileset import count_tiles, view_scale, write_tileset
+    from facade_core.export.tiles.tileset import (
+        TiledModel,
+        TileSettings,
+        count_tiles,
+        view_texture_scale,
+        write_tileset,
+    )
     from tasks.export.features import build_feature_table
 
     encoded = texture_encoder(textures)
-    source, notes = select_lighting(results, lit, night, lit_by_default=False)
-    chosen = np.isin(source.charts.building[source.mesh.chart], add_ground(results, buildings))
+    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=False)
+    chosen = np.isin(source.charts.building[source.mesh.chart], append_ground_index(results, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = results.plan.scene.spec.texels_per_metre
-    frame, extras, earth_notes = place_on_earth(results, local_frame(source.mesh).origin)
+    frame, extras, earth_notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin)
     notes += earth_notes
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = build_shells(source, density * COARSE_SCALE, lambda: report_progress("export", 1))
     view_mb = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
-    scale = view_scale(source, shells, cells, encoded, view_mb * 1e6, time)
+    scale = view_texture_scale(source, shells, cells, encoded, view_mb * 1e6, time)
     if scale < 1:
         notes.append(
             f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {view_mb:g} MB of a graphics "
@@ -185,21 +196,16 @@ def write_3dtiles(
         report_progress("export", 1)
 
     tiled = write_tileset(
-        source,
+        TiledModel(source, shells, frame, build_feature_table(results)),
         cells,
-        shells,
-        frame,
-        build_feature_table(results),
-        encoded,
+        TileSettings(encoded, scale, time),
         write,
-        scale=scale,
-        time=time,
         extras=extras,
         attribution=results.attribution,
     )
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    texel_factor = relative_texel_count(source.maps is not None, time)
+    texel_factor = material_texel_ratio(source.maps is not None, time)
     statistics = {
         "draw_calls": tiled.draw_calls,
         "bytes": tiled.bytes,

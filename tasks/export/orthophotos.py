@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict, cast
 
 import numpy as np
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
@@ -67,12 +67,12 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
         name, chart = facades.id[index], int(facades.chart[index])
         plane = wall_plane(source, chart)
         texels = read_chart_raster(results.group, results.plan.scene.placement, chart, "atlas/colour")
-        names.append(f"{file_stem(name)}.tif")
+        names.append(f"{safe_file_stem(name)}.tif")
         row = rows[name]
         _write_cog(results, folder / names[-1], texels, plane, chart, name)
         item = _item(results, name, row, plane, texels.shape[:2], names[-1])
         text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / f"{file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
+        (folder / f"{safe_file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
         report_progress("export", 1)
     return names, []
 
@@ -139,12 +139,12 @@ def _item(
     import pystac
     import shapely
 
-    from catalogs.stac.facts import SourceFact
+    from catalogs.stac.facts import DataSourceFacts
     from catalogs.stac.items import PROJECTION
     from catalogs.stac.licences import common_license, license_links, licensors
     from facade_core.export.bodies.wall_plane import PLANE_WKT
 
-    sources = [SourceFact(one.key, one.name, one.licence) for one in results.attribution.sources]
+    sources = [DataSourceFacts(one.key, one.name, one.licence) for one in results.attribution.sources]
     line = row["geometry"]
     placed = None if line is None or line.is_empty else line
     item = pystac.Item(

@@ -6,11 +6,11 @@ import json
 import os
 from pathlib import Path
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.features import list_building_rows
-from tasks.export.models import add_ground, select_lighting
+from tasks.export.models import append_ground_index, mesh_with_requested_lighting
 from tasks.publish.published_run import PublishedBlock
 
 # Unix time of 1980-01-02 in any time zone, the first day that a package can store, seconds.
@@ -29,7 +29,7 @@ def write_usd(
     results : published results of a block.
     buildings : (n,) indices of buildings.
     folder : target folder.
-    lit : relight materials; see `select_lighting`.
+    lit : relight materials; see `mesh_with_requested_lighting`.
     night : night emission.
 
     Returns
@@ -43,28 +43,28 @@ def write_usd(
         GROUND_NODE,
         build_nodes,
         draw_page_images,
-        local_frame,
-        pack_charts,
+        mesh_y_up_frame,
+        pack_charts_on_pages,
     )
     from facade_core.export.models.usd import (
-        TextureFiles,
+        TextureAssetPaths,
         ZUpFrame,
-        import_usd,
+        import_usd_library,
         write_usd_block,
         write_usd_building,
         write_usd_package,
     )
 
-    import_usd()
-    source, notes = select_lighting(results, lit, night, lit_by_default=True)
-    drawn = pack_charts(source, source.select_charts(add_ground(results, buildings)))
-    frame = ZUpFrame(local_frame(results.plan.scene.mesh).origin)
+    import_usd_library()
+    source, notes = mesh_with_requested_lighting(results, lit, night, lit_by_default=True)
+    drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
+    frame = ZUpFrame(mesh_y_up_frame(results.plan.scene.mesh).origin)
     nodes, _ = build_nodes([drawn], results.names, frame)
     begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
     for name in ("textures", "buildings"):
         (folder / name).mkdir()
     packed: list[str] = []
-    pages: list[TextureFiles] = []
+    pages: list[TextureAssetPaths] = []
     for page in range(len(drawn.layout.pages)):
         textures = encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"])
         pictures = {field: picture for field, picture in vars(textures).items() if picture is not None}
@@ -72,17 +72,17 @@ def write_usd(
         for field, picture in pictures.items():
             (folder / files[field]).write_bytes(picture)
         packed += files.values()
-        pages.append(TextureFiles(**{field: f"../{file}" for field, file in files.items()}))
+        pages.append(TextureAssetPaths(**{field: f"../{file}" for field, file in files.items()}))
         report_progress("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
     rows = {results.names[index]: row for index, row in list_building_rows(results).items()}
     parts: dict[str, str] = {}
     for node in nodes:
-        parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
+        parts[node.name] = f"./buildings/{safe_file_stem(node.name)}.usdc"
         about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": results.attribution.line}
         write_usd_building(folder / parts[node.name], node, pages, about, time)
         report_progress("export", 1)
-    stem = file_stem(results.block)
+    stem = safe_file_stem(results.block)
     metadata: dict[str, str] = {
         "block": results.block,
         "crs": results.crs,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.block.reader import read_block
-from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
+from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
 from tasks.matching.match_table import MatchTable
@@ -20,7 +20,7 @@ FOLDER = "photos"
 
 
 @dataclass(frozen=True)
-class PhotoImport:
+class PhotoImportPlan:
     """Checked plan of a photo import: copies and removals.
 
     Attributes
@@ -49,7 +49,7 @@ _Fault = tuple[set[str], str]
 
 def plan_photo_import(
     block_file: Path, folder: Path, table: MatchTable, requested: Collection[str] | None = None
-) -> PhotoImport:
+) -> PhotoImportPlan:
     """Plan the import of a table's photos that have a facade.
 
     Removes a copy, never the photo itself, if the table assigns that photo otherwise now.
@@ -94,7 +94,9 @@ def plan_photo_import(
         )
     copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in outdated}
     messages = tuple(reason for _, reason in faults)
-    return PhotoImport(block_file, len(wanted), target, copied, tuple(outdated.values()), bool(block.photos), messages)
+    return PhotoImportPlan(
+        block_file, len(wanted), target, copied, tuple(outdated.values()), bool(block.photos), messages
+    )
 
 
 def _conflict(
@@ -109,7 +111,7 @@ def _conflict(
     return None
 
 
-def import_photos(done: PhotoImport) -> str | None:
+def import_photos(done: PhotoImportPlan) -> str | None:
     """Copy the photos; return the entry for the block file if it could not be added automatically."""
     if done.copies:
         done.folder.mkdir(exist_ok=True)
@@ -122,7 +124,7 @@ def import_photos(done: PhotoImport) -> str | None:
     for facade, photo in done.copies.items():
         os.replace(arriving[facade], _copy_path(done.folder, facade, photo))
     values = {"path": FOLDER, "rectified": False}
-    if done.is_named_in_block or not done.copies or add_imagery(done.block, "photos", values):
+    if done.is_named_in_block or not done.copies or add_imagery_entry(done.block, "photos", values):
         return None
     return f"imagery: {{{format_imagery_entry('photos', values)}}}"
 

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from catalogs.published.folders import Folder
-from catalogs.stac.facts import SourceFact
-from catalogs.stac.snapshot import item_stem
+from catalogs.stac.facts import DataSourceFacts
+from catalogs.stac.snapshot import item_file_stem
 from facade_core.core.errors import InputError
 from facade_core.export.attribution import Attribution, DataSource
 
 
 def build_attribution(
-    sources: Sequence[SourceFact], created: datetime | None = None, captured: Sequence[str] = ()
+    sources: Sequence[DataSourceFacts], created: datetime | None = None, captured: Sequence[str] = ()
 ) -> Attribution:
     """Build the attribution of a block from its data sources.
 
@@ -57,9 +57,9 @@ def read_attribution(stac: Folder, items: Folder, block: str) -> Attribution:
     days = [day for day in table["capture_date"].to_pylist() if day]
     created = max(table["updated"].to_pylist())
     try:
-        item = json.loads((stac / "blocks" / f"{item_stem(block)}.json").read_bytes())
+        item = json.loads((stac / "blocks" / f"{item_file_stem(block)}.json").read_bytes())
     except (OSError, ValueError):
         return build_attribution((), created, days)
     listed = item["properties"].get("streetloom:sources", ())
-    sources = [SourceFact(source["key"], source["name"], source.get("licence")) for source in listed]
+    sources = [DataSourceFacts(source["key"], source["name"], source.get("licence")) for source in listed]
     return build_attribution(sources, created, days)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
+from catalogs.stac.facts import BlockFacts, DataSourceFacts, ModelFacts, RunFacts, StreetFacts
 from facade_core.atlas.journal import Record
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.export.bodies.footprints import building_footprints
 from facade_core.export.models.textured_mesh import build_textured_mesh
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
@@ -23,7 +23,7 @@ from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
-from tasks.publish.item_rows import ItemRows, record_time
+from tasks.publish.item_rows import ItemRows, record_finish_time
 from tasks.publish.stored_block import StoredBlock
 from tasks.stages.streets.record import StreetRecord
 
@@ -87,7 +87,7 @@ STREET_MODEL = CataloguedModel(
 
 
 def block_facts(
-    run: Run, block: StoredBlock, snapshot: str, rows: ItemRows, updated: datetime, sources: Sequence[SourceFact]
+    run: Run, block: StoredBlock, snapshot: str, rows: ItemRows, updated: datetime, sources: Sequence[DataSourceFacts]
 ) -> BlockFacts:
     """Collect the catalogue facts of a block.
 
@@ -114,8 +114,8 @@ def block_facts(
         footprint=_block_outline(outlines) if outlines else None,
         counts={
             "buildings": len(outlines),
-            "facades_done": rows.finished_count,
-            "facades_failed": rows.unfinished_count,
+            "facades_done": rows.finished_facade_count,
+            "facades_failed": rows.unfinished_facade_count,
             "streets": len(plan.streets),
             "viewpoints": len(plan.viewpoints),
             "windows": sum(row["windows"] or 0 for row in rows.facades),
@@ -145,8 +145,8 @@ def street_facts(plan: Plan, streets: Sequence[StreetRecord | None], viewpoints:
     streets : journal records by street.
     viewpoints : journal records by viewpoint.
     """
-    viewpoints_of = RowIndex(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
-    writable = plan.street_texels()[:, 1].tolist()
+    viewpoints_of = RowsByValue(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
+    writable = plan.street_texel_counts()[:, 1].tolist()
     found = []
     for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
         on_street = viewpoints_of.rows_with(index).tolist()
@@ -168,7 +168,7 @@ def street_facts(plan: Plan, streets: Sequence[StreetRecord | None], viewpoints:
                 coverage=round(texels / writable[index], 4) if texels is not None and writable[index] else None,
                 key=record.get("key") if record else None,
                 seconds=round(sum(map(_work_seconds, [record, *done])), 2) if record else None,
-                updated=record_time(record),
+                updated=record_finish_time(record),
             )
         )
     return found
@@ -191,7 +191,7 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
             units[stage] = {state: states[state] for state in ("done", "failed", "stale", "waiting") if states[state]}
     return RunFacts(
         started=min([ingested, *started]),
-        ended=max([ingested, *(at for record in records if (at := record_time(record)))]),
+        ended=max([ingested, *(at for record in records if (at := record_finish_time(record)))]),
         units=units,
         seconds=sum(map(_work_seconds, records)),
     )

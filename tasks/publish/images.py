@@ -8,19 +8,19 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TypeVar
 
-from catalogs.features import file_stem
-from catalogs.published.reuse import SnapshotFiles
-from catalogs.published.snapshot import Snapshot
+from catalogs.features import safe_file_stem
+from catalogs.published.reuse import SnapshotFileWriter
+from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import picture_path, read_stored_file
 from facade_core.core.resizing import resize_image
 from facade_core.export.pictures.occlusion_overlay import MAX_PREVIEW_PX
 from facade_core.export.pictures.rendering import encode_image
-from facade_core.export.pictures.views import sample_evenly, select_pictured_facades
-from tasks.engine.stage_code import stage_code
+from facade_core.export.pictures.views import pick_evenly_spaced, select_pictured_facades
+from tasks.engine.stage_code import stage_code_digest
 from tasks.publish.partial_failures import PartialFailures
 from tasks.publish.stored_block import StoredBlock
-from tasks.stages.pictures.record import PictureRecord
+from tasks.stages.pictures.record import ReportPictureRecord
 
 R = TypeVar("R", bound=Record)
 
@@ -53,8 +53,8 @@ class ReportImages:
     before: Mapping[str, str]
 
 
-def write_images(
-    snapshot: Snapshot[Path], block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+def write_report_images(
+    snapshot: SnapshotFolder[Path], block: StoredBlock, files: SnapshotFileWriter, failures: PartialFailures
 ) -> ReportImages:
     """Write the images of the report; record unreadable ones as failures.
 
@@ -96,29 +96,29 @@ def _done_records(records: Sequence[R | None]) -> list[R]:
     return [record for record in records if record is not None and record["status"] == "done"]
 
 
-def _read_picture_file(block: StoredBlock, record: PictureRecord) -> bytes:
+def _read_picture_file(block: StoredBlock, record: ReportPictureRecord) -> bytes:
     return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
 def _add_facade_pictures(
-    folder: str, block: StoredBlock, record: PictureRecord, files: SnapshotFiles
+    folder: str, block: StoredBlock, record: ReportPictureRecord, files: SnapshotFileWriter
 ) -> Iterator[TitledFile]:
     """Add a WebP per picture of a facade, cut out of its stored file, which is read only if one cannot be linked."""
     whole = cache(partial(_read_picture_file, block, record))
     for name, title, offset, length in record["pictures"]:
-        file = f"{file_stem(record['unit'])}-{name}.webp"
+        file = f"{safe_file_stem(record['unit'])}-{name}.webp"
         source_key = unit_key(record["digest"], offset, length)
         files.add_file(f"{folder}/{file}", source_key, partial(_slice_file, whole, offset, length))
         yield file, title
 
 
 def _add_earlier_pictures(
-    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+    folder: str, block: StoredBlock, files: SnapshotFileWriter, failures: PartialFailures
 ) -> Iterator[TitledFile]:
     """Add a WebP per facade that changed since an earlier capture; yields facade ids and file names."""
     for record in _done_records(block.records):
         if "before_file" in record:
-            file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
+            file, digest = f"{safe_file_stem(record['unit'])}-before.webp", record["before_digest"]
             with failures.attempt(f"picture of facade {record['unit']} before"):
                 files.add_file(
                     f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest)
@@ -131,7 +131,7 @@ def _slice_file(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
 
 
 def _add_exemplar_pictures(
-    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+    folder: str, block: StoredBlock, files: SnapshotFileWriter, failures: PartialFailures
 ) -> dict[str, tuple[TitledFile, ...]]:
     """Add two WebPs per finished exemplar: the prepared input and the extracted wall material."""
     found = {}
@@ -146,7 +146,7 @@ def _add_exemplar_pictures(
             titled = []
             for array, title in pictures:
                 file = f"exemplar-{index}-{array}.webp"
-                source_key = unit_key(stage_code("publish"), record["key"], array)
+                source_key = unit_key(stage_code_digest("publish"), record["key"], array)
                 files.add_file(
                     f"{folder}/{file}", source_key, partial(_encode_exemplar, block, f"exemplars/{index}/{array}")
                 )
@@ -163,18 +163,18 @@ def _encode_exemplar(block: StoredBlock, path: str) -> bytes:
 
 
 def _add_panoramas(
-    folder: str, block: StoredBlock, files: SnapshotFiles, failures: PartialFailures
+    folder: str, block: StoredBlock, files: SnapshotFileWriter, failures: PartialFailures
 ) -> Iterator[TitledFile]:
     """Add JPEGs of evenly sampled viewpoints, titled by street and position along it."""
     streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
-    for number, record in sample_evenly(done, MAX_REPORT_PANORAMAS):
+    for number, record in pick_evenly_spaced(done, MAX_REPORT_PANORAMAS):
         on_street = [i for i, street in enumerate(streets) if street == streets[number]]
         street = block.plan.streets[streets[number]]
         title = f"{street.name or street.id}, viewpoint {on_street.index(number) + 1} of {len(on_street)}"
         name = f"panorama-{number}.jpg"
         with failures.attempt(f"panorama {record['unit']}"):
-            source_key = unit_key(stage_code("publish"), record["panorama"])
+            source_key = unit_key(stage_code_digest("publish"), record["panorama"])
             files.add_file(f"{folder}/{name}", source_key, partial(_encode_panorama, block, number))
             yield name, title
 

@@ -54,14 +54,14 @@ class ItemRows:
         return self.facades + self.set_aside
 
     @property
-    def finished_count(self) -> int:
+    def finished_facade_count(self) -> int:
         """Count the finished facades."""
         return sum(row["status"] == "done" for row in self.facades)
 
     @property
-    def unfinished_count(self) -> int:
+    def unfinished_facade_count(self) -> int:
         """Count the unfinished facades."""
-        return len(self.facades) - self.finished_count
+        return len(self.facades) - self.finished_facade_count
 
 
 def build_item_rows(run: Run, block: StoredBlock) -> ItemRows:
@@ -83,8 +83,8 @@ def write_summary(path: Path, block: StoredBlock, rows: ItemRows) -> JsonObject:
     """Write the summary of a block as JSON, and return it."""
     summary: JsonObject = {
         "block": block.group.attrs["block"],
-        "facades_done": rows.finished_count,
-        "facades_failed": rows.unfinished_count,
+        "facades_done": rows.finished_facade_count,
+        "facades_failed": rows.unfinished_facade_count,
         "viewpoints": len(block.journals["viewpoints"]),
         "atlas_digest": atlas_digest(block.group),
         "not_looked_at": _count_unchecked(block),
@@ -113,7 +113,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normals()[chart]
         building = int(facades.building[index])
-        record = block.records[index] or FacadeRecord(unit=name, key="", status="failed", reason="not processed")  # type: ignore[typeddict-item]
+        record = block.records[index] or FacadeRecord(unit=name, key="", status="failed", reason="not processed")
         street = plan.streets[int(facades.street[index])]
         # write_items checks every key and type
         row: dict[str, object] = {
@@ -126,11 +126,11 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[ItemRow]:
             "street": street.name or street.id,
             **_roof_columns(buildings, building),
             "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-            **facade_facts(facades, index, record, buildings["height_source"][building]),
+            **facade_item_columns(facades, index, record, buildings["height_source"][building]),
             **_facade_pose_columns(record, posed),
             "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.hand_corrected_ids),
             "parents": _parent_ids(run.block, buildings["id"][building], street.id, record),
-            "updated": record_time(record) or block.ingest_time,
+            "updated": record_finish_time(record) or block.ingest_time,
             "status": record["status"],
             "reason": record.get("reason"),
             "code_version": block.version,
@@ -182,7 +182,9 @@ def _roof_columns(buildings: TableValues, building: int) -> dict[str, object]:
     return {"roof_shape": shape, "roof_height_m": height, "roof_confidence": confidence}
 
 
-def facade_facts(facades: Facades, index: int, record: FacadeRecord | None, height_source: str) -> dict[str, object]:
+def facade_item_columns(
+    facades: Facades, index: int, record: FacadeRecord | None, height_source: str
+) -> dict[str, object]:
     """Return the item-table columns of a facade that come from plan and journal record.
 
     Parameters
@@ -237,7 +239,7 @@ def _parent_ids(block: str, building: str, street: str, record: FacadeRecord) ->
     return ", ".join([f"block/{block}", f"building/{building}", f"street/{street}", *images])
 
 
-def record_time(record: Record | None) -> datetime | None:
+def record_finish_time(record: Record | None) -> datetime | None:
     """Return when the unit of a journal record was finished; None if unknown."""
     if record is None or "started" not in record:
         return None

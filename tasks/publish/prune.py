@@ -8,16 +8,16 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from catalogs.published import object_store
-from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, read_street_tags, update_file_list
+from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, read_street_icechunk_tags, update_file_list
 from catalogs.published.folders import Folder, remove_path
 from catalogs.published.runs import publish_hint
-from catalogs.published.s3 import S3Folder
-from catalogs.published.snapshot import Snapshot, find_current_snapshot
-from catalogs.stac.versions import remove_dead_links
+from catalogs.published.s3 import S3Path
+from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
+from catalogs.stac.versions import remove_dead_version_links
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, expire_snapshots, open_repository, open_root
 from facade_core.core.errors import FacadeError, InputError
-from tasks.stages.streets.tags import street_tags
+from tasks.stages.streets.tags import list_street_commit_tags
 
 # Files that a killed process leaves in the folder of a run. The lock of the run, which the caller holds, excludes live ones.
 LEFTOVER_PATTERNS = (
@@ -33,7 +33,7 @@ LEFTOVER_PATTERNS = (
 READER_GRACE = timedelta(hours=1)
 
 
-def prune(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[str]:
+def prune_snapshots(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[str]:
     """Remove all but the newest published snapshots of a run; returns lines that list removed and kept ones.
 
     The current snapshot and snapshots with readers stay. The caller holds the lock of the run.
@@ -63,41 +63,41 @@ def prune(out: Folder, keep: int, read_for: timedelta = READER_GRACE) -> list[st
     gone, readers = 0, []
     order = _newest_first(published, current.id)
     for newer, name in list(zip(order, order[1:], strict=False))[keep - 1 :]:
-        with Snapshot(published / name).lock_exclusively() as nobody:
+        with SnapshotFolder(published / name).lock_exclusively() as nobody:
             if not nobody or _is_recently_superseded(published / newer, read_for):
                 readers.append(name)
                 continue
             _remove_snapshot(published, name)
             gone += 1
-    for name, paths in remove_dead_links(published).items():
+    for name, paths in remove_dead_version_links(published).items():
         update_file_list(published / name, paths)
-    used = {tag for name in _newest_first(published, current.id) for tag in read_street_tags(published / name)}
-    used |= street_tags(open_root(repository.readonly_session(BRANCH)))
+    used = {tag for name in _newest_first(published, current.id) for tag in read_street_icechunk_tags(published / name)}
+    used |= list_street_commit_tags(open_root(repository.readonly_session(BRANCH)))
     tags = sorted(set(repository.list_tags()) - used)
     for tag in tags:
         repository.delete_tag(tag)
-    expire_snapshots(repository, read_for if isinstance(out, S3Folder) else timedelta())
+    expire_snapshots(repository, read_for if isinstance(out, S3Path) else timedelta())
     freed = (size - _folder_bytes(out)) / (1 << 20)
     lines.append(
         f"{out}: removed {gone} published snapshots, {len(tags)} tags and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB"
     )
     if readers:
         lines.append(
-            f"{out}: kept {', '.join(readers)}, which somebody {'may read' if isinstance(out, S3Folder) else 'reads'}"
+            f"{out}: kept {', '.join(readers)}, which somebody {'may read' if isinstance(out, S3Path) else 'reads'}"
         )
     return lines
 
 
-def prune_or_explain(out: Folder, keep: int) -> list[str]:
+def prune_snapshots_or_explain(out: Folder, keep: int) -> list[str]:
     """Prune at the end of a run; on failure return a line with the reason, so that the run succeeds."""
     try:
-        return prune(out, keep)
+        return prune_snapshots(out, keep)
     except (FacadeError, OSError) as error:
         return [f"nothing more is pruned: {' '.join(str(error).split())}"]
 
 
 def _find_leftovers(out: Folder) -> list[Folder]:
-    if not isinstance(out, S3Folder):
+    if not isinstance(out, S3Path):
         return [path for pattern in LEFTOVER_PATTERNS for path in out.glob(pattern)]
     # only a complete upload has a list of files
     published = [path for path in (out / "published").iterdir() if not (path / FILE_LIST_NAME).is_file()]
@@ -106,7 +106,7 @@ def _find_leftovers(out: Folder) -> list[Folder]:
 
 def _is_recently_superseded(newer: Folder, read_for: timedelta) -> bool:
     """Return whether a snapshot in a bucket became current less than `read_for` ago."""
-    if not isinstance(newer, S3Folder):
+    if not isinstance(newer, S3Path):
         return False
     listed = object_store.list_objects(newer.path).get(FILE_LIST_NAME)
     return listed is not None and datetime.now(UTC) - listed.written < read_for
@@ -114,7 +114,7 @@ def _is_recently_superseded(newer: Folder, read_for: timedelta) -> bool:
 
 def _remove_snapshot(published: Folder, name: str) -> None:
     """Hide a snapshot from readers in one step, then remove its files."""
-    if isinstance(published, S3Folder):
+    if isinstance(published, S3Path):
         (published / name / FILE_LIST_NAME).unlink()
         remove_path(published / name)
         return
@@ -133,7 +133,7 @@ def _newest_first(published: Folder, current: str) -> list[str]:
 
 def _written_time(folder: Folder) -> float:
     """Return when a folder was written, seconds since 1970."""
-    if isinstance(folder, S3Folder):
+    if isinstance(folder, S3Path):
         return max(
             (entry.written.timestamp() for entry in object_store.list_objects(folder.path).values()), default=0.0
         )
@@ -142,7 +142,7 @@ def _written_time(folder: Folder) -> float:
 
 def _folder_bytes(out: Folder) -> int:
     """Return the size of a run, with files that snapshots share counted once, except in a bucket."""
-    if isinstance(out, S3Folder):
+    if isinstance(out, S3Path):
         return sum(sum((out / folder).sizes().values()) for folder in ("store", "published"))
     found = (entry.stat() for folder in ("store", "published") for entry in _walk_files(out / folder))
     return sum({(stat.st_dev, stat.st_ino): stat.st_size for stat in found}.values())

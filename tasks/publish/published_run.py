@@ -14,9 +14,9 @@ import numpy as np
 
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
-from catalogs.published.snapshot import Snapshot, current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from facade_core.core.arrays import IntArray, UInt8Array
-from facade_core.core.errors import FormatError, InputError
+from facade_core.core.errors import InputError, StoreFormatError
 from facade_core.core.types import Element
 from tasks.publish.attribution import read_attribution
 from tasks.publish.stored_block import StoredBlock, read_stored_block
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class PublishedBlock(StoredBlock):
     """Block as a published snapshot holds it, with the store and the published files."""
 
-    snapshot: Snapshot[Folder]
+    snapshot: SnapshotFolder[Folder]
 
     @property
     def block(self) -> str:
@@ -129,7 +129,7 @@ def open_published_run(out: Folder) -> Iterator[PublishedBlock]:
         yield open_published_snapshot(snapshot)
 
 
-def open_published_snapshot(snapshot: Snapshot[Folder]) -> PublishedBlock:
+def open_published_snapshot(snapshot: SnapshotFolder[Folder]) -> PublishedBlock:
     """Open a snapshot that the caller keeps from being pruned.
 
     Raises
@@ -142,7 +142,7 @@ def open_published_snapshot(snapshot: Snapshot[Folder]) -> PublishedBlock:
     session = snapshot.open_session()
     try:
         stored = read_stored_block(session)
-    except (FormatError, icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
+    except (StoreFormatError, icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
         raise snapshot.store_error(error) from error
     missing = [page for page in range(stored.plan.scene.spec.pages) if not snapshot.page(page).is_file()]
     if missing:

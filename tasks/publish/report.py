@@ -8,7 +8,7 @@ from pathlib import Path
 
 from catalogs.published.item_row import ReportRow
 from catalogs.published.report import ReportContent, ReportExemplar, write_report
-from catalogs.published.snapshot import Snapshot
+from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
@@ -23,7 +23,7 @@ _UNSHARED_POSE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_al
 
 
 def write_block_report(
-    snapshot: Snapshot[Path],
+    snapshot: SnapshotFolder[Path],
     run: Run,
     block: StoredBlock,
     rows: ItemRows,

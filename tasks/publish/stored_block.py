@@ -15,10 +15,10 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, read_table
 from tasks.engine.store.status import store_code_version
-from tasks.stages.bundles.refined_poses import read_refined_poses
+from tasks.stages.bundles.refined_poses import read_bundled_pose_records
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
-from tasks.stages.poses.record import RefinedPoseRecord
+from tasks.stages.poses.record import BundledPoseRecord
 
 if TYPE_CHECKING:
     import icechunk
@@ -50,9 +50,9 @@ class StoredBlock:
         return cast(Mapping[str, Sequence[Record | None]], self.journals)
 
     @cached_property
-    def refined_poses(self) -> list[RefinedPoseRecord | None]:
+    def refined_poses(self) -> list[BundledPoseRecord | None]:
         """Read the pose records of panoramas, with the results of their joint adjustment."""
-        return read_refined_poses(self.group)
+        return read_bundled_pose_records(self.group)
 
     @cached_property
     def hand_corrected_ids(self) -> frozenset[str]:

@@ -13,18 +13,18 @@ import icechunk
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.block.sources import block_sources
-from catalogs.published.file_list import find_damage, read_predecessor, write_file_list
-from catalogs.published.folders import Folder, local_folder
+from catalogs.block.sources import block_data_sources
+from catalogs.published.file_list import find_snapshot_damage, read_predecessor, write_file_list
+from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.items import write_items
-from catalogs.published.reuse import SnapshotFiles
-from catalogs.published.s3 import S3Folder
+from catalogs.published.reuse import SnapshotFileWriter
+from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import (
-    Snapshot,
-    current_pointer_tag,
+    SnapshotFolder,
+    current_pointer_etag,
     find_current_snapshot,
     set_current_snapshot,
-    snapshot_at,
+    snapshot_folder,
 )
 from catalogs.published.upload import upload_snapshot
 from catalogs.stac.catalog import write_catalog
@@ -34,20 +34,20 @@ from facade_core.atlas.store import BRANCH, commit, expire_snapshots, open_repos
 from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
-from tasks.engine.store.integrity import mark_suspect
+from tasks.engine.stage_code import stage_code_digest
+from tasks.engine.store.integrity import mark_store_suspect
 from tasks.publish.attribution import build_attribution
 from tasks.publish.catalogue_facts import block_facts, models_used, run_facts, street_facts
 from tasks.publish.failure_limit import failure_limit_reason
-from tasks.publish.images import ReportImages, write_images
+from tasks.publish.images import ReportImages, write_report_images
 from tasks.publish.item_rows import build_item_rows, write_masked_regions, write_summary
-from tasks.publish.pages import write_pages
+from tasks.publish.pages import write_atlas_pages
 from tasks.publish.partial_failures import PartialFailures
 from tasks.publish.prune import READER_GRACE
 from tasks.publish.report import write_block_report
 from tasks.publish.stored_block import read_stored_block
-from tasks.publish.tiles import WrittenTile, write_block_model, write_overview, write_tiles
-from tasks.stages.streets.tags import street_tags
+from tasks.publish.tiles import WrittenTile, write_block_model, write_overview_model, write_tiles
+from tasks.stages.streets.tags import list_street_commit_tags
 
 log = logging.getLogger(__name__)
 
@@ -72,25 +72,25 @@ def publish_block(run: Run, block_file: Path | None = None) -> JsonObject:
     session = open_repository(run.store).readonly_session(BRANCH)
     out = run.folder
     final, previous_tag, last = (
-        snapshot_at(out, session.snapshot_id),
-        current_pointer_tag(out),
+        snapshot_folder(out, session.snapshot_id),
+        current_pointer_etag(out),
         find_current_snapshot(out),
     )
     begin_stage("publish", STEP_COUNT)
     failures = PartialFailures()
-    if last != final or find_damage(final.folder):
+    if last != final or find_snapshot_damage(final.folder):
         predecessor = read_predecessor(final.folder) if last == final else last.id if last else None
-        temporary = _hidden_folder(snapshot_at(local_folder(out), final.id), "tmp")
+        temporary = _hidden_folder(snapshot_folder(local_run_folder(out), final.id), "tmp")
         temporary.mkdir(parents=True)
         # a damaged snapshot is repaired: only files with the right digest are reused
-        files = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
+        files = SnapshotFileWriter(temporary, last.folder if last else None, verify_digests=last == final)
         failures = _write_snapshot(run, session, files, block_file, predecessor, final.folder.parent)
         if failures.is_store_suspect:
-            mark_suspect(out)
+            mark_store_suspect(out)
         _install(temporary, final.folder, files)
         if withheld := failure_limit_reason(run, open_root(session)):
             report_progress("publish", 1)
-            return final.read_outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
+            return final.read_run_summary() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
         set_current_snapshot(final, previous_tag)
         _expire_history(run, last)
         report_progress("publish", 1)
@@ -99,23 +99,23 @@ def publish_block(run: Run, block_file: Path | None = None) -> JsonObject:
     with failures.attempt("catalog.json"):
         write_catalog(out)  # also after a run that ended between both steps
     unpublished = [{"unit": what, "reason": why} for what, why in failures.reasons.items()]
-    return final.read_outcome() | ({"unpublished": unpublished} if unpublished else {})
+    return final.read_run_summary() | ({"unpublished": unpublished} if unpublished else {})
 
 
-def _install(written: Path, final: Folder, files: SnapshotFiles) -> None:
+def _install(written: Path, final: Folder, files: SnapshotFileWriter) -> None:
     """Move the written folder to its final name, or upload it; a damaged one is replaced."""
-    if isinstance(final, S3Folder):
-        upload_snapshot(written, final, files.earlier if isinstance(files.earlier, S3Folder) else None, files.linked)
+    if isinstance(final, S3Path):
+        upload_snapshot(written, final, files.earlier if isinstance(files.earlier, S3Path) else None, files.linked)
         shutil.rmtree(written)
         return
-    damaged = _hidden_folder(Snapshot(final), "damaged.tmp")
+    damaged = _hidden_folder(SnapshotFolder(final), "damaged.tmp")
     if final.exists():
         os.replace(final, damaged)
     os.replace(written, final)
     shutil.rmtree(damaged, ignore_errors=True)
 
 
-def _hidden_folder(snapshot: Snapshot[Path], suffix: str) -> Path:
+def _hidden_folder(snapshot: SnapshotFolder[Path], suffix: str) -> Path:
     """Return a free sibling folder of a snapshot that readers ignore."""
     folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
     shutil.rmtree(folder, ignore_errors=True)
@@ -126,18 +126,18 @@ def _record_publishing_code(run: Run) -> None:
     """Record in the store which code publishes it: other code publishes the same texels as another snapshot."""
     session = open_repository(run.store).writable_session(BRANCH)
     root = open_root(session)
-    if root.attrs.get("published_by") != stage_code("publish"):
-        root.attrs["published_by"] = stage_code("publish")
+    if root.attrs.get("published_by") != stage_code_digest("publish"):
+        root.attrs["published_by"] = stage_code_digest("publish")
         commit(session, "published by other code")
 
 
-def _expire_history(run: Run, last: Snapshot[Folder] | None) -> None:
+def _expire_history(run: Run, last: SnapshotFolder[Folder] | None) -> None:
     """Expire history that no unit needs; left to the next run while somebody reads the previous snapshot."""
     try:
         with last.lock_exclusively() if last else nullcontext(True) as nobody:
             if nobody:
                 expire_snapshots(
-                    open_repository(run.store), READER_GRACE if isinstance(run.folder, S3Folder) else timedelta()
+                    open_repository(run.store), READER_GRACE if isinstance(run.folder, S3Path) else timedelta()
                 )
     except icechunk.IcechunkError as error:  # the published snapshot does not depend on damaged earlier ones
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
@@ -146,7 +146,7 @@ def _expire_history(run: Run, last: Snapshot[Folder] | None) -> None:
 def _write_snapshot(
     run: Run,
     session: icechunk.Session,
-    files: SnapshotFiles,
+    files: SnapshotFileWriter,
     block_file: Path | None,
     predecessor: str | None,
     published: Folder,
@@ -155,7 +155,7 @@ def _write_snapshot(
 
     Tables come first and must succeed; any other part may fail alone. One file is held in memory at a time.
     """
-    snapshot, failures = Snapshot(files.folder), PartialFailures()
+    snapshot, failures = SnapshotFolder(files.folder), PartialFailures()
     block = read_stored_block(session)
     rows = build_item_rows(run, block)
     write_items(snapshot.items, rows.every, run.crs)
@@ -163,9 +163,9 @@ def _write_snapshot(
     summary = write_summary(snapshot.summary, block, rows)
     report_progress("publish", 1)
     with failures.attempt("pages"):
-        write_pages(snapshot, block, files, failures)
+        write_atlas_pages(snapshot, block, files, failures)
     report_progress("publish", 1)
-    sources = block_sources(block_file) if block_file else ()
+    sources = block_data_sources(block_file) if block_file else ()
     attribution = build_attribution(sources)
     tiles: list[WrittenTile] = []
     with failures.attempt("tiles"):
@@ -175,12 +175,12 @@ def _write_snapshot(
         if not write_block_model(snapshot, block, tiles, files, attribution):
             log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
     with failures.attempt("overview.glb"):
-        write_overview(snapshot, block, tiles, files, failures, attribution)
+        write_overview_model(snapshot, block, tiles, files, failures, attribution)
     report_progress("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
     images = ReportImages((), (), {}, frozenset(), {}, {})
     with failures.attempt("pictures"):
-        images = write_images(snapshot, block, files, failures)
+        images = write_report_images(snapshot, block, files, failures)
     report_progress("publish", 1)
     with failures.attempt("report"):
         write_block_report(snapshot, run, block, rows, summary, images)
@@ -200,7 +200,7 @@ def _write_snapshot(
             published=published,
         )
     report_progress("publish", 1)
-    tags = street_tags(block.group)
+    tags = list_street_commit_tags(block.group)
     write_file_list(
         snapshot.folder,
         predecessor,

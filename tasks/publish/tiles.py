@@ -13,20 +13,20 @@ from typing import TypedDict
 
 import numpy as np
 
-from catalogs.published.reuse import SnapshotFiles
-from catalogs.published.snapshot import Snapshot
+from catalogs.published.reuse import SnapshotFileWriter
+from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.journal import unit_key
 from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
 from facade_core.core.arrays import UInt8Array
 from facade_core.export.attribution import Attribution
 from facade_core.export.models.glb import replace_copyright
-from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
 from facade_core.export.models.pages import downscale
-from facade_core.export.models.textured_mesh import build_textured_mesh, local_frame
+from facade_core.export.models.textured_mesh import build_textured_mesh, mesh_y_up_frame
 from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.publish.partial_failures import PartialFailures
 from tasks.publish.stored_block import StoredBlock
 from tasks.stages.tiles.record import TileRecord
@@ -54,9 +54,9 @@ class WrittenTile:
 
 
 def write_tiles(
-    snapshot: Snapshot[Path],
+    snapshot: SnapshotFolder[Path],
     block: StoredBlock,
-    files: SnapshotFiles,
+    files: SnapshotFileWriter,
     failures: PartialFailures,
     attribution: Attribution,
 ) -> list[WrittenTile]:
@@ -122,10 +122,10 @@ def _tile_index(block: StoredBlock, written: Sequence[WrittenTile], attribution:
 
 
 def write_block_model(
-    snapshot: Snapshot[Path],
+    snapshot: SnapshotFolder[Path],
     block: StoredBlock,
     tiles: Sequence[WrittenTile],
-    files: SnapshotFiles,
+    files: SnapshotFileWriter,
     attribution: Attribution,
 ) -> bool:
     """Write block.glb, the merged tiles; returns whether it fits MAX_MODEL_BYTES.
@@ -141,13 +141,15 @@ def write_block_model(
     if sum(entry.record["bytes"] for entry in tiles) > MAX_MODEL_BYTES:
         return False
     extras = _model_extras(block)
-    source_key = unit_key(stage_code("publish"), extras, attribution.line, [entry.record["digest"] for entry in tiles])
+    source_key = unit_key(
+        stage_code_digest("publish"), extras, attribution.line, [entry.record["digest"] for entry in tiles]
+    )
 
     def write(file: Path) -> None:
-        parts = [read_glb_file(entry.file) for entry in tiles]
+        parts = [read_glb_file_header(entry.file) for entry in tiles]
         merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
-    files.add_written_file(snapshot.model.name, source_key, write)
+    files.add_file_with_writer(snapshot.model.name, source_key, write)
     return True
 
 
@@ -164,14 +166,14 @@ class _ModelExtras(TypedDict):
 
 
 def _model_extras(block: StoredBlock) -> _ModelExtras:
-    return {"origin": local_frame(block.plan.scene.mesh).origin.tolist(), "crs": str(block.group.attrs["crs"])}
+    return {"origin": mesh_y_up_frame(block.plan.scene.mesh).origin.tolist(), "crs": str(block.group.attrs["crs"])}
 
 
-def write_overview(
-    snapshot: Snapshot[Path],
+def write_overview_model(
+    snapshot: SnapshotFolder[Path],
     block: StoredBlock,
     tiles: Sequence[WrittenTile],
-    files: SnapshotFiles,
+    files: SnapshotFileWriter,
     failures: PartialFailures,
     attribution: Attribution,
 ) -> None:
@@ -206,7 +208,9 @@ def write_overview(
 
     # the digest of a tile covers its geometry
     digests = [[entry.record["digest"], entry.record["coarse"]] for entry in tiles]
-    files.add_file(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, digests), make)
+    files.add_file(
+        snapshot.overview.name, unit_key(stage_code_digest("publish"), extras, attribution.line, digests), make
+    )
     if any(tile_paths(entry.tile.path)[1] in failures.reasons for entry in tiles):
         del files.source_digests[snapshot.overview.name]  # an incomplete overview must not be reused
 

@@ -11,13 +11,13 @@ from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.pages.record import PageRecord
-from tasks.stages.pictures.record import PictureRecord
+from tasks.stages.pictures.record import ReportPictureRecord
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.streets.record import StreetRecord, ViewpointRecord
-from tasks.stages.surfaces.record import SurfaceRecord
-from tasks.stages.textures.record import TextureRecord
+from tasks.stages.surfaces.record import SurfaceColourRecord
+from tasks.stages.textures.record import TexturedBuildingRecord
 from tasks.stages.tiles.record import TileRecord
-from tasks.stages.walls.record import WallRecord
+from tasks.stages.walls.record import WallsAndRoofsRecord
 
 
 class Journals(TypedDict):
@@ -26,16 +26,16 @@ class Journals(TypedDict):
     poses: list[PoseRecord | None]
     bundles: list[BundleRecord | None]
     exemplars: list[ExemplarRecord | None]
-    textures: list[TextureRecord | None]
+    textures: list[TexturedBuildingRecord | None]
     grounds: list[GroundRecord | None]
-    walls: list[WallRecord | None]
+    walls: list[WallsAndRoofsRecord | None]
     facades: list[FacadeRecord | None]
     viewpoints: list[ViewpointRecord | None]
     streets: list[StreetRecord | None]
-    surfaces: list[SurfaceRecord | None]
+    surfaces: list[SurfaceColourRecord | None]
     pages: list[PageRecord | None]
     tiles: list[TileRecord | None]
-    pictures: list[PictureRecord | None]
+    pictures: list[ReportPictureRecord | None]
 
 
 def read_typed_journals(group: StoreGroup) -> Journals:

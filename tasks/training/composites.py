@@ -7,21 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.learning.datasets import read_ecp, split_facades
+from catalogs.learning.datasets import read_ecp_facades, split_facades_for_training
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingPair, render_sequence
-from facade_core.synth.street_paint import ground_photos, replace_front_images
+from facade_core.synth.street_paint import ground_photo_painter, replace_front_images
 from facade_core.synth.street_truth import (
     SyntheticStreet,
     render_street_panorama,
     synthetic_street,
 )
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.training.materials import read_picture_file
-from tasks.training.parser import read_cmp_photos
+from tasks.training.materials import read_picture_and_digest
+from tasks.training.parser import split_cmp_photos
 
 STREET_COUNT = 12
 BUILDINGS_PER_STREET = 8
@@ -47,10 +47,12 @@ def render_composites(data: Path, *, seed: int) -> list[TrainingPair]:
     ------
     InputError : a data set is missing.
     """
-    photos = [facade.image for facade in split_facades(list(read_ecp(data / "facades" / "ecp")))[0]]
-    photos += [facade.image for facade in read_cmp_photos(data)[0]]
-    roadway = (read_picture_file(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
-    pavements = [(read_picture_file(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
+    photos = [
+        facade.image for facade in split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))[0]
+    ]
+    photos += [facade.image for facade in split_cmp_photos(data)[0]]
+    roadway = (read_picture_and_digest(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
+    pavements = [(read_picture_and_digest(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
     found: list[TrainingPair] = []
     begin_stage("composites", STREET_COUNT)
     for number in range(STREET_COUNT):
@@ -73,7 +75,7 @@ def _pairs(
     for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
         x, y = street.world_point(float(along), 0.0)
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, CAMERA_HEIGHT_M]), street.axis))
-    ground = ground_photos(street, roadway, pavement)
+    ground = ground_photo_painter(street, roadway, pavement)
     heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
     # side walls and roofs are grey in the ground truth: training ignores them
     true = np.append(scene.charts.kind == ChartKind.GROUND, False)

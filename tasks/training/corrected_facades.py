@@ -19,9 +19,9 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.export.pictures.stage_pictures import read_chart_raster
 from facade_core.facade.correction import rasterise_boxes
-from facade_core.parsing.segmenter import outside_mask, parse
+from facade_core.parsing.segmenter import facade_surroundings_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
-from tasks.engine.store.status import read_source
+from tasks.engine.store.status import read_run_block_file
 from tasks.publish.published_run import open_published_run
 from tasks.stages.shared.facade_corrections import match_corrections
 
@@ -88,7 +88,7 @@ def load_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
 
 
 def _read_run(out: Folder) -> list[CorrectedFacade]:
-    block = read_source(out)
+    block = read_run_block_file(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     found = []
@@ -127,7 +127,7 @@ def label_corrected_facade(facade: CorrectedFacade) -> LabelledFacade | None:
         return None
     alpha = np.where(shown, 255, 0).astype(np.uint8)
     parsing = parse(np.dstack([facade.image, alpha]))
-    outside = outside_mask(facade.image, ~shown)
+    outside = facade_surroundings_mask(facade.image, ~shown)
     possible = np.full(facade.photo_mask.shape, sum(1 << number for number in _BACKGROUND_CLASSES), np.uint8)
     sure = parsing.confidence.max(axis=2) >= _MIN_CONFIDENCE
     for number in _BACKGROUND_CLASSES:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
+from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts_for_training
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.model import save_layout_model
 from tasks.engine.progress import begin_stage, report_progress
@@ -31,7 +31,7 @@ def train_layout(
     size : number of training layouts, spread evenly; None: all.
     corrected : layouts with corrections, added to the training set.
     """
-    train, _ = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")), fold)
+    train, _ = split_layouts_for_training(list(read_layouts(data / "layouts" / "cmp.jsonl")), fold)
     if size is not None:
         train = [train[k * len(train) // size] for k in range(min(size, len(train)))]
     train = [*train, *corrected]

@@ -27,14 +27,14 @@ GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
 }
 
 
-def train_materials(data: Path, out: Path) -> Path:
+def learn_grain_examples(data: Path, out: Path) -> Path:
     """Learn grain examples from the CC0 pictures in `data`/materials, and write materials.npz into `out`."""
     examples: dict[str, GrainExample] = {}
     sources = {}
     begin_stage("examples", len(EXAMPLE_NAMES))
     for name in EXAMPLE_NAMES:
         file, width, structure = GRAIN_PHOTOS[name]
-        image, digest = read_picture_file(data / "materials" / file)
+        image, digest = read_picture_and_digest(data / "materials" / file)
         examples[name] = learn_grain(image, width, structure=structure)
         sources[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
         report_progress("examples", 1)
@@ -43,7 +43,7 @@ def train_materials(data: Path, out: Path) -> Path:
     return path
 
 
-def read_picture_file(path: Path) -> tuple[UInt8Array, str]:
+def read_picture_and_digest(path: Path) -> tuple[UInt8Array, str]:
     """Decode a picture (h, w, 3) uint8, and compute the sha256 of its file."""
     import cv2
 

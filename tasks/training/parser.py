@@ -12,9 +12,9 @@ from catalogs.learning.datasets import (
     RUEMONGE,
     LabelledFacade,
     read_dataset,
-    read_ecp,
-    read_swiss,
-    split_facades,
+    read_ecp_facades,
+    read_swiss_street_photos,
+    split_facades_for_training,
 )
 from catalogs.learning.occluder_boxes import read_occluder_boxes
 from facade_core.core.errors import InputError
@@ -44,7 +44,7 @@ FOLD_SCHEDULES = {
 CORRECTED_SCHEDULE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, freeze_norms=True)
 
 
-def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedule = SHIPPED_SCHEDULE) -> Path:
+def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: TrainingSchedule = SHIPPED_SCHEDULE) -> Path:
     """Train the shipped network, and write network.onnx and network.json into `out`.
 
     The training set is facades/ecp, facades/cmp, streetphotos/swiss/train and painted facades, without held-out folds and
@@ -58,41 +58,47 @@ def train_network(data: Path, out: Path, *, seed: int, schedule: TrainingSchedul
     schedule : training schedule.
     """
     looked = read_occluder_boxes()
-    cmp, apart = read_cmp_photos(data)
+    cmp, apart = split_cmp_photos(data)
     sets: Sets = {
-        "ecp": relabel_occluders("ecp", split_facades(list(read_ecp(data / "facades" / "ecp")))[0], looked),
+        "ecp": relabel_occluders(
+            "ecp", split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))[0], looked
+        ),
         "cmp": relabel_occluders("cmp", cmp, looked),
-        "swiss": list(read_swiss(data / "streetphotos" / "swiss" / "train")),
+        "swiss": list(read_swiss_street_photos(data / "streetphotos" / "swiss" / "train")),
         "painted": paint_labelled_facades(PAINTED_COUNT, seed=PAINTED_SEED),
     }
     # Painted facades are sampled like photos of cmp; they teach that a clean wall is no occluder.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
     weights = network_training.train_parser_network(
-        taught, schedule, seed=seed, state=out / "network.state", progress=stage_progress()
+        taught, schedule, seed=seed, state=out / "network.state", progress=training_progress_callback()
     )
     path = out / "network.onnx"
     network_export.save_network(weights, path, training_set=_photo_names(sets), seed=seed)
-    measure_certainty(path, apart)
+    calibrate_parser_confidence(path, apart)
     return path
 
 
-def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
+def calibrate_parser_confidence(model: Path, photos: Sequence[LabelledFacade]) -> None:
     """Calibrate a network's confidence on photos, and write the result into its record."""
-    report = stage_progress()
+    report = training_progress_callback()
     observed = []
     for number, photo in enumerate(photos):
         report("certainty", number, len(photos))
-        observed.append(confidence.observe_parse(parse(photo.image, model=model), photo.labels, photo.possible))
+        observed.append(
+            confidence.compare_parse_with_truth(parse(photo.image, model=model), photo.labels, photo.possible)
+        )
     report("certainty", len(photos), len(photos))
     extend_model_record(model, certainty=confidence.fit_calibration(observed))
 
 
-def read_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
+def split_cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
     """Split facades/cmp without its held-out fold into training photos and an eighth for calibration."""
-    return split_facades(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
+    return split_facades_for_training(
+        split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8
+    )
 
 
-def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
+def fine_tune_benchmark_parser(data: Path, out: Path, name: str, *, seed: int) -> Path:
     """Fine-tune the network in `out` on one benchmark set; write NAME.onnx and NAME.json.
 
     The result serves only the benchmark of that set.
@@ -109,13 +115,18 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     ModelError : `out` has no finished network.
     """
     facades = {
-        "artdeco": lambda: split_facades(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
+        "artdeco": lambda: split_facades_for_training(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
         "ruemonge2014": lambda: list(read_dataset(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
     }[name]()
     start = network_training.read_finished_weights(out / "network.state")
     state = out / f"{name}.state"
     weights = network_training.train_parser_network(
-        {name: facades}, FOLD_SCHEDULES[name], seed=seed, state=state, start=start, progress=stage_progress()
+        {name: facades},
+        FOLD_SCHEDULES[name],
+        seed=seed,
+        state=state,
+        start=start,
+        progress=training_progress_callback(),
     )
     path = out / f"{name}.onnx"
     seen = [*read_model_record(out / "network.onnx")["training_set"], *_photo_names({name: facades})]
@@ -123,7 +134,7 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     return path
 
 
-def train_corrected(
+def fine_tune_on_corrections(
     facades: Sequence[CorrectedFacade], out: Path, *, seed: int, schedule: TrainingSchedule = CORRECTED_SCHEDULE
 ) -> Path:
     """Fine-tune the shipped network on corrected facades; write network.onnx and .json.
@@ -141,7 +152,7 @@ def train_corrected(
     ------
     InputError : fewer than MIN_FACADES are usable, or the result does not beat the shipped network; no file is left.
     """
-    report = stage_progress()
+    report = training_progress_callback()
     photos = []
     for number, facade in enumerate(facades):
         report("corrections", number, len(facades))
@@ -152,7 +163,7 @@ def train_corrected(
         raise InputError(
             f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {MIN_FACADES}"
         )
-    learnt, held_out = split_facades(usable)
+    learnt, held_out = split_facades_for_training(usable)
     sets: Sets = {"corrected": learnt}
     weights = network_training.train_parser_network(
         sets,
@@ -167,7 +178,7 @@ def train_corrected(
     network_export.save_network(weights, path, training_set=[*shipped["training_set"], *_photo_names(sets)], seed=seed)
     trained_on = {**FACADE_MODELS[0].trained_on, "facades that people corrected": "that of their pictures"}
     extend_model_record(path, certainty=shipped["certainty"], trained_on=trained_on)
-    before, after = (correct_pixel_share(held_out, model) for model in (network.SHIPPED_NETWORK, path))
+    before, after = (parser_pixel_accuracy(held_out, model) for model in (network.SHIPPED_NETWORK, path))
     figures = (
         f"of {len(held_out)} corrected facades that it did not learn from, {after:.1%} of what was said is right, and "
         f"{before:.1%} by the shipped one"
@@ -180,7 +191,7 @@ def train_corrected(
     return path
 
 
-def correct_pixel_share(photos: Sequence[LabelledFacade], model: Path) -> float:
+def parser_pixel_accuracy(photos: Sequence[LabelledFacade], model: Path) -> float:
     """Compute the share of labelled pixels that a network parses correctly."""
     right = told = 0
     for photo in photos:
@@ -212,7 +223,7 @@ def _photo_names(sets: Sets) -> list[str]:
     return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
 
 
-def stage_progress() -> Callable[[str, int, int], None]:
+def training_progress_callback() -> Callable[[str, int, int], None]:
     """Return a callback that reports a training run as stages and units."""
     reached: dict[str, int] = {}
 

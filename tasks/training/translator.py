@@ -20,14 +20,14 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator import training
 from facade_core.street.translator.training_steps import TrainingDomains, TrainingRecipe
 from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingRendering, render_sequence
-from facade_core.synth.furniture import street_furniture
-from facade_core.synth.model_relief import relief_image
+from facade_core.synth.furniture import build_street_occluders
+from facade_core.synth.model_relief import render_facade_relief
 from facade_core.synth.street_truth import synthetic_street
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.engine.store.status import read_source
+from tasks.engine.store.status import read_run_block_file
 from tasks.stages.ingest.planning import make_plan
 from tasks.training.composites import render_composites
-from tasks.training.parser import stage_progress
+from tasks.training.parser import training_progress_callback
 
 # Coarse, because renderings count texels and do not show them.
 TEXELS_PER_METRE = 4.0
@@ -40,7 +40,7 @@ VALIDATION_STRIDE = 5
 
 
 @dataclass(frozen=True)
-class TrainingSplit:
+class PanoramaSplitPrefixes:
     """File-name prefixes that assign panoramas to validation or exclude them.
 
     Attributes
@@ -68,7 +68,7 @@ def read_run_panoramas(run: Path) -> RunPanoramas:
     ------
     InputError : the folder has no run, or its block has no panoramas.
     """
-    source = read_source(run)
+    source = read_run_block_file(run)
     if source is None:
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
     found = tuple((f"{run.resolve().name}/{one.path.name}", one.path) for one in read_block(source).panoramas)
@@ -86,7 +86,7 @@ def train_translator(
     *,
     seed: int,
     recipe: TrainingRecipe,
-    split: TrainingSplit,
+    split: PanoramaSplitPrefixes,
     runs: Sequence[Path] = (),
     paired: Path | None = None,
 ) -> Path:
@@ -128,7 +128,7 @@ def train_translator(
         recipe,
         seed=seed,
         state=out / "translator.state",
-        progress=stage_progress(),
+        progress=training_progress_callback(),
         sample=_checkpoint_writer(out),
     )
     path = out / "translator.onnx"
@@ -157,7 +157,7 @@ def list_pictures(folders: Sequence[Path]) -> list[tuple[str, Path]]:
 
 
 def read_panorama_sets(
-    pictures: Sequence[tuple[str, Path]], split: TrainingSplit
+    pictures: Sequence[tuple[str, Path]], split: PanoramaSplitPrefixes
 ) -> tuple[list[UInt8Array], list[UInt8Array], list[str]]:
     """Load panoramas for training and validation.
 
@@ -222,7 +222,7 @@ def render_training_views(
         runs.append(render_procedural_street(seed=100 * seed + number, furnished=number % 2 == 0))
         report_progress("renderings", 1)
     for path in blocks:
-        for run in render_block_runs(read_block(path), RUNS_PER_BLOCK, seed=seed):
+        for run in render_viewpoint_sequences(read_block(path), RUNS_PER_BLOCK, seed=seed):
             runs.append(run)
             report_progress("renderings", 1)
     learnt = [view for number, run in enumerate(runs) if number % VALIDATION_STRIDE for view in run]
@@ -239,18 +239,18 @@ def render_procedural_street(*, seed: int, furnished: bool) -> list[TrainingRend
     reliefs = {}
     for chart, painted in zip(street.charts, street.facades, strict=True):
         shape = (int(placement.width[chart]), int(placement.height[chart]))
-        grey = relief_image(painted.labels, painted.metres_per_pixel)
+        grey = render_facade_relief(painted.labels, painted.metres_per_pixel)
         reliefs[chart] = np.asarray(cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST), np.uint8)
     viewpoints = []
     for number, along in enumerate(np.arange(2.5, street.length, 5.0)):
         x, y = street.world_point(float(along), 0.0)
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
     line = shapely.LineString([street.world_point(along, 0.0) for along in (0.0, street.length)])
-    furniture = street_furniture(line, partial(_level_ground, 0.0), seed=seed) if furnished else None
+    furniture = build_street_occluders(line, partial(_level_ground, 0.0), seed=seed) if furnished else None
     return render_sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
 
 
-def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
+def render_viewpoint_sequences(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
     """Render sequences of viewpoints along a block's streets, best visible walls first."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = make_plan(replace(block, texture=texture, panoramas=()))
@@ -274,7 +274,7 @@ def render_block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[T
         line = plan.streets[street].line
         furniture = None
         if number % 2:
-            furniture = street_furniture(
+            furniture = build_street_occluders(
                 _clip_to_viewpoints(line, viewpoints), partial(_level_ground, height), seed=number
             )
         yield render_sequence(scene, viewpoints, furniture=furniture)

@@ -35,7 +35,7 @@ def draw_stage_picture(view: RunView, index: int, name: str) -> UInt8Array:
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")
 
 
-def read_previous_picture(view: RunView, index: int) -> bytes:
+def read_previous_capture_picture(view: RunView, index: int) -> bytes:
     """Return the WebP file of a facade at the previous capture.
 
     Raises

@@ -23,11 +23,11 @@ from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import PARSE_COLOURS
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.stage_pictures import StoredFacade
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
-from tasks.engine.outcome import list_rejected_pictures
-from tasks.publish.item_rows import facade_facts
+from tasks.engine.outcome import list_units_with_rejections
+from tasks.publish.item_rows import facade_item_columns
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
@@ -62,7 +62,7 @@ class _PlanTables:
     """
 
     facades: Facades
-    placement: Placement
+    placement: ChartPlacements
     line: Float64Array
     azimuth: Float64Array
     buildings: tuple[str, ...]
@@ -112,20 +112,20 @@ class RunView:
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
-    def facade_numbers(self) -> dict[str, int]:
+    def facade_index_by_id(self) -> dict[str, int]:
         """Return the index of each facade by id."""
         return {name: i for i, name in enumerate(self.tables.facades.id)}
 
-    def find_facade(self, facade: str) -> int:
+    def find_facade_index(self, facade: str) -> int:
         """Return the index of a facade.
 
         Raises
         ------
         InputError : the block has no such facade.
         """
-        if facade not in self.facade_numbers:
+        if facade not in self.facade_index_by_id:
             raise InputError(f"no facade {facade} in this block; its page lists those there are")
-        return self.facade_numbers[facade]
+        return self.facade_index_by_id[facade]
 
     @cached_property
     def exemplars(self) -> list[str]:
@@ -188,7 +188,7 @@ class RunView:
             "street": street["name"] or street["id"],
             "azimuth_deg": round(float(tables.azimuth[index]), 1),
             "status": "waiting",
-            **facade_facts(facades, index, record, tables.height_source[int(facades.building[index])]),
+            **facade_item_columns(facades, index, record, tables.height_source[int(facades.building[index])]),
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
@@ -225,7 +225,7 @@ class RunView:
             outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
             failures += [
-                {"stage": stage, "unit": unit, "reason": reason} for unit, reason in list_rejected_pictures(present)
+                {"stage": stage, "unit": unit, "reason": reason} for unit, reason in list_units_with_rejections(present)
             ]
         return {
             "snapshot": self.snapshot,

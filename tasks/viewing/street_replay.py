@@ -20,7 +20,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import read_material_field
-from tasks.stages.streets.worker import add_viewpoint, replay_street
+from tasks.stages.streets.worker import add_viewpoint_to_buffer, replay_street
 from tasks.viewing.run_view import RunView
 
 # Height and width of the picture, pixels; RGB of untextured texels, of surfaces off the street and of the sky.
@@ -58,7 +58,7 @@ class StreetReplay:
         self._lock = threading.Lock()
         self._street: _ReplayedStreet | None = None
 
-    def draw_after(self, view: RunView, viewpoint: int) -> UInt8Array:
+    def draw_after_viewpoint(self, view: RunView, viewpoint: int) -> UInt8Array:
         """Draw a viewpoint's street after that viewpoint from above, (h, w, 3) uint8.
 
         Raises
@@ -88,7 +88,7 @@ class StreetReplay:
                 )
             for step in viewpoints[replayed.steps : steps].tolist():
                 seen = replayed.plan.viewpoints[step]
-                add_viewpoint(
+                add_viewpoint_to_buffer(
                     replayed.plan, view.group, replayed.buffer, seen, field=replayed.field is not None, threads=_THREADS
                 )
             if replayed.field is not None:

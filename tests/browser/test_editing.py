@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from catalogs.block.corrections import Correction, add_corrections, read_corrections
+from catalogs.block.corrections import Correction, append_corrections_to_file, read_corrections
 from tasks.corrections.correction_import import import_corrections
-from tasks.engine.store.status import record_source
+from tasks.engine.store.status import record_run_block_file
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import made, textured_houses
 from tests.pipeline.stages import digests_of
@@ -28,7 +28,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def copied(once: Path, to: Path) -> Path:
     shutil.copytree(once, to)
-    record_source(to / "out", to / "in" / "block.yaml")
+    record_run_block_file(to / "out", to / "in" / "block.yaml")
     return to
 
 
@@ -248,7 +248,7 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         assert said.value_correction("a-0", "facade") is False
         assert said.value_correction("a", "levels") == 3
         # somebody else's is not overwritten unseen
-        add_corrections(block, [Correction("a", "levels", 5, who="ben", when="2026-01-02T03:04:05Z")])
+        append_corrections_to_file(block, [Correction("a", "levels", 5, who="ben", when="2026-01-02T03:04:05Z")])
         page.fill("#storeys", "4")
         page.click("#save")
         page.wait_for_selector("#saved.failed")

@@ -16,7 +16,7 @@ from PIL import Image
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.atlas.stored_files import digest_stored_file, earlier_path, write_stored_file
+from facade_core.atlas.stored_files import digest_stored_file, earlier_picture_path, write_stored_file
 from flows.lock import lock_folder
 from tests.chromium import tab, wait
 from tests.pipeline.viewed import get, viewing
@@ -176,10 +176,10 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         picture = io.BytesIO()
         Image.new("RGB", (8, 6), (200, 60, 30)).save(picture, "WEBP")
         change = {"changed": 0.4, "compared": 0.9, "capture_date": "2024-05-17", "capture_date_before": "2021-03-01"}
-        change |= {"change_map": ["-95", "000"], "before_file": earlier_path(7)}
+        change |= {"change_map": ["-95", "000"], "before_file": earlier_picture_path(7)}
         change |= {"before_digest": digest_stored_file(picture.getvalue())}
         session = open_repository(out / "store").writable_session(BRANCH)
-        write_stored_file(open_root(session), earlier_path(7), picture.getvalue(), "as it was before")
+        write_stored_file(open_root(session), earlier_picture_path(7), picture.getvalue(), "as it was before")
         write_record(open_root(session), "facades", 1, {**other, **change})  # type: ignore[typeddict-item]
         commit(session, "a facade that changed")
         page.wait_for_selector("text=1 failed")

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 
 from deploy.mirror import main, mirror
-from tasks.city.city_log import prepare_city
+from tasks.city.city_log import load_or_partition_city
 from tests.tasks.city.test_account import HOUSES, town
 
 
@@ -67,19 +67,19 @@ def test_only_what_changed_upstream_is_fetched_and_due(tmp_path: Path) -> None:
     buildings.unlink()
     with serving(upstream) as url:
         assert mirror(url, buildings)
-        first, _ = prepare_city(city, here / "out")
+        first, _ = load_or_partition_city(city, here / "out")
         assert len(first.blocks) == len(HOUSES)
         kept = buildings.stat().st_ino
 
         assert not mirror(url, buildings)
         assert buildings.stat().st_ino == kept
-        second, _ = prepare_city(city, here / "out")
+        second, _ = load_or_partition_city(city, here / "out")
         assert (second.source, second.digests) == (first.source, first.digests)
 
         town(elsewhere, HOUSES | {"h1": (340, 5, 12, 6, 9.0)})
         upstream.data = (elsewhere / "buildings.geojson").read_bytes()
         assert mirror(url, buildings)
-        third, _ = prepare_city(city, here / "out")
+        third, _ = load_or_partition_city(city, here / "out")
         assert sum(third.digests[name] != digest for name, digest in first.digests.items()) == 1
     assert upstream.answers == [200, 304, 200]
 

@@ -12,14 +12,14 @@ import shapely
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import is_main_surface
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.geometry.walls import main_surface_mask
+from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_model_edges
-from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, select_trusted_wall_texels
+from facade_core.imagery.cameras.walls import chart_coverage_mask, fuse_wall_view, select_trusted_wall_texels
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import side_pattern
+from facade_core.synth.street_paint import side_pattern_painter
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
@@ -62,13 +62,15 @@ def end() -> Seen:
     charts = street.scene.charts
     outward = charts.normals()[:, :2] @ street.axis < -0.99
     chart = int(
-        np.flatnonzero(outward & (charts.kind == ChartKind.WALL) & is_main_surface(charts) & (charts.building == 0))[0]
+        np.flatnonzero(outward & (charts.kind == ChartKind.WALL) & main_surface_mask(charts) & (charts.building == 0))[
+            0
+        ]
     )
     cameras = []
     for along, across in ((-6.0, 2.0), (-9.0, -3.0)):
         x, y = street.world_point(along, across)
         pose = Pose(float(x), float(y), 2.5, 40.0)
-        image = render_street_panorama(street, pose, 1024, seed=1, sides=side_pattern(street))
+        image = render_street_panorama(street, pose, 1024, seed=1, sides=side_pattern_painter(street))
         hidden = mask_model_edges(street.scene, pose, image.shape[:2])
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), None))
     return Seen(street, chart, cameras)
@@ -79,7 +81,7 @@ def truth(seen: Seen) -> np.ndarray:
     scene, chart = seen.street.scene, seen.chart
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     x, y = np.meshgrid((np.arange(size[1]) + 0.5) / 8, (np.arange(size[0]) + 0.5) / 8)
-    return side_pattern(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
+    return side_pattern_painter(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
 
 
 def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
@@ -104,9 +106,9 @@ def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
 
 def test_beside_a_gable_is_no_wall(end: Seen) -> None:
     scene = end.street.scene
-    walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & is_main_surface(scene.charts))
-    shares = [chart_coverage(scene, wall).mean() for wall in walls.tolist()]
-    own = chart_coverage(scene, int(walls[np.argmin(shares)]))
+    walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & main_surface_mask(scene.charts))
+    shares = [chart_coverage_mask(scene, wall).mean() for wall in walls.tolist()]
+    own = chart_coverage_mask(scene, int(walls[np.argmin(shares)]))
     assert 0.45 < own.mean() < 0.6
     assert own[-1, own.shape[1] // 2]
     assert not own[0, [0, -1]].any()
@@ -120,7 +122,7 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
     size = wall.shape[:2]
     shown = np.ones(size, bool)
     shown[10:40, 20:50] = False
-    given = CameraView(wall, shown, np.where(shown, 0, -1).astype(np.int8), shown.astype(np.float32))
+    given = FusedCameraView(wall, shown, np.where(shown, 0, -1).astype(np.int8), shown.astype(np.float32))
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         if one == chart:

@@ -10,7 +10,7 @@ import pytest
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import (
     MIN_GROUND_DISTANCE_M,
     MIN_UNCONFIRMED_DISTANCE_M,
@@ -20,7 +20,7 @@ from facade_core.imagery.cameras.ground import (
 from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.street_paint import ground_pattern
+from facade_core.synth.street_paint import ground_pattern_painter
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
@@ -106,13 +106,13 @@ def street() -> SyntheticStreet:
 
 
 def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -> None:
-    paint, scene = ground_pattern(street), street.scene
+    paint, scene = ground_pattern_painter(street), street.scene
     cameras, squares = [], []
     for along, gain in ((5.0, 0.7), (12.0, 1.0)):
         x, y = street.world_point(along, 0.5)
         pose = Pose(float(x), float(y), 2.5, 40.0)
         image = render_street_panorama(street, pose, 1024, gain=gain, ground=paint)
-        ground = sample_ground(scene, image, pose)
+        ground = sample_ground_colours(scene, image, pose)
         assert ground.height == pytest.approx(2.5, abs=0.01)
         squares.append(ground.squares)
         cameras.append(

@@ -12,16 +12,16 @@ from scipy import ndimage
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.ground_floor import replace_shops
-from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
+from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
-from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facade_walls import facade_wall
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import paint_facade as paint
-from tasks.stages.facades.stage import facade_entrances
+from tasks.stages.facades.stage import facade_entrance_positions
 
 MPP = 0.05
 # One corner cut off at the crossing, and a nook with a narrow wall across it at the other end.
@@ -35,7 +35,7 @@ def plan() -> Plan:
 
 
 def plan_of(buildings: list[Building]) -> Plan:
-    return ingest(
+    return build_plan(
         buildings,
         [
             Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
@@ -55,15 +55,15 @@ def plan_of(buildings: list[Building]) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def style() -> ExemplarStyle:
+def style() -> ExemplarAnalysis:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
     assert (painted.labels == FacadeClass.SHOP).any()
-    return extract_style(painted.image, painted.labels)
+    return analyse_exemplar(painted.image, painted.labels)
 
 
 def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Plan) -> None:
     facades = plan.facades
-    found = [i for i in range(len(facades)) if turns_corner(plan.scene.charts, facades, i)]
+    found = [i for i in range(len(facades)) if is_corner_facade(plan.scene.charts, facades, i)]
     assert [facades.id[i].split("-")[0] for i in found] == ["corner"]
     assert facades.width[found[0]] == pytest.approx(np.hypot(1.5, 1.5), abs=0.01)
     assert facade_wall(plan.scene, facades, found[0]).is_corner
@@ -72,12 +72,12 @@ def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Pla
 def test_a_corner_in_two_pieces_is_one() -> None:
     pieces = shapely.Polygon([(0, 1.9), (0.75, 0.75), (1.9, 0), (18, 0), (18, 12), (0, 12)])
     facades = (plan := plan_of([Building("corner", pieces, 12.8, "height")])).facades
-    found = [i for i in range(len(facades)) if turns_corner(plan.scene.charts, facades, i)]
+    found = [i for i in range(len(facades)) if is_corner_facade(plan.scene.charts, facades, i)]
     assert len(found) == 2
     assert len(set(facades.run[found].tolist())) == 1
 
 
-def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarStyle) -> None:
+def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarAnalysis) -> None:
     facades = plan.facades
     for name in ("corner", "nook"):
         own = [i for i, id in enumerate(facades.id) if id.startswith(name)]
@@ -97,7 +97,7 @@ def corner(width: float) -> FacadeWall:
 
 
 @pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
-def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: ExemplarStyle, width: float) -> None:
+def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: ExemplarAnalysis, width: float) -> None:
     image, labels = compose_wall(style, corner(width), metres_per_pixel=MPP)
     shop = np.flatnonzero((labels == FacadeClass.SHOP).any(axis=1))
     assert len(shop)
@@ -105,19 +105,19 @@ def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: Exem
     assert not np.isin(labels[:, [0, -1]], (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW)).any(), (
         "nothing is cut at its edges"
     )
-    plain = extract_style(*replace_shops(style.image, style.labels))
+    plain = analyse_exemplar(*replace_shops_by_windows(style.image, style.labels))
     bare_image, bare = compose_wall(plain, corner(width), floor_style=style, metres_per_pixel=MPP)
     assert not np.isin(bare, (FacadeClass.SHOP, FacadeClass.DOOR)).any()
     assert image.shape == bare_image.shape
 
 
-def test_what_is_too_narrow_for_a_shop_has_none(style: ExemplarStyle) -> None:
+def test_what_is_too_narrow_for_a_shop_has_none(style: ExemplarAnalysis) -> None:
     assert not np.isin(
         compose_wall(style, corner(0.9), metres_per_pixel=MPP)[1], (FacadeClass.SHOP, FacadeClass.DOOR)
     ).any()
 
 
-def test_a_back_that_is_covered_at_the_ground_has_no_door(style: ExemplarStyle) -> None:
+def test_a_back_that_is_covered_at_the_ground_has_no_door(style: ExemplarAnalysis) -> None:
     wall = FacadeWall(8, 16, 0, 16, 5, on_street=False, is_back=True, free=shapely.box(0, 0, 8, 10), has_back_door=True)
     assert not (compose_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
 
@@ -130,7 +130,7 @@ def doors_of(labels: np.ndarray) -> list[float]:
 
 def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
-    style = extract_style(*replace_shops(painted.image, painted.labels))
+    style = analyse_exemplar(*replace_shops_by_windows(painted.image, painted.labels))
     assert style.doors.any()
     wide = replace(FacadeWall.freestanding(14, 30, 5), entrances=())
     before = doors_of(compose_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
@@ -143,7 +143,7 @@ def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     assert len(doors_of(again)) == len(before), "one that shows is the map's"
 
 
-def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
+def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarAnalysis) -> None:
     wall = FacadeWall(16, 16, 0, 16, 5, on_street=False, is_back=True, free=shapely.box(0, 0, 16, 16))
     assert not doors_of(compose_wall(style, wall, metres_per_pixel=MPP)[1])
     for place in (3.0, 13.0):
@@ -152,7 +152,7 @@ def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
 
 
 def test_entrances_of_a_map_are_told_by_wall(plan: Plan) -> None:
-    found = facade_entrances(plan, [(9.0, -0.4), (15.0, 0.2), (9.0, -5.0), (5.0, 14.0)])
+    found = facade_entrance_positions(plan, [(9.0, -0.4), (15.0, 0.2), (9.0, -5.0), (5.0, 14.0)])
     told = {plan.facades.id[i]: places for i, places in enumerate(found) if places}
     assert len(told) == 2, "of the front and of a back; what is 5 m off is nobody's"
     front, back = sorted(told.values(), key=len, reverse=True)

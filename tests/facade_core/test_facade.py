@@ -18,10 +18,10 @@ from facade_core.facade.exemplar import count_columns, prepare_exemplar
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.wall_material import lit_colour
-from facade_core.parsing.occluders import remove_spill
+from facade_core.parsing.occluders import remove_occluders_lining_hole
 from facade_core.synth.facade import paint_facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
@@ -96,7 +96,7 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
-        ScaledStyle(extract_style(clean.image, clean.labels), 0.06),
+        ScaledStyle(analyse_exemplar(clean.image, clean.labels), 0.06),
         FacadeWall.freestanding(13.0, 16.0, floors=4),
         (650, 800),
         seed=3,
@@ -115,7 +115,7 @@ def test_a_photo_without_holes_needs_no_completion() -> None:
 def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = build_facade_from_exemplar(
-        ScaledStyle(extract_style(clean.image, clean.labels), 0.06),
+        ScaledStyle(analyse_exemplar(clean.image, clean.labels), 0.06),
         FacadeWall.freestanding(16.2, 20.0, floors=5),
         (270, 334),
         seed=3,
@@ -131,7 +131,7 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
 @pytest.mark.parametrize("colour", [(150.0, 70.0, 60.0), (60.0, 60.0, 64.0), (225.0, 215.0, 190.0)])
 def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ...]) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
-    style = ScaledStyle(extract_style(clean.image, clean.labels), 0.06)
+    style = ScaledStyle(analyse_exemplar(clean.image, clean.labels), 0.06)
     wall = FacadeWall.freestanding(16.2, 20.0, floors=5)
     usual = build_facade_from_exemplar(style, wall, (270, 334), seed=3)
     paint_ = BuildingPaint(wall_colour=np.array(colour))
@@ -146,7 +146,7 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
 
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
-    style = ScaledStyle(extract_style(clean.image, clean.labels), 0.05)
+    style = ScaledStyle(analyse_exemplar(clean.image, clean.labels), 0.05)
     front = FacadeWall.freestanding(16.0, 20.0, floors=5)
     back = replace(front, on_street=False, is_back=True)
     drawn: list[tuple[int, ...]] = []
@@ -232,7 +232,7 @@ def test_a_thing_that_a_hole_crosses_is_hidden_up_to_it_and_what_lines_the_hole_
     hidden[190:] = True  # where a rectified photo shows nothing
     occluded[150:, 40:120] = True  # a car
     occluded[184:, 150:180] = True  # the filling, seen as a thing
-    believed = remove_spill(occluded, hidden)
+    believed = remove_occluders_lining_hole(occluded, hidden)
     assert believed[150:190, 40:120].all()
     assert not believed[:, 130:].any()
     assert not believed[hidden].any()

@@ -13,13 +13,13 @@ from scipy import ndimage
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FLOOR_HEIGHT_M, FacadeWall, stack_floors
-from facade_core.geometry.buildings.roof_shapes import build_roof_shell
-from facade_core.geometry.walls import WallRole, free_wall_area
+from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
+from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import paint_facade as paint
 
@@ -37,7 +37,7 @@ BUILDINGS = [
 
 
 def plan_of(walls: str, buildings: Sequence[Building] = BUILDINGS) -> Plan:
-    return ingest(
+    return build_plan(
         buildings,
         [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))],
         IngestSettings(
@@ -59,9 +59,9 @@ def plan() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def style() -> ExemplarStyle:
+def style() -> ExemplarAnalysis:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
-    return extract_style(painted.image, painted.labels)
+    return analyse_exemplar(painted.image, painted.labels)
 
 
 def on(plan: Plan, building: str, direction: tuple[float, float]) -> list[int]:
@@ -90,17 +90,17 @@ def test_translated_walls_are_left_to_the_streets() -> None:
 
 def test_a_wall_over_a_lower_neighbour_is_free_above_it(plan: Plan) -> None:
     (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(plan.facades.width[i] - 10) < 0.1]
-    whole, free = free_wall_area(plan.scene.charts, plan.scene.mesh, int(plan.facades.chart[east]))
+    whole, free = wall_outline_and_free_part(plan.scene.charts, plan.scene.mesh, int(plan.facades.chart[east]))
     assert whole.area == pytest.approx(160, rel=0.01)
     assert free.area == pytest.approx(64, rel=0.02)
     assert free.bounds[3] == pytest.approx(16 - 9.6, abs=0.1), "metres from the top"
 
 
-def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: ExemplarStyle) -> None:
+def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: ExemplarAnalysis) -> None:
     """A tower stands on the podium that the street passes, both given as models."""
     podium = Building("podium", shapely.box(0, 0, 40, 14), 6.0, "height", base=0.0)
     tower = Building("tower", shapely.box(8, 2, 32, 12), 12.8, "height", base=0.0, roof=Roof("gabled", 3.0))
-    plan = plan_of("exemplar", [podium, replace(tower, shell=build_roof_shell(tower, 6.0), roof=None)])
+    plan = plan_of("exemplar", [podium, replace(tower, shell=build_shell_with_roof(tower, 6.0), roof=None)])
     facades, charts = plan.facades, plan.scene.charts
     begins = charts.origin[facades.chart, 2] - facades.height
     np.testing.assert_array_equal(facades.raised, begins > 5.9)
@@ -136,12 +136,12 @@ def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:
     return ndimage.find_objects(ndimage.label(labels == FacadeClass.WINDOW)[0])
 
 
-def shown(plan: Plan, style: ExemplarStyle, facade: int) -> tuple[FacadeWall, np.ndarray]:
+def shown(plan: Plan, style: ExemplarAnalysis, facade: int) -> tuple[FacadeWall, np.ndarray]:
     wall = facade_wall(plan.scene, plan.facades, facade)
     return wall, compose_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
 
 
-def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: ExemplarStyle) -> None:
+def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: ExemplarAnalysis) -> None:
     facades = plan.facades
     for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():
         wall, labels = shown(plan, style, facade)
@@ -158,7 +158,7 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Exem
 
 @pytest.mark.parametrize("seams", [(7.3, 20.0), (1.0, 16.4, 17.9), tuple(np.arange(2.4, 30, 2.4).tolist())])
 def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
-    style: ExemplarStyle, seams: tuple[float, ...]
+    style: ExemplarAnalysis, seams: tuple[float, ...]
 ) -> None:
     wall = FacadeWall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
     for street, plain in ((True, False), (False, True)):
@@ -168,7 +168,7 @@ def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
         assert len(windows(labels)) >= 20
 
 
-def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: ExemplarStyle) -> None:
+def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: ExemplarAnalysis) -> None:
     for facet, texel, some in ((2.4, 1 / 8, True), (1.7, 1 / 8, True), (1.0, 1 / 32, True), (0.72, 1 / 8, False)):
         seams = np.arange(facet, 12 * facet - 0.01, facet)
         size = 12 * facet, 16
@@ -181,7 +181,7 @@ def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Exempla
             assert not ((seams > ends[0]) & (seams < ends[1])).any()
 
 
-def test_gables_and_narrow_walls(style: ExemplarStyle) -> None:
+def test_gables_and_narrow_walls(style: ExemplarAnalysis) -> None:
     gable = shapely.Polygon([(0, 6), (6, 0), (12, 6), (12, 22), (0, 22)])
     labels = compose_wall(style, FacadeWall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
     over = [w for w in windows(labels) if w[0].stop * MPP < 6]
@@ -199,7 +199,7 @@ def test_gables_and_narrow_walls(style: ExemplarStyle) -> None:
     assert len(windows(fits)) == 5
 
 
-def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarStyle) -> None:
+def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarAnalysis) -> None:
     facades: Facades = plan.facades
     for name in ("ell", "low", "court"):
         lines = []
@@ -213,12 +213,12 @@ def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, 
         assert heights.max() <= FLOOR_HEIGHT_M[1] + 0.01
 
 
-def wall_storeys(style: ExemplarStyle, wall: FacadeWall) -> list[float]:
+def wall_storeys(style: ExemplarAnalysis, wall: FacadeWall) -> list[float]:
     """The heights of a wall's storeys, from the top."""
     return [float(np.sum(storey.heights)) + storey.attic for storey in stack_floors(style, wall, MPP)[0]]
 
 
-def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarStyle) -> None:
+def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarAnalysis) -> None:
     tall = FacadeWall.freestanding(19.2, 12.0, floors=6)
     low = FacadeWall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
     high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))

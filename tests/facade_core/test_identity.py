@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.types import Building, Finish, Pose, Street
+from facade_core.core.types import Building, BuildingFinish, Pose, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 
 
@@ -33,9 +33,9 @@ STREETS = [
 def plan(
     houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None, poses: Sequence[Pose] = ()
 ) -> Plan:
-    from facade_core.geometry.chart_packing import PreviousPlacement
+    from facade_core.geometry.chart_packing import PreviousChartPlacements
 
-    return ingest(
+    return build_plan(
         houses,
         streets,
         IngestSettings(
@@ -49,7 +49,7 @@ def plan(
         ),
         poses=poses,
         panorama_sizes=[(256, 512)] * len(poses),
-        previous=PreviousPlacement(last.ids, last.scene.placement) if last else None,
+        previous=PreviousChartPlacements(last.ids, last.scene.placement) if last else None,
     )
 
 
@@ -162,7 +162,7 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
 
 def test_chart_ids_of_stated_finishes_are_pinned() -> None:
     """Stores keep chart ids: another text of a finish would move every chart of such a building."""
-    finish = Finish((200, 180, 160), None, "brick", 'it\'s "slate"')
+    finish = BuildingFinish((200, 180, 160), None, "brick", 'it\'s "slate"')
     assert serialise_finish(finish) == (
         "Finish(wall_colour=(200, 180, 160), roof_colour=None, wall_material='brick', roof_material='it\\'s \"slate\"')"
     )

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.ground_floor import replace_shops
+from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.tint import tint_facade
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.plan.exemplar_style import (
     MAX_ROUNDS,
     NEIGHBOURHOOD_M,
     ExemplarLibrary,
-    StyleTargets,
+    ExemplarTargetWalls,
     choose_exemplars,
     style_descriptor,
 )
@@ -24,17 +24,19 @@ from facade_core.synth.facade import paint_facade
 STEP, ACROSS = 20.0, 18.0
 
 
-def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> StyleTargets:
+def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> ExemplarTargetWalls:
     west = start + STEP * (np.arange(count) // 2)
     side = ACROSS * (np.arange(count) % 2)
     ends = np.stack([np.stack([west, side], 1), np.stack([west + STEP, side], 1)], 1)
     whole = np.full(count, 1)
-    return StyleTargets(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole)
+    return ExemplarTargetWalls(
+        20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole
+    )
 
 
-def joined(*parts: StyleTargets) -> StyleTargets:
-    return StyleTargets(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in StyleTargets.__dataclass_fields__)
+def joined(*parts: ExemplarTargetWalls) -> ExemplarTargetWalls:
+    return ExemplarTargetWalls(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ExemplarTargetWalls.__dataclass_fields__)
     )
 
 
@@ -47,7 +49,7 @@ def library(count: int, families: int = 1) -> ExemplarLibrary:
     )
 
 
-def gap(walls: StyleTargets, chosen: np.ndarray) -> float:
+def gap(walls: ExemplarTargetWalls, chosen: np.ndarray) -> float:
     """The least distance, metres, between two buildings of one exemplar."""
     middle = walls.ends.mean(axis=1)
     apart = np.linalg.norm(middle[:, None] - middle[None], axis=-1)
@@ -97,7 +99,7 @@ def test_shops_are_where_the_map_has_them() -> None:
 def test_a_ground_floor_without_shops_keeps_its_door() -> None:
     painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
     assert (painted.labels == FacadeClass.SHOP).any()
-    image, labels = replace_shops(painted.image, painted.labels)
+    image, labels = replace_shops_by_windows(painted.image, painted.labels)
     assert not (labels == FacadeClass.SHOP).any()
     assert (labels == FacadeClass.DOOR).any()
     assert count_floors(labels) == 4
@@ -136,7 +138,7 @@ def test_what_is_far_away_changes_nothing() -> None:
     far = row(20, start=(MAX_ROUNDS + 2) * NEIGHBOURHOOD_M + 40 * STEP, number=500)
     alone = choose_exemplars(here, library(20), seed=5)
     np.testing.assert_array_equal(choose_exemplars(joined(here, far), library(20), seed=5)[:40], alone)
-    turned = StyleTargets(*(getattr(here, name)[::-1] for name in StyleTargets.__dataclass_fields__))
+    turned = ExemplarTargetWalls(*(getattr(here, name)[::-1] for name in ExemplarTargetWalls.__dataclass_fields__))
     np.testing.assert_array_equal(choose_exemplars(turned, library(20), seed=5)[::-1], alone)
 
 

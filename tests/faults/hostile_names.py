@@ -43,7 +43,7 @@ def hostile_block(top: Path) -> Iterator[SimpleNamespace]:
         # readers set aside what is no letter, and a store may be older than they: what is shown must not rely on them
         for refusal in ("catalogs.readers.limits._limit_violation", "catalogs.readers.pictures.folders._name_problem"):
             patch.setattr(refusal, lambda item: None)
-        for reader in ("catalogs.readers.limits.single_line", "catalogs.readers.pictures.folders.single_line"):
+        for reader in ("catalogs.readers.limits.to_single_line", "catalogs.readers.pictures.folders.to_single_line"):
             patch.setattr(reader, lambda text: text)
         textured: Textured = texture(block, top / "out")
         summary = publish_block.fn(textured.run, block)

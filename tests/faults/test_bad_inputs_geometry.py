@@ -14,7 +14,7 @@ import shapely
 from catalogs.block.reader import Block, read_block
 from facade_core.core.errors import BlockFileError
 from tasks.stages.ingest.planning import make_plan
-from tasks.stages.ingest.task import missing_facade_reasons
+from tasks.stages.ingest.task import explain_missing_street_facades
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Make = Callable[[Path], str]
@@ -365,11 +365,11 @@ def test_a_block_without_a_facade_says_so(texture: dict[str, Any], height: float
     settings = {"walls": "translate", "panorama_width": 64} | texture
     streets = {"path": "s.geojson", "crs": "EPSG:32635"}
     plan = make_plan(block_of(tmp_path, "b.geojson", streets=streets, texture=settings))
-    (reason,) = missing_facade_reasons(plan)
+    (reason,) = explain_missing_street_facades(plan)
     assert reason.startswith("none of the ")
     assert words in reason
     seen = make_plan(block_of(tmp_path, "b.geojson", texture={"walls": "translate", "panorama_width": 64}))
-    assert bool(missing_facade_reasons(seen)) == (height < 2.5)
+    assert bool(explain_missing_street_facades(seen)) == (height < 2.5)
 
 
 @pytest.mark.realdata

@@ -24,7 +24,7 @@ from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
 from tasks.stages.facades.evidence import read_facade_photo
-from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, focal_length, read_exemplar_picture, read_image
+from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, focal_length, read_exemplar_picture, read_image_and_mask
 from tasks.stages.shared.images import MAX_PIXELS as KEPT
 
 RAMP = np.linspace(0.0, 1.0, 48 * 64).reshape(48, 64)
@@ -308,7 +308,7 @@ def test_a_large_picture_is_reduced_by_means(case: str, tmp_path: Path) -> None:
 def test_pictures_below_the_limits_are_read_as_they_are(tmp_path: Path) -> None:
     path = saved(tmp_path, "a.png", Image.fromarray(np.tile(RGB, (10, 10, 1))))
     assert (read_exemplar_picture(path).rgb == np.tile(RGB, (10, 10, 1))).all()
-    assert (read_image(path)[0] == np.tile(RGB, (10, 10, 1))).all()
+    assert (read_image_and_mask(path)[0] == np.tile(RGB, (10, 10, 1))).all()
     wide = saved(tmp_path, "b.png", Image.new("RGB", (2 * MAX_EXEMPLAR_SIDE, 100)))
     assert read_exemplar_picture(wide).rgb.shape == (50, MAX_EXEMPLAR_SIDE, 3)
     assert KEPT == 8192 * 4096
@@ -465,7 +465,7 @@ def test_cases_of_before(data: Path) -> None:
         pytest.skip("no bad inputs in the data folder")
     for path in sorted(folder.iterdir()):
         try:
-            assert read_image(path)[0].std() > 20, path
+            assert read_image_and_mask(path)[0].std() > 20, path
         except ImageError as error:
             if not str(error).startswith(path.name):
                 raise

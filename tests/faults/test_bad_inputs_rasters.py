@@ -17,7 +17,7 @@ from rasterio import Affine
 from rasterio.transform import from_origin
 
 from catalogs.block.reader import read_block
-from catalogs.readers.pictures.aerial import read_aerial
+from catalogs.readers.pictures.aerial import open_orthophoto
 from catalogs.readers.pictures.elevation import read_elevation
 from facade_core.core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed
@@ -264,12 +264,12 @@ ORTHO: dict[str, tuple[Callable[[Path], Path], str]] = {
 def test_an_orthophoto_that_is_none_is_refused_in_one_line(case: str, tmp_path: Path) -> None:
     made, expected = ORTHO[case]
     with pytest.raises(InputError, match=expected) as raised:
-        read_aerial(made(tmp_path), None, UTM, PLACES)
+        open_orthophoto(made(tmp_path), None, UTM, PLACES)
     assert str(raised.value).isprintable()
 
 
 def test_an_orthophoto_of_millimetres_is_not_read_for_minutes(tmp_path: Path) -> None:
-    found = read_aerial(sparse(tmp_path, 0.001, 700_000), None, UTM, PLACES)
+    found = open_orthophoto(sparse(tmp_path, 0.001, 700_000), None, UTM, PLACES)
     with pytest.raises(InputError, match=r"pixels where one surface lies; resample it to 1 cm, or coarser"):
         found.sample(PLACES, 0.05)
 
@@ -291,7 +291,7 @@ def test_changed_bytes_of_a_raster_are_read_or_refused(seed: str, tmp_path: Path
         path.write_bytes(changed(whole, chance))
         try:
             if seed == "ortho":
-                read_aerial(path, None, UTM, PLACES).sample(PLACES, 0.5)
+                open_orthophoto(path, None, UTM, PLACES).sample(PLACES, 0.5)
             else:
                 read_elevation(path, UTM, BOX)
         except InputError as error:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from catalogs.block.keys import check_keys, value_ranges
+from catalogs.block.keys import validate_block_settings, value_ranges
 from catalogs.block.reader import read_block
 from catalogs.block.yaml_files import MAX_FILE_BYTES, read_yaml
 from facade_core.core.errors import BlockFileError, InputError
@@ -233,7 +233,7 @@ def test_a_wrong_value_at_any_key_is_one_line() -> None:
                 inner = inner.setdefault(parent, {})
             inner[leaf] = value
             try:
-                check_keys(keys)
+                validate_block_settings(keys)
             except ValueError as error:
                 message = str(error)
                 assert message.isprintable(), key
@@ -270,7 +270,7 @@ def test_changed_bytes_of_a_block_file_are_read_or_refused(tmp_path: Path) -> No
             changed[at : at + chance.randint(0, 3)] = chance.choice([*pieces, bytes([chance.randrange(256)])])
         (tmp_path / "block.yaml").write_bytes(changed)
         try:
-            check_keys(read_yaml(tmp_path / "block.yaml"))
+            validate_block_settings(read_yaml(tmp_path / "block.yaml"))
         except ValueError as error:
             said.append(str(error))
     assert len(said) > 100

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.features import BuildingModels, Centrelines, Footprints
+from catalogs.features import BuildingModels, CentrelinesAndGround, Footprints
 from catalogs.readers.formats import read_buildings, read_centrelines
 from facade_core.core.errors import InputError
 from tests.faults.geometry_files import BUILDINGS, STREETS
@@ -62,7 +62,7 @@ def test_a_file_of_one_format_under_the_name_of_another_is_refused(name: str, ot
         assert "; " in found
 
 
-def _read(path: Path) -> Footprints | BuildingModels | Centrelines | str:
+def _read(path: Path) -> Footprints | BuildingModels | CentrelinesAndGround | str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

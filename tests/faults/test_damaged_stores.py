@@ -19,7 +19,7 @@ from facade_core.atlas.journal import clear_record, read_journal, unit_key, writ
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_lost_units, mark_suspect, repair_store
+from tasks.engine.store.integrity import find_lost_units, mark_store_suspect, repair_store
 from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture
@@ -202,7 +202,7 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
 
     changed(run.store, paint)
     assert repair_store(run) == []
-    mark_suspect(out)
+    mark_store_suspect(out)
     assert completion_summary(run) is None
     (line,) = repair_store(run)
     assert "lost what they made" in line
@@ -210,7 +210,7 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
     assert repair_store(run) == []
     texture(textured[0], out)
     assert digests_of(out) == wanted
-    mark_suspect(out)
+    mark_store_suspect(out)
     assert repair_store(run) == []
 
 

@@ -20,8 +20,8 @@ from flows.lock import lock_folder
 from tasks.doctor import examine_folder, examine_machine
 from tasks.doctor.machine import check_disk, check_models, check_packages
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import is_suspect, repair_store
-from tasks.engine.store.status import record_source
+from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
+from tasks.engine.store.status import record_run_block_file
 
 
 def wrong(out: Path) -> dict[str, str]:
@@ -86,7 +86,7 @@ def test_what_is_damaged_is_said_with_what_mends_it(
     assert f"--out {out}`" in found[concern]
     assert "\n" not in found[concern]
     if damage is garble_panorama:
-        assert is_suspect(out)  # no size shows it: the next run looks at everything
+        assert is_store_marked_suspect(out)  # no size shows it: the next run looks at everything
         assert "lost what they made" in repair_store(run)[0]
 
 
@@ -96,7 +96,7 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     out = Path(run.out)
     assert wrong(out) == {}
     block = shutil.copytree(textured[0].parent, tmp_path / "block") / "block.yaml"
-    record_source(out, block)
+    record_run_block_file(out, block)
     before = contents(out)
     assert wrong(out) == {}
     settings = yaml.safe_load(block.read_text())

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from facade_core.core.errors import MachineError
-from tasks.engine.outcome import raise_machine_errors
+from tasks.engine.outcome import convert_machine_faults
 from tasks.engine.store import disk_space
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.disk_space import RESERVED_BYTES, require_disk_space
@@ -42,12 +42,14 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
 ) -> None:
     block = write_block(tmp_path / "block", texture={"walls": "translate"})
     monkeypatch.setattr(disk_space, "RESERVED_BYTES", 0)
-    monkeypatch.setattr(task, "store_bytes", lambda plan, width, stored: 0)  # as if another program had filled it
+    monkeypatch.setattr(
+        task, "required_block_bytes", lambda plan, width, stored: 0
+    )  # as if another program had filled it
     with (
         pytest.raises(
             MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"
         ),
-        raise_machine_errors("small"),
+        convert_machine_faults("small"),
     ):
         texture(block, disk / "out")
     assert states(disk / "out") == {"done"}

@@ -15,7 +15,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, Repository, commit, create_root, open_repository
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from tasks.engine.store.carry_over import delete_units
+from tasks.engine.store.carry_over import delete_unit_results
 from tasks.engine.store.commits import commit_units, fork_store
 
 THREADS, ROUNDS = 4, 40
@@ -42,7 +42,7 @@ def test_no_commit_is_lost_among_threads_that_finish_units_and_forget_units(stor
             session, fork = fork_store(store)
             made.append(commit_units(session, fork, "viewpoints", {unit: {"unit": str(unit), "key": "k"}}, str(unit)))
             if unit % 2:
-                delete_units(run, plan, "viewpoints", {unit: []})
+                delete_unit_results(run, plan, "viewpoints", {unit: []})
         return made
 
     with ThreadPoolExecutor(THREADS) as threads:

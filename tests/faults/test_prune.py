@@ -11,8 +11,8 @@ import pytest
 import zarr
 from click.testing import CliRunner
 
-from catalogs.published.file_list import find_damage
-from catalogs.published.snapshot import Snapshot, current_snapshot
+from catalogs.published.file_list import find_snapshot_damage
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
@@ -21,7 +21,7 @@ from flows.lock import lock_folder
 from tasks.engine.run import Run
 from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
-from tasks.publish.prune import prune
+from tasks.publish.prune import prune_snapshots
 from tasks.publish.task import publish_block
 
 
@@ -70,23 +70,23 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert done is not None
     size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
 
-    with Snapshot(published / read).hold_for_reading():
-        said = prune(out, 1)
+    with SnapshotFolder(published / read).hold_for_reading():
+        said = prune_snapshots(out, 1)
     assert "removed 1 published snapshots, 1 tags and 4 leftovers" in said[0]
     assert said[1:] == [f"{out}: kept {read}, which somebody reads"]
     assert sorted(path.name for path in published.iterdir()) == sorted([second, read])
     assert not [path for path in out.iterdir() if path.name.endswith(".tmp") or path.name.startswith(".seen")]
     assert leads_to(published / second, first) == []
-    assert find_damage(published / second, thorough=True) is None
+    assert find_snapshot_damage(published / second, thorough=True) is None
     assert open_repository(run.store).list_tags() == tags
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
     assert has_all_files(open_repository(run.store), run.store)
     assert after_viewpoint(out, "s1", 1).visible_charts()
     assert completion_summary(run) == done
 
-    assert "removed 1 published snapshots, 0 tags and 0 leftovers" in prune(out, 1)[0]
+    assert "removed 1 published snapshots, 0 tags and 0 leftovers" in prune_snapshots(out, 1)[0]
     assert [path.name for path in published.iterdir()] == [second]
-    assert "removed 0 published" in prune(out, 1)[0]
+    assert "removed 0 published" in prune_snapshots(out, 1)[0]
     assert completion_summary(run) == done
     links = json.loads((published / second / "stac" / "blocks" / "collection.json").read_text())["links"]
     assert not [link for link in links if "version" in link["rel"]]
@@ -108,4 +108,4 @@ def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, R
     assert "removed 1 published snapshots" in shown.output
     (out / "current").unlink()
     with pytest.raises(InputError, match="nothing is published; `streetloom run"):
-        prune(out, 1)
+        prune_snapshots(out, 1)

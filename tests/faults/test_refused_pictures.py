@@ -16,7 +16,7 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
-from tasks.engine.forecast import describe_set_aside
+from tasks.engine.forecast import describe_rejected_inputs
 from tasks.stages.facades import evidence
 from tasks.stages.facades import worker as facade
 from tasks.stages.facades.evidence import FacadeEvidence, read_evidence
@@ -51,7 +51,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 
         monkeypatch.setattr(facade, "read_evidence", evidence_of)
         monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None, 0.05))
-        monkeypatch.setattr(facade, "extract_style", lambda *_: None)
+        monkeypatch.setattr(facade, "analyse_exemplar", lambda *_: None)
         monkeypatch.setattr(facade, "facade_wall", lambda *_: None)
         monkeypatch.setattr(facade, "build_facade_from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
@@ -118,7 +118,7 @@ def test_what_is_set_aside_is_told_before_anything_is_done() -> None:
         ("photo", "y.png", "r"),
     ]
     outline: Any = Value(set_aside=tuple(aside))
-    assert describe_set_aside(outline) == [
+    assert describe_rejected_inputs(outline) == [
         "set aside is photo z-9.png: no facade has the id z-9; 1 more photo",
         "set aside is building 7: crosses itself",
     ]

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from catalogs.published import object_store
-from catalogs.published.folders import local_folder
-from catalogs.published.s3 import S3Folder
+from catalogs.published.folders import local_run_folder
+from catalogs.published.s3 import S3Path
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import InputError, MachineError
@@ -30,9 +30,9 @@ def bucket() -> Iterator[str]:
 
 
 @pytest.fixture
-def out(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> S3Folder:
+def out(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> S3Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "here"))
-    return S3Folder(f"locks/{tmp_path.name}")
+    return S3Path(f"locks/{tmp_path.name}")
 
 
 def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -40,13 +40,13 @@ def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "there"))
 
 
-def leave(out: S3Folder, until: float) -> None:
+def leave(out: S3Path, until: float) -> None:
     """The lock of a process on another machine, which lasts until then."""
     at = datetime.fromtimestamp(until, UTC).isoformat()
     (out / ".lock").write_text(json.dumps({"host": "far", "pid": 7, "run": "abcdefgh1", "until": at}))
 
 
-def test_a_second_run_is_told_who_is_there_and_until_when(out: S3Folder) -> None:
+def test_a_second_run_is_told_who_is_there_and_until_when(out: S3Path) -> None:
     leave(out, time.time() + 3600)
     with pytest.raises(InputError) as refused, lock_folder(out):
         pass
@@ -55,7 +55,7 @@ def test_a_second_run_is_told_who_is_there_and_until_when(out: S3Folder) -> None
     assert is_locked(out)
 
 
-def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Folder) -> None:
+def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Path) -> None:
     leave(out, time.time() - 1)
     assert not is_locked(out)
     with lock_folder(out), lock_folder(out):  # it may be nested
@@ -67,7 +67,7 @@ def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Folder) -> None
 
 
 def test_a_process_that_ended_on_this_machine_is_not_waited_for(
-    out: S3Folder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    out: S3Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with lock_folder(out):
         left = (out / ".lock").read_text()
@@ -80,7 +80,7 @@ def test_a_process_that_ended_on_this_machine_is_not_waited_for(
         assert json.loads((out / ".lock").read_text())["run"] != json.loads(left)["run"]
 
 
-def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def overwrite(path: str, data: bytes, tag: str | None) -> str:
         object_store.upload_object(path, data)
         return '"tag"'
@@ -91,7 +91,7 @@ def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Folder, monkeypatch
     assert not is_locked(out)
 
 
-def test_it_is_renewed_as_long_as_the_run_goes_on(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_renewed_as_long_as_the_run_goes_on(out: S3Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leases, "RENEWAL_S", 0.05)
     with lock_folder(out):
         first = json.loads((out / ".lock").read_text())["until"]
@@ -101,7 +101,7 @@ def test_it_is_renewed_as_long_as_the_run_goes_on(out: S3Folder, monkeypatch: py
             time.sleep(0.02)
 
 
-def test_who_lost_it_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_lost_it_commits_nothing(out: S3Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leases, "RENEWAL_S", 0.05)
     store = out / "store"
     with lock_folder(out):
@@ -126,14 +126,14 @@ def test_who_lost_it_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPa
     assert json.loads((out / ".lock").read_text())["host"] == "far", "the lock of another run is not removed"
 
 
-def leases_still(out: S3Folder) -> None:
+def leases_still(out: S3Path) -> None:
     """What a commit asks."""
     from facade_core.atlas import store
 
     store._commit_guards[out / "store"]()
 
 
-def test_who_could_not_renew_it_in_time_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_could_not_renew_it_in_time_commits_nothing(out: S3Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with lock_folder(out):
         leases_still(out)
         monkeypatch.setattr(leases, "LEASE_S", leases.CLOCK_MARGIN_S)  # as if it were nearly over
@@ -141,11 +141,11 @@ def test_who_could_not_renew_it_in_time_commits_nothing(out: S3Folder, monkeypat
             leases_still(out)
 
 
-def test_two_on_one_machine(out: S3Folder) -> None:
+def test_two_on_one_machine(out: S3Path) -> None:
     """The file of the local side is held as a folder's is."""
     import fcntl
 
-    local = local_folder(out)
+    local = local_run_folder(out)
     local.mkdir(parents=True)
     with (local / ".lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)

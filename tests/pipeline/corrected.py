@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.engine.store.status import record_source
+from tasks.engine.store.status import record_run_block_file
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block, write_photo
 
@@ -17,7 +17,7 @@ def made(folder: Path) -> Textured:
     """The block textured and published."""
     block, out = folder / "in" / "block.yaml", folder / "out"
     done = texture(block, out)
-    record_source(out, block)
+    record_run_block_file(out, block)
     publish_block.fn(done.run, block)
     return done
 

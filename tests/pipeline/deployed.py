@@ -17,7 +17,7 @@ from urllib.request import urlopen
 
 import psutil
 
-from flows.server.startup import TELEMETRY_OFF, free_port
+from flows.server.startup import TELEMETRY_OFF, find_free_port
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Site:
 
 def new_site(home: Path, database: str | None = None) -> Site:
     """Nothing runs yet; the port is free now. database: the address of one, SQLite's in the home where it is None."""
-    port = str(free_port())
+    port = str(find_free_port())
     own = {
         "PREFECT_HOME": str(home),
         "PREFECT_SERVER_API_PORT": port,

@@ -18,7 +18,7 @@ from joblib import hash as digest_of
 from PIL import Image
 
 from catalogs.block.reader import read_block
-from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
+from facade_core.atlas.journal import atlas_digest, latest_chart_digests, read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
@@ -27,7 +27,7 @@ from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work
-from tasks.engine.outcome import Outcome, list_rejected_pictures
+from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
@@ -140,7 +140,7 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     run = create_run(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
-    said, outcome = forecast_work(run, block, outline).said, Outcome()
+    said, outcome = forecast_work(run, block, outline).said, UnitOutcomeCounts()
     chosen = select_streets(run, only)
     for kind in STAGES_IN_ORDER:
         if kind.units is not None:
@@ -183,11 +183,11 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     """The digest of the atlas and those of its charts, from the journal."""
     group = _group(out)
-    return atlas_digest(group), latest_digests(read_journal(group, "surfaces"), [])
+    return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"), [])
 
 
-def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> Outcome:
-    outcome = Outcome(refused=list_rejected_pictures(due.done))
+def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> UnitOutcomeCounts:
+    outcome = UnitOutcomeCounts(refused=list_units_with_rejections(due.done))
     if due.pieces and due.stage.function is not None:
         outcome += process_batch.fn(run, due.stage.stage, "1", due.stage.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed

@@ -23,9 +23,9 @@ from click.testing import CliRunner
 import catalogs
 from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.published import object_store
-from catalogs.published.file_list import find_damage
-from catalogs.published.folders import local_folder
-from catalogs.published.s3 import S3Folder
+from catalogs.published.file_list import find_snapshot_damage
+from catalogs.published.folders import local_run_folder
+from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.snapshot import open_atlas
@@ -34,7 +34,7 @@ from flows.cli.commands import command_line
 from flows.lock import lock_folder
 from tasks.engine.compute.worker_setup import inspect_worker
 from tasks.engine.store.commits import fork_store, read_newest_journal
-from tasks.publish.prune import prune
+from tasks.publish.prune import prune_snapshots
 from tasks.stages.order import STAGE_NAMES
 from tests.bucket import SECRET, served
 from tests.pipeline.runs import PATIENCE_S
@@ -64,7 +64,7 @@ class Runs:
 
     block: Path
     folder: Path
-    out: S3Folder
+    out: S3Path
     undisturbed: dict[str, Any]
     resumed: dict[str, Any]
     done_before: int
@@ -79,7 +79,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
         script = base / "run.py"
         script.write_text(RUN)
         block = write_block(base / "in", buildings=BUILDINGS, streets=STREETS)
-        out = S3Folder(f"{address.removeprefix('s3://')}/small")
+        out = S3Path(f"{address.removeprefix('s3://')}/small")
         whole = begun(script, block, str(base / "folder"), 1)
         undisturbed, said = ended(whole)
         killed = begun(script, block, str(out), 1)
@@ -131,7 +131,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[dict[str, Any], str]:
     return json.loads(printed.splitlines()[-1]), printed + said
 
 
-def done(out: S3Folder) -> list[str]:
+def done(out: S3Path) -> list[str]:
     """The units that the store holds as done."""
     with suppress(FacadeError, KeyError, FileNotFoundError):
         return [
@@ -152,7 +152,7 @@ def test_a_killed_run_goes_on_to_the_same_atlas(runs: Runs) -> None:
 
 def test_what_it_published_is_whole_and_the_same(runs: Runs) -> None:
     here, there = current_snapshot(runs.folder), current_snapshot(runs.out)
-    assert find_damage(there.folder, thorough=True) is None
+    assert find_snapshot_damage(there.folder, thorough=True) is None
     assert there.model.read_bytes() == here.model.read_bytes()
     left = {"updated", "seconds", "run"}
     for kind in ("facade", "page"):
@@ -219,21 +219,21 @@ def test_workers_are_asked_whether_they_reach_the_bucket(runs: Runs, monkeypatch
 
 def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
     """On a copy: another snapshot is published before the one that `current` names."""
-    copy, first = S3Folder(f"{runs.out.parent.path}/copy"), current_snapshot(runs.out).id
+    copy, first = S3Path(f"{runs.out.parent.path}/copy"), current_snapshot(runs.out).id
     for name in runs.out.sizes():
         object_store.copy_object(f"{runs.out.path}/{name}", f"{copy.path}/{name}")
     older = "0LDER0LDER0LDER0LDER"
     for name in (copy / "published" / first).sizes():
         object_store.copy_object(f"{copy.path}/published/{first}/{name}", f"{copy.path}/published/{older}/{name}")
     object_store.upload_object(f"{copy.path}/published/half/items.parquet", b"of a run that was killed as it published")
-    said = prune(copy, 1)
+    said = prune_snapshots(copy, 1)
     assert "removed 0 published snapshots" in said[0]
     assert "1 leftovers" in said[0]
     assert f"kept {older}, which somebody may read" in said[1]
-    said = prune(copy, 1, read_for=timedelta())
+    said = prune_snapshots(copy, 1, read_for=timedelta())
     assert "removed 1 published snapshots" in said[0]
     assert [path.name for path in (copy / "published").iterdir()] == [first]
-    assert find_damage(current_snapshot(copy).folder) is None
+    assert find_snapshot_damage(current_snapshot(copy).folder) is None
     assert len(query(copy)) == len(query(runs.out))
     assert done(copy) == done(runs.out)
 
@@ -242,7 +242,7 @@ def test_the_secret_is_nowhere(runs: Runs) -> None:
     held = {name: object_store.download_object(f"nights/{name}") for name in object_store.list_objects("nights")}
     assert len(held) > 100
     leaks = [name for name, found in held.items() if found and SECRET.encode() in found[0]]
-    local = [path for path in local_folder(runs.out).rglob("*") if path.is_file()]
+    local = [path for path in local_run_folder(runs.out).rglob("*") if path.is_file()]
     assert any(path.suffix == ".jsonl" for path in local), "the log is on this machine"
     leaks += [str(path) for path in local if SECRET.encode() in path.read_bytes()]
     assert leaks == []

@@ -19,7 +19,7 @@ from facade_core.synth.facade import paint_facade as paint
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.publish.task import publish_block
-from tasks.viewing import read_previous_picture
+from tasks.viewing import read_previous_capture_picture
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
@@ -97,11 +97,11 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     data = read_stored_file(open_root(session), changed["before_file"], changed["before_digest"])
     assert b64encode(data).decode() not in json.dumps(changed), "a record says only where it is"
     view = RunReader(out).open_newest()
-    assert read_previous_picture(view, view.find_facade(told.id["a"])) == data
+    assert read_previous_capture_picture(view, view.find_facade_index(told.id["a"])) == data
     with pytest.raises(InputError, match="no picture of how it was before"):
-        read_previous_picture(view, view.find_facade(told.id["c"]))
+        read_previous_capture_picture(view, view.find_facade_index(told.id["c"]))
     del open_root(session)[changed["before_file"]]
-    assert find_lost_units(session) == {"facades": [view.find_facade(told.id["a"])]}
+    assert find_lost_units(session) == {"facades": [view.find_facade_index(told.id["a"])]}
     report = current_snapshot(out).report
     text = (report / "index.html").read_text()
     assert "1 of 2 facades that two captures show changed" in text

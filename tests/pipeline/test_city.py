@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.published.merged_items import read_merged_items
+from catalogs.published.merged_items import read_merged_items_headers
 from catalogs.query.execution import query
 from flows.city import city as flow
 from flows.city_options import next_time_of_day
@@ -71,7 +71,7 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     assert not summary["failures"]
     assert set(query(out)["building"]) == {"a", "b"}
     assert len(json.loads((out / "tileset.json").read_text())["root"]["children"]) == 2
-    assert [len(one.runs) for one in read_merged_items(out)] == [2]
+    assert [len(one.runs) for one in read_merged_items_headers(out)] == [2]
     assert (out / "overview.glb").is_file()
     assert summary["estimate"]["facades"] > 0
 

@@ -13,10 +13,10 @@ from catalogs.block.corrections import Correction, corrections_file, read_correc
 from catalogs.block.reader import read_block
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
-from tasks.city.blocks import read_city
-from tasks.city.city_log import prepare_city
+from tasks.city.blocks import partition_city_file
+from tasks.city.city_log import load_or_partition_city
 from tasks.corrections.correction_import import CorrectionImporter, import_corrections
-from tasks.engine.store.status import record_source
+from tasks.engine.store.status import record_run_block_file
 from tasks.export.formats import export_run
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
@@ -36,10 +36,10 @@ def town(folder: Path, metres: int = 300, houses: dict[str, tuple[float, ...]] =
 def made(city: Path, *names: str) -> dict[str, Path]:
     """The blocks of a city, textured and published: all, or some; their files by name."""
     out = city.parent / "out"
-    files = prepare_city(city, out)[1]
+    files = load_or_partition_city(city, out)[1]
     for name in names or files:
         done = texture(files[name], out / "blocks" / name)
-        record_source(out / "blocks" / name, files[name])
+        record_run_block_file(out / "blocks" / name, files[name])
         publish_block.fn(done.run, files[name])
     return files
 
@@ -52,7 +52,7 @@ def said(folder: Path, *corrections: dict[str, Any]) -> Path:
 def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_path: Path) -> None:
     city, out = town(tmp_path), tmp_path / "out"
     files = made(city)
-    before = prepare_city(city, out)[0].digests
+    before = load_or_partition_city(city, out)[0].digests
     assert len(before) == 2
     of = {b: name for name in files for b in read_block(files[name]).part.buildings}  # type: ignore[union-attr]
     store = tmp_path / "town.corrections.jsonl"
@@ -67,7 +67,7 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
     )
     assert (done.files, done.facades, done.buildings) == ((store,), 1, 1)
     assert done.command == f"streetloom city {city} --out {out}"
-    after = prepare_city(city, out)[0].digests
+    after = load_or_partition_city(city, out)[0].digests
     assert [name for name in before if before[name] != after[name]] == [of["h1"]] == [of["h2"]]
     made(city, of["h1"])
     assert set(query(out, where="corrected = 1")["building"]) == {"h1", "h2"}
@@ -91,7 +91,7 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
 
     # cut otherwise, with another id for a house and one house less: nothing is lost
     renamed = {"h0": HOUSES["h0"], "x": HOUSES["h1"]}
-    cut = read_city(town(tmp_path, 5000, renamed), out)
+    cut = partition_city_file(town(tmp_path, 5000, renamed), out)
     (block,) = [read_block(one.file) for one in cut.blocks]
     assert {building.id: building.height for building in block.buildings} == {"h0": 7.0, "x": 9.5}
     assert {building.id: building.finish.wall_material for building in block.buildings} == {"h0": None, "x": "brick"}
@@ -107,7 +107,7 @@ def test_corrections_beside_a_block_of_a_city_go_to_the_citys(tmp_path: Path) ->
     folder.mkdir(parents=True)
     line = json.dumps({"id": "h0-0", "what": "facade", "value": False})
     (folder / "x0y0.corrections.jsonl").write_text(line)
-    blocks = read_city(city, tmp_path / "out").blocks
+    blocks = partition_city_file(city, tmp_path / "out").blocks
     assert not list(folder.glob("*.jsonl"))
     assert read_corrections(city).by_target["h0-0"]["facade"] == Correction("h0-0", "facade", False)
     assert [set(read_block(one.file).corrections.by_target) for one in blocks] == [{"h0-0"}, set()]

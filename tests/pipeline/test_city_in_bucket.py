@@ -19,9 +19,9 @@ from click.testing import CliRunner
 
 import facade_core.export.pictures.views
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, local_folder
-from catalogs.published.merged_items import read_merged_items
-from catalogs.published.s3 import S3Folder, folder_at
+from catalogs.published.folders import Folder, local_run_folder
+from catalogs.published.merged_items import read_merged_items_headers
+from catalogs.published.s3 import S3Path, folder_at
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows import city as flows_of_cities
@@ -62,7 +62,7 @@ def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3Folder, Path, dict[str, Any]]]:
+def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3Path, Path, dict[str, Any]]]:
     base = tmp_path_factory.mktemp("city")
     file = write_block(base, buildings=HOUSES, streets=STREETS)
     keys = yaml.safe_load(file.read_text()) | {"name": "town", "cut": {"metres": 70}}
@@ -71,25 +71,25 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3F
         patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
         patch.setattr(block_process, "_run_command", called)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
-        out = S3Folder(f"{address.removeprefix('s3://')}/town")
+        out = S3Path(f"{address.removeprefix('s3://')}/town")
         here, there = textured(file, base / "out"), textured(file, out)
         assert here["atlas_digest"] == there["atlas_digest"]
         assert not there["failures"]
         yield file, out, base / "out", there
 
 
-def test_nothing_is_due_when_it_is_done(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+def test_nothing_is_due_when_it_is_done(cities: tuple[Path, S3Path, Path, dict[str, Any]]) -> None:
     file, out, _, first = cities
     again = textured(file, out)
     assert (again["blocks_done"], again["blocks_skipped"]) == (2, 2)
     assert again["atlas_digest"] == first["atlas_digest"]
 
 
-def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Path, Path, dict[str, Any]]) -> None:
     _, out, folder, _ = cities
     columns = ["id", "run", "building", "kind"]
     assert query(out)[columns].equals(query(folder)[columns])
-    assert [len(one.runs) for one in read_merged_items(out)] == [2]
+    assert [len(one.runs) for one in read_merged_items_headers(out)] == [2]
     children = json.loads((out / "tileset.json").read_text())["root"]["children"]
     assert len(children) == 2
     assert all((out / child["content"]["uri"]).is_file() for child in children)
@@ -98,7 +98,7 @@ def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Folder, P
     assert sum(link["rel"] == "child" for link in links) == 2
 
 
-def test_commands_know_it(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+def test_commands_know_it(cities: tuple[Path, S3Path, Path, dict[str, Any]]) -> None:
     out, call = cities[1], CliRunner().invoke
     one, other = sorted(query(out)["run"].unique())
     refused = call(command_line, ["view", str(out), "--no-open"])
@@ -114,11 +114,11 @@ def test_commands_know_it(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -
 
 
 def test_a_block_that_another_run_holds_stops_no_other(
-    cities: tuple[Path, S3Folder, Path, dict[str, Any]],
+    cities: tuple[Path, S3Path, Path, dict[str, Any]],
 ) -> None:
     """Another machine's, whose lock is good for an hour more."""
     file, out, _, first = cities
-    held, name = S3Folder(f"{out.parent.path}/held"), sorted(query(out)["run"].unique())[0]
+    held, name = S3Path(f"{out.parent.path}/held"), sorted(query(out)["run"].unique())[0]
     until = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     lock = json.dumps({"host": "elsewhere", "pid": 7, "run": "0" * 32, "until": until})
     object_store.upload_object(f"{held.path}/{name}/.lock", lock.encode())
@@ -130,9 +130,7 @@ def test_a_block_that_another_run_holds_stops_no_other(
     assert len(json.loads((held / "tileset.json").read_text())["root"]["children"]) == 1
 
 
-def test_a_block_of_it_is_seen_and_exported(
-    cities: tuple[Path, S3Folder, Path, dict[str, Any]], tmp_path: Path
-) -> None:
+def test_a_block_of_it_is_seen_and_exported(cities: tuple[Path, S3Path, Path, dict[str, Any]], tmp_path: Path) -> None:
     from starlette.testclient import TestClient
 
     from flows.viewer.app import create_application
@@ -153,10 +151,10 @@ def test_a_block_of_it_is_seen_and_exported(
 
 
 def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
-    cities: tuple[Path, S3Folder, Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    cities: tuple[Path, S3Path, Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, out, _, first = cities
-    base, killed = file.parent, S3Folder(f"{out.parent.path}/killed")
+    base, killed = file.parent, S3Path(f"{out.parent.path}/killed")
     monkeypatch.setattr(block_process, "_run_command", TYPED)
 
     # a night that begins when it is to be over, by the flow
@@ -168,7 +166,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
     assert state.name == "BlocksLeft"
     assert "0 of 2 blocks are done; 2 are left" in state.message
     names = [
-        name for name, *_ in (path.name.partition(".") for path in (local_folder(killed) / "input").glob("*.yaml"))
+        name for name, *_ in (path.name.partition(".") for path in (local_run_folder(killed) / "input").glob("*.yaml"))
     ]
 
     # one whose time is up soon after
@@ -193,11 +191,11 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
     assert resumed["atlas_digest"] == first["atlas_digest"]
     assert not resumed["failures"]
     assert resumed["units_skipped"] >= before > 0
-    assert list((local_folder(killed) / "prefect").glob("*.db")), "what the next test looks through"
+    assert list((local_run_folder(killed) / "prefect").glob("*.db")), "what the next test looks through"
     (base / "said.txt").write_text(said)
 
 
-def typed(file: Path, out: S3Folder, *more: str) -> subprocess.Popen:
+def typed(file: Path, out: S3Path, *more: str) -> subprocess.Popen:
     """A city's run without 3D Tiles, as a user starts it."""
     return subprocess.Popen(
         [sys.executable, "-m", "flows", "city", str(file), "--out", str(out), "--no-tiles", "--json", *more],
@@ -209,7 +207,7 @@ def typed(file: Path, out: S3Folder, *more: str) -> subprocess.Popen:
     )
 
 
-def test_the_credentials_are_nowhere(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+def test_the_credentials_are_nowhere(cities: tuple[Path, S3Path, Path, dict[str, Any]]) -> None:
     """In no object, record, log, database of Prefect's or file that workers left, and nothing that was said."""
     file = cities[0]
     held = {name: object_store.download_object(f"city/{name}") for name in object_store.list_objects("city")}

@@ -18,7 +18,7 @@ from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections.correction_import import CorrectionImporter, import_corrections
 from tasks.engine.store.commits import read_newest_journal
-from tasks.engine.store.status import read_source, record_source
+from tasks.engine.store.status import read_run_block_file, record_run_block_file
 from tasks.export.formats import export_run
 from tasks.training.corrected_facades import load_corrected_facades
 from tasks.viewing.facade_state import read_facade_state
@@ -35,7 +35,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def folder(once: Path, tmp_path: Path) -> Path:
     shutil.copytree(once, tmp_path / "block")
-    record_source(tmp_path / "block" / "out", tmp_path / "block" / "in" / "block.yaml")
+    record_run_block_file(tmp_path / "block" / "out", tmp_path / "block" / "in" / "block.yaml")
     return tmp_path / "block"
 
 
@@ -142,7 +142,7 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
     assert query(out, where="id = 'x-2'")["height_m"].tolist() == [10.0], "its own is newer"
     # who edits it sees that, and takes it back whatever it was called
     view = RunReader(out).open_newest()
-    stands = read_facade_state(view, view.find_facade("x-2"), read_corrections(folder / "in" / "block.yaml"))
+    stands = read_facade_state(view, view.find_facade_index("x-2"), read_corrections(folder / "in" / "block.yaml"))
     assert (
         stands["said"]["height"],
         stands["said"]["wall_material"],
@@ -157,12 +157,12 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
 
 def test_a_copy_of_a_run_with_its_block_is_corrected_by_itself(tmp_path: Path) -> None:
     block = write_block(tmp_path / "out" / "input", buildings=HOUSES, streets=STREET)
-    record_source(tmp_path / "out", block)
+    record_run_block_file(tmp_path / "out", block)
     shutil.copytree(tmp_path / "out", tmp_path / "copy")
-    assert read_source(tmp_path / "out") == block
-    assert read_source(tmp_path / "copy") == tmp_path / "copy" / "input" / "block.yaml"
-    record_source(tmp_path / "copy", block)
-    assert read_source(tmp_path / "copy") == block, "of a block elsewhere"
+    assert read_run_block_file(tmp_path / "out") == block
+    assert read_run_block_file(tmp_path / "copy") == tmp_path / "copy" / "input" / "block.yaml"
+    record_run_block_file(tmp_path / "copy", block)
+    assert read_run_block_file(tmp_path / "copy") == block, "of a block elsewhere"
 
 
 def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:

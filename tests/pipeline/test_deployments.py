@@ -23,7 +23,7 @@ from deploy.rehearsal.postgres import postgres, unfit
 from facade_core.core.errors import StoreError
 from flows.block import block_run_name
 from flows.lock import lock_folder
-from flows.server.startup import free_port
+from flows.server.startup import find_free_port
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.deployed import (
@@ -59,7 +59,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     and drops events."""
     if reason := unfit():
         pytest.skip(reason)
-    with postgres(tmp_path_factory.mktemp("postgres") / "server", "127.0.0.1", free_port()) as address:
+    with postgres(tmp_path_factory.mktemp("postgres") / "server", "127.0.0.1", find_free_port()) as address:
         yield address
 
 

@@ -10,7 +10,7 @@ from catalogs.block.reader import Block, read_block
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import commit, open_repository, open_root
-from facade_core.core.errors import FormatError
+from facade_core.core.errors import StoreFormatError
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import repair_store
@@ -56,9 +56,9 @@ def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> Non
     commit(session, "as a later version")
     said = f"is of format {STORE_FORMAT + 1}, and .* reads {STORE_FORMAT}; "
     said += f"`streetloom run BLOCK.yaml --out {run.out}` makes it anew"
-    with pytest.raises(FormatError, match=said):
+    with pytest.raises(StoreFormatError, match=said):
         RunReader(Path(run.out)).open_newest()
-    with pytest.raises(FormatError, match=said):
+    with pytest.raises(StoreFormatError, match=said):
         after_viewpoint(run.out, "s1", 0)
     assert repair_store(run) == []
     assert ingest_block.fn(run, block).anew == "another version of Streetloom made the store"

@@ -13,7 +13,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.facade.wall_material import lit_colour
 from facade_core.synth.exemplars import paint_exemplar_set
-from tasks.engine.context import plan_of_run
+from tasks.engine.context import load_run_plan
 from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL
 from tests.pipeline.test_changes import captured
@@ -30,7 +30,7 @@ def write(folder: Path) -> Path:
 
 def walls(run) -> dict[str, tuple[np.ndarray, float]]:
     """The colour of the wall of each facade, and the share of it that is a photo's."""
-    group, plan, found = open_root(open_repository(run.store).readonly_session("main")), plan_of_run(run), {}
+    group, plan, found = open_root(open_repository(run.store).readonly_session("main")), load_run_plan(run), {}
     placement = plan.scene.placement
     for name, chart in zip(plan.facades.id, plan.facades.chart.tolist(), strict=True):
         y, x = int(placement.y[chart]), int(placement.x[chart])

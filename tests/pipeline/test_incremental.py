@@ -17,14 +17,14 @@ from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from tasks.engine.compute.connect import SerialCompute
-from tasks.engine.context import plan_of_run
+from tasks.engine.context import load_run_plan
 from tasks.engine.fan_out import process_batch
 from tasks.engine.run_key import create_run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
-from tasks.stages.surfaces.stage import surface_units
+from tasks.stages.surfaces.stage import list_surface_units
 from tests.pipeline.stages import (
     BUILDINGS,
     STREETS,
@@ -134,9 +134,9 @@ def test_settings_reach_what_reads_them(left_to_streets: Path, tmp_path: Path) -
 def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tmp_path: Path) -> None:
     folder = copied(left_to_streets, tmp_path)
     block, made = read_block(folder / "in" / "block.yaml"), texture(folder / "in" / "block.yaml", folder / "out")
-    plan, before = plan_of_run(made.run), charts_of(made.run)
+    plan, before = load_run_plan(made.run), charts_of(made.run)
     group = open_root(open_repository(made.run.store).readonly_session(BRANCH))
-    [unit] = [unit for unit in surface_units(made.run, block, plan, group) if unit.name == "a"]
+    [unit] = [unit for unit in list_surface_units(made.run, block, plan, group) if unit.name == "a"]
 
     def fails(*_: Any) -> None:
         raise ValueError("no material")
@@ -277,7 +277,7 @@ def test_units_done_by_other_code_are_due(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("tasks.stages.facades.keys.stage_code", "tasks.stages.streets.keys.stage_code"):
+    for reader in ("tasks.stages.facades.keys.stage_code_digest", "tasks.stages.streets.keys.stage_code_digest"):
         monkeypatch.setattr(reader, _other_code("facades"))
     done, made = again(folder)
     assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
@@ -289,7 +289,7 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("tasks.engine.run_key.stage_code", "tasks.stages.ingest.task.stage_code"):
+    for reader in ("tasks.engine.run_key.stage_code_digest", "tasks.stages.ingest.task.stage_code_digest"):
         monkeypatch.setattr(reader, _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
@@ -321,7 +321,7 @@ def test_other_code_that_publishes_does_nothing_else(
     done = completion_summary(run)
     assert done is not None
     assert done["units_done"] == 0
-    for reader in ("tasks.publish.task.stage_code", "tasks.engine.store.status.stage_code"):
+    for reader in ("tasks.publish.task.stage_code_digest", "tasks.engine.store.status.stage_code_digest"):
         monkeypatch.setattr(reader, _other_code("publish"))
     assert completion_summary(run) is None
     before = started(folder / "out")
@@ -343,7 +343,7 @@ def _key_of(folder: Path) -> str:
 
 
 def _other_code(stage: str) -> Callable[..., str]:
-    return lambda one, **options: "new" if one == stage else stage_code(one, **options)
+    return lambda one, **options: "new" if one == stage else stage_code_digest(one, **options)
 
 
 def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
@@ -363,9 +363,9 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
 
 
 def _viewpoints_that_see(made: Textured, facade: str) -> set[str]:
-    from tasks.engine.context import plan_of_run
+    from tasks.engine.context import load_run_plan
 
-    plan = plan_of_run(made.run)
+    plan = load_run_plan(made.run)
     chart = plan.facades.chart[plan.facades.id.index(facade)]
     return {
         f"{plan.streets[street].id}/{step}"

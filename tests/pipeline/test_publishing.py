@@ -16,15 +16,15 @@ import trimesh
 from PIL import Image
 
 from catalogs.block.reader import read_block
-from catalogs.published.file_list import find_damage
-from catalogs.published.snapshot import Snapshot, current_snapshot
+from catalogs.published.file_list import find_snapshot_damage
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import (
     HIERARCHIES,
-    delete_stored_files,
-    page_path,
+    delete_stored_files_except,
+    page_picture_path,
     picture_path,
     read_stored_file,
     tile_paths,
@@ -34,7 +34,7 @@ from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import create_run
-from tasks.engine.store.integrity import is_suspect, repair_store
+from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
 from tasks.engine.store.status import completion_summary, explain_unpublished
 from tasks.publish.stored_block import read_stored_block
 from tasks.publish.task import publish_block
@@ -55,7 +55,7 @@ def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def again(folder: Path) -> tuple[Textured, dict[str, Any], Snapshot[Path]]:
+def again(folder: Path) -> tuple[Textured, dict[str, Any], SnapshotFolder[Path]]:
     made = texture(folder / "in" / "block.yaml", folder / "out")
     summary = publish_block.fn(made.run, folder / "in" / "block.yaml")
     return made, summary, current_snapshot(folder / "out")
@@ -66,7 +66,7 @@ def copied(folder: Path, to: Path) -> Path:
     return to / "copy"
 
 
-def listed(snapshot: Snapshot[Path]) -> dict[str, dict[str, Any]]:
+def listed(snapshot: SnapshotFolder[Path]) -> dict[str, dict[str, Any]]:
     return {tile["path"]: tile for tile in json.loads(snapshot.tiles.read_text())["tiles"]}
 
 
@@ -123,7 +123,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     assert {name for name in sheets if f"report/images/{name}" not in linked} == {
         name for name in sheets if name.startswith("c-0-")
     }
-    assert find_damage(second.folder, thorough=True) is None
+    assert find_snapshot_damage(second.folder, thorough=True) is None
     fresh = tmp_path / "fresh"
     shutil.copytree(folder / "in", fresh / "in")
     third = again(fresh)[2]
@@ -159,7 +159,7 @@ def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tm
     assert (snapshot.report / "index.html").is_file()
     assert explain_unpublished(folder / "out", snapshot.id) is not None
     assert completion_summary(made.run) is None
-    assert is_suspect(folder / "out")
+    assert is_store_marked_suspect(folder / "out")
     assert repair_store(made.run)
     made, summary, snapshot = again(folder)
     assert "unpublished" not in summary
@@ -177,7 +177,7 @@ def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp
     session.commit("garbled")
     made, summary, _ = again(folder)
     assert path in {one["unit"] for one in summary["unpublished"]}
-    assert is_suspect(folder / "out")
+    assert is_store_marked_suspect(folder / "out")
     assert repair_store(made.run)
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
@@ -200,7 +200,7 @@ def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Pa
     assert told.keys() == {"view above", "pictures of facade a-0", "pictures of facade c-0"}
     assert all(reason.endswith("the next run makes it again") for reason in told.values())
     assert not (snapshot.report / "images" / "above.jpg").exists()
-    assert is_suspect(folder / "out")
+    assert is_store_marked_suspect(folder / "out")
     assert "3 pictures (" in repair_store(made.run)[0]
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
@@ -219,7 +219,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     group = open_root(session)
     for unit in range(4):
         clear_record(group, "pictures", unit)
-    group[page_path(0)][:] = 7
+    group[page_picture_path(0)][:] = 7
     session.commit("garbled")
     block = read_block(folder / "in" / "block.yaml")
     outcome = process_batch.fn(
@@ -239,7 +239,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     assert set(rows["id"]) == set(failed)
     assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
     assert not (snapshot.report / "images" / "above.jpg").exists()
-    assert is_suspect(folder / "out")
+    assert is_store_marked_suspect(folder / "out")
     assert repair_store(made.run)
     snapshot = again(folder)[2]
     ours, theirs = (_images(one) for one in (snapshot, current_snapshot(seeded / "out")))
@@ -256,7 +256,7 @@ def test_publishing_copies_pictures_and_draws_none(
     group = open_root(session)
     for path in ("atlas/seed", "atlas/colour", "facade_maps/labels", "facade_maps/evidence"):
         group[path][:] = 0
-    delete_stored_files(group, HIERARCHIES, set())
+    delete_stored_files_except(group, HIERARCHIES, set())
     session.commit("nothing to draw from")
     made = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
     publish_block.fn(made, folder / "in" / "block.yaml")
@@ -275,7 +275,7 @@ def test_models_that_other_code_puts_together_are_not_linked(
     seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(seeded, tmp_path)
-    for reader in ("tasks.publish.task.stage_code", "tasks.publish.tiles.stage_code"):
+    for reader in ("tasks.publish.task.stage_code_digest", "tasks.publish.tiles.stage_code_digest"):
         monkeypatch.setattr(reader, lambda stage: f"other {stage}")
     first = current_snapshot(folder / "out")
     _, _, second = again(folder)
@@ -305,7 +305,7 @@ def test_a_step_that_fails_leaves_the_others(
     assert "unpublished" not in summary
     assert repaired == snapshot
     assert repaired.model.is_file()
-    assert find_damage(repaired.folder, thorough=True) is None
+    assert find_snapshot_damage(repaired.folder, thorough=True) is None
 
 
 def test_the_report_is_an_index_with_pages_for_each_street(
@@ -347,7 +347,7 @@ def test_the_report_is_an_index_with_pages_for_each_street(
     assert len(list((report / "images").glob("c-0-*"))) > 3, "it is from a photo"
 
 
-def _images(snapshot: Snapshot[Path]) -> dict[str, bytes]:
+def _images(snapshot: SnapshotFolder[Path]) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (snapshot.report / "images").iterdir()}
 
 

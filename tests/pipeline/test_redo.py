@@ -12,12 +12,12 @@ from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from tasks.engine.compute.connect import SerialCompute
-from tasks.engine.context import plan_of_run
+from tasks.engine.context import load_run_plan
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.digests import find_differing_units
 from tasks.publish.task import publish_block
 from tasks.stages.streets import task
-from tasks.stages.streets.redo import find_redo, redo_street, street_chunks
+from tasks.stages.streets.redo import find_streets_to_redo, schedule_street_redo, street_read_write_chunks
 from tests.pipeline.stages import digests_of, redone, started, texture
 
 
@@ -35,7 +35,7 @@ def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(
     first, *others = sorted((r for r in read_newest_journal(out / "store", "streets") if r), key=lambda r: r["wave"])
     later = [r["unit"] for r in others if r["wave"] > 0 and set(r["digests"]) & set(first["digests"])]
     assert later
-    assert redo_street(made.run, first["unit"], only=True) == ([first["unit"]], later)
+    assert schedule_street_redo(made.run, first["unit"], only=True) == ([first["unit"]], later)
     assert {unit for unit, state in states(out).items() if state == "stale"} == set(later)
     texture(block, out, only=first["unit"])
     assert {unit for unit, state in states(out).items() if state == "stale"} == set(later)
@@ -56,16 +56,16 @@ def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
     """What it had written over an earlier street's texels is no longer taken for theirs."""
     block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     run = texture(block, out).run
-    digest, plan = digests_of(out), plan_of_run(run)
+    digest, plan = digests_of(out), load_run_plan(run)
     unit = max((r for r in read_newest_journal(out / "store", "streets") if r), key=lambda r: r["wave"])["unit"]
     street = [one.id for one in plan.streets].index(unit)
-    redo_street(run, unit, only=False)
+    schedule_street_redo(run, unit, only=False)
 
     def broken(*arguments: Any) -> None:
         raise ValueError("broken")
 
     with monkeypatch.context() as patch:
-        patch.setattr(task, "process_street", broken)
+        patch.setattr(task, "write_street_texels", broken)
         assert task.texture_street.fn(run, street, unit, 0, SerialCompute()).failed
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     assert find_differing_units(group, plan) == {}
@@ -97,9 +97,9 @@ class Blocked:
 
 def test_whoever_reads_what_is_written_again_depends_through_others_too() -> None:
     plan: Any = Blocked()
-    assert street_chunks(plan, 1) == ({"0/0/0", "0/0/1"}, {"0/0/0", "0/0/1"})
-    assert find_redo(plan, "a").dependants == (1, 2)
-    assert find_redo(plan, "b").dependants == (2,)
-    assert find_redo(plan, "c").dependants == ()
+    assert street_read_write_chunks(plan, 1) == ({"0/0/0", "0/0/1"}, {"0/0/0", "0/0/1"})
+    assert find_streets_to_redo(plan, "a").dependants == (1, 2)
+    assert find_streets_to_redo(plan, "b").dependants == (2,)
+    assert find_streets_to_redo(plan, "c").dependants == ()
     with pytest.raises(InputError, match="no street has the id or name 'd'"):
-        find_redo(plan, "d")
+        find_streets_to_redo(plan, "d")

@@ -17,7 +17,7 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.facade import paint_facade as paint
-from tasks.stages.bundles.refined_poses import read_refined_poses
+from tasks.stages.bundles.refined_poses import read_bundled_pose_records
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0
@@ -71,7 +71,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     texture(block_file, out, stop_before="1")
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
-    poses = {record["unit"]: record for record in read_refined_poses(group) if record}
+    poses = {record["unit"]: record for record in read_bundled_pose_records(group) if record}
     assert [record["unit"] for record in read_journal(group, "bundles") if record] == ["a-1.jpg"]
     for name in ("a-1.jpg", "a-2.jpg"):
         told = poses[name]

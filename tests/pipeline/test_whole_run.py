@@ -28,7 +28,7 @@ from facade_core.plan.plan_tables import read_plan
 from tasks.engine.store.commits import read_newest_journal
 from tasks.publish.task import publish_block
 from tasks.stages.order import STAGE_NAMES
-from tasks.stages.streets.redo import street_chunks
+from tasks.stages.streets.redo import street_read_write_chunks
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, TYPED, command, environment, run
 from tests.pipeline.stages import texture, write_photo
@@ -75,7 +75,7 @@ def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> No
     begins = [
         min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))
     ]
-    chunks = [street_chunks(plan, street) for street in range(len(streets))]
+    chunks = [street_read_write_chunks(plan, street) for street in range(len(streets))]
     pairs = [
         (first, then)
         for first, (_, writes) in enumerate(chunks)

@@ -15,12 +15,12 @@ from pyproj import Transformer
 
 from benchmarks.imagery_server import Imagery, Shot, picture_path, serving
 from catalogs.block.reader import read_block
-from catalogs.block.sources import block_sources
+from catalogs.block.sources import block_data_sources
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
-from tasks.fetching import ImageryFetch, fetch_for_block, fetch_for_box
+from tasks.fetching import ImageryFetchResult, fetch_block_panoramas, fetch_box_panoramas
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
@@ -49,7 +49,7 @@ def names(folder: Path) -> set[str]:
 
 def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(served: Imagery, tmp_path: Path) -> None:
     block_file = write_block(tmp_path / "in")
-    found = fetch_for_block(block_file, stac_service(served.stac()))
+    found = fetch_block_panoramas(block_file, stac_service(served.stac()))
     assert (found.offered, found.earlier, found.faults, found.missing, found.manual_entry) == (6, 0, (), 0, None)
     assert found.choice is not None
     assert 0 < found.chosen < 6
@@ -59,9 +59,9 @@ def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(serv
     block = read_block(block_file)
     assert {panorama.id for panorama in block.panoramas} == fetched
     assert all(panorama.captured for panorama in block.panoramas)
-    told = {source.key: source.licence for source in block_sources(block_file)}
+    told = {source.key: source.licence for source in block_data_sources(block_file)}
     assert told["imagery.panoramas.path"] == "anna, CC-BY-SA-4.0"
-    again = fetch_for_block(block_file, stac_service(served.stac()))
+    again = fetch_block_panoramas(block_file, stac_service(served.stac()))
     assert (again.earlier, again.chosen) == (found.chosen, found.chosen)
     assert all(served.asked[picture_path(name)] == 1 for name in fetched)
     assert read_block(block_file).digest == block.digest
@@ -76,7 +76,7 @@ def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     kept = {name: BUILDINGS[name] for name in ("a", "c")}
     block_file = write_block(tmp_path / "in", buildings=kept, streets={name: STREETS[name] for name in ("1", "3")})
     out = tmp_path / "out"
-    fetch_for_block(block_file, stac_service(served.stac()))
+    fetch_block_panoramas(block_file, stac_service(served.stac()))
     run = texture(block_file, out).run
     publish_block.fn(run, block_file)
     told = query(out, where="capture_date is not null").set_index("id")["capture_date"].to_dict()
@@ -84,7 +84,7 @@ def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     assert set(told.values()) <= {"2024-05-17", "2021-01-01"}
     before = started(out)
     served.shots = [*served.shots, shot("newer", 9, 600, captured="2026-02-03")]
-    fetch_for_block(block_file, stac_service(served.stac()), dates="2026-01-01/..")
+    fetch_block_panoramas(block_file, stac_service(served.stac()), dates="2026-01-01/..")
     texture(block_file, out)
     again = {unit for stage, unit in redone(before, out) if stage == "facades"}
     publish_block.fn(run, block_file)
@@ -108,13 +108,13 @@ def test_a_block_has_one_folder_and_a_users_own_is_not_written_into(served: Imag
     keys["imagery"]["panoramas"] = {"path": "own", "poses": "own/poses.json"}
     block_file.write_text(yaml.safe_dump(keys))
     with pytest.raises(InputError, match=r"imagery\.panoramas names .*own, and a block has one folder"):
-        fetch_for_block(block_file, stac_service(served.stac()))
+        fetch_block_panoramas(block_file, stac_service(served.stac()))
     with pytest.raises(InputError, match="holds files that were not fetched"):
-        fetch_for_box((24, 60, 25, 61), own, stac_service(served.stac()))
+        fetch_box_panoramas((24, 60, 25, 61), own, stac_service(served.stac()))
     del keys["imagery"]["panoramas"]
     block_file.write_text(yaml.safe_dump(keys))
-    fetch_for_block(block_file, stac_service(served.stac()))
-    fetch_for_block(block_file, resolve_service(str(own)), licence="mine")
+    fetch_block_panoramas(block_file, stac_service(served.stac()))
+    fetch_block_panoramas(block_file, resolve_service(str(own)), licence="mine")
     block = read_block(block_file)
     assert "mine" in {panorama.id for panorama in block.panoramas}
     assert len(block.panoramas) > 1
@@ -123,10 +123,10 @@ def test_a_block_has_one_folder_and_a_users_own_is_not_written_into(served: Imag
 
 def test_a_box_without_a_block_brings_all_of_it_or_the_newest(served: Imagery, tmp_path: Path) -> None:
     (west, south), (east, north) = (LONLAT.transform(EAST + x, NORTH + x) for x in (-50.0, 50.0))
-    found = fetch_for_box((west, south, east, north), tmp_path / "all", stac_service(served.stac()))
+    found = fetch_box_panoramas((west, south, east, north), tmp_path / "all", stac_service(served.stac()))
     assert names(tmp_path / "all") == {"other", *(f"near-{i}" for i in range(5))}
     assert found.choice is None
-    fetch_for_box((west, south, east, north), tmp_path / "some", stac_service(served.stac()), max_count=2)
+    fetch_box_panoramas((west, south, east, north), tmp_path / "some", stac_service(served.stac()), max_count=2)
     assert names(tmp_path / "some") == {"near-0", "near-1"}
 
 
@@ -136,8 +136,8 @@ def test_who_took_a_picture_is_told_from_folder_to_folder_and_folders_of_one_nam
     (west, south), (east, north) = (LONLAT.transform(EAST + x, NORTH + x) for x in (-50.0, 50.0))
     box = (west, south, east, north)
     for name in ("a", "b"):
-        fetch_for_box(box, tmp_path / name / "pictures", stac_service(served.stac()))
-        found = fetch_for_box(box, tmp_path / "all", resolve_service(str(tmp_path / name / "pictures"), None))
+        fetch_box_panoramas(box, tmp_path / name / "pictures", stac_service(served.stac()))
+        found = fetch_box_panoramas(box, tmp_path / "all", resolve_service(str(tmp_path / name / "pictures"), None))
         told = json.loads((tmp_path / "all" / "poses.json").read_text())["poses"]
         assert {(one["author"], one["licence"]) for one in told.values()} == {("anna", "CC-BY-SA-4.0")}
         assert "licences   CC-BY-SA-4.0" in "\n".join(found.lines())
@@ -198,6 +198,8 @@ def _real_server() -> str:
 
 def test_a_real_panoramax_answers(tmp_path: Path) -> None:
     """One that `python -m benchmarks.panoramax --fill` filled with the panoramas of the data folder."""
-    found: ImageryFetch = fetch_for_box((7.0, 48.0, 8.0, 49.0), tmp_path / "p", resolve_service(_real_server()))
+    found: ImageryFetchResult = fetch_box_panoramas(
+        (7.0, 48.0, 8.0, 49.0), tmp_path / "p", resolve_service(_real_server())
+    )
     assert (found.offered, found.missing, found.faults) == (13, 0, ())
     assert {one.licence for one in found.log.pictures.values()} == {"etalab-2.0"}

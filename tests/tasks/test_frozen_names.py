@@ -14,7 +14,7 @@ from facade_core.atlas.table_schema import TABLES
 from tasks.engine import seeds
 from tasks.stages.journals import Journals
 from tasks.stages.order import CODE_STAGES, STAGE_NAMES
-from tasks.stages.poses.record import RefinedPoseRecord
+from tasks.stages.poses.record import BundledPoseRecord
 
 FILE = Path(__file__).parent / "frozen_names.json"
 
@@ -28,7 +28,7 @@ def names() -> dict[str, Any]:
         "columns_of_tables": {name: [column.name for column in table.columns] for name, table in TABLES.items()},
         "folders_of_files": list(FOLDERS),
         "journals": [journal_path(stage) for stage in STAGE_NAMES],
-        "records_of_bundled_panoramas": sorted(get_type_hints(RefinedPoseRecord)),
+        "records_of_bundled_panoramas": sorted(get_type_hints(BundledPoseRecord)),
         "records": {stage: sorted(_record_keys(stage)) for stage in STAGE_NAMES},
         "seeds": [seeds.EXEMPLAR_SEED, seeds.FACADE_SEED, seeds.BUILDING_SEED],
         "stages": list(STAGE_NAMES),

@@ -19,7 +19,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
-from tasks.city.blocks import read_city
+from tasks.city.blocks import partition_city_file
 from tasks.matching.match_table import (
     COLUMNS,
     MatchDecision,
@@ -229,7 +229,7 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
     """Its photos are the city's: what its own file names would not be read."""
     keys = yaml.safe_load(block_file.read_text()) | {"name": "town", "cut": {"metres": 300}}
     (city := block_file.parent / "town.yaml").write_text(yaml.safe_dump(keys))
-    part = read_city(city, block_file.parent / "out").blocks[0].file
+    part = partition_city_file(city, block_file.parent / "out").blocks[0].file
     (table := block_file.parent / "mended.csv").write_text("photo,facade\nIMG_1.jpg,a-0\n")
     with pytest.raises(InputError, match="it is a part of a city and has the photos of that"):
         plan_photo_import(part, block_file.parent.parent / "photos", read_match_table(table))

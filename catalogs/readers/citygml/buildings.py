@@ -15,7 +15,7 @@ import shapely
 
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.axes import Axes, resolve_axes
+from catalogs.readers.axes import CoordinateAxes, resolve_crs_axes
 from catalogs.readers.citygml.appearance import (
     CityGmlAppearance,
     add_parameterized_texture,
@@ -23,8 +23,8 @@ from catalogs.readers.citygml.appearance import (
     face_texture,
 )
 from catalogs.readers.citygml.stream import gml_id, iterate_elements, local_name, parse_numbers
-from catalogs.readers.citygml.surfaces import collect_building_units, polygon_rings, select_surfaces
-from catalogs.readers.faces import Face, triangulate_faces
+from catalogs.readers.citygml.surfaces import collect_building_units, polygon_rings, select_lod_surfaces
+from catalogs.readers.faces import PlanarFace, triangulate_faces
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 
@@ -48,7 +48,7 @@ class _ReaderState:
     path: Path
     appearance: CityGmlAppearance
     frame: str | None = None
-    axes: dict[str, Axes] = field(default_factory=dict)
+    axes: dict[str, CoordinateAxes] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
     remarks: list[Remark] = field(default_factory=list)
 
@@ -117,11 +117,11 @@ def _scan_file(path: Path) -> _ReaderState:
 
 def _read_building(
     building: Element, id: str, requested_lod: int | None, reading: _ReaderState
-) -> tuple[Axes, BuildingModel]:
+) -> tuple[CoordinateAxes, BuildingModel]:
     units, dangling = collect_building_units(building)
     if dangling:
         reading.remarks.append(Remark(id, "buildings with references that lead out of them, not followed", None))
-    surfaces, lod = select_surfaces(units, requested_lod)
+    surfaces, lod = select_lod_surfaces(units, requested_lod)
     if requested_lod not in (None, lod):
         reading.remarks.append(Remark(id, f"buildings without LoD {requested_lod} read at LoD {lod}", None))
     outlines = [(polygon_rings(surface.polygon), surface.is_reversed, surface.semantic) for surface in surfaces]
@@ -140,7 +140,9 @@ def _read_building(
     )
 
 
-def _build_faces(outlines: Sequence[_SurfaceRings], axes: Axes, id: str, reading: _ReaderState) -> list[Face]:
+def _build_faces(
+    outlines: Sequence[_SurfaceRings], axes: CoordinateAxes, id: str, reading: _ReaderState
+) -> list[PlanarFace]:
     """Return the faces in outward orientation, each once, with textures."""
     faces, misfit, known = [], False, set()
     for named, turned, semantic in sorted(outlines, key=lambda outline: outline[2] is None):
@@ -158,7 +160,7 @@ def _build_faces(outlines: Sequence[_SurfaceRings], axes: Axes, id: str, reading
         step = -1 if turned else 1
         turned_uv = None if uv is None else [ring[::step] for ring in uv]
         index = -1 if texture is None else texture
-        faces.append(Face([ring[::step] for ring in rings], semantic or "unknown", index, turned_uv))
+        faces.append(PlanarFace([ring[::step] for ring in rings], semantic or "unknown", index, turned_uv))
     if misfit:
         reading.remarks.append(Remark(id, "buildings with texture coordinates that do not fit their rings", None))
     return faces
@@ -181,16 +183,16 @@ def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | 
     return max(own or parts, default=None)
 
 
-def _building_axes(building: Element | None, points: Float64Array, reading: _ReaderState) -> Axes:
+def _building_axes(building: Element | None, points: Float64Array, reading: _ReaderState) -> CoordinateAxes:
     """Return the axes of a building; the first building of a coordinate system decides on their order."""
     own = "" if building is None else building.xpath("string((.//@srsName)[1])")
     reading.frame = reading.frame or own
     name = own or reading.frame or ""
     if name not in reading.axes:
         if len(points) == 0:
-            return resolve_axes(name, None, reading.path)[0]
+            return resolve_crs_axes(name, None, reading.path)[0]
         first, second = np.median(points[:, :2], axis=0).tolist()
-        reading.axes[name], remark = resolve_axes(name, (first, second), reading.path)
+        reading.axes[name], remark = resolve_crs_axes(name, (first, second), reading.path)
         if remark:
             reading.remarks.append(Remark(f"{name} of {reading.path.name}", remark, None))
     return reading.axes[name]

@@ -137,7 +137,7 @@ def _iterate_polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[t
         visited.add(element)
 
 
-def select_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) -> tuple[list[CityGmlSurface], int]:
+def select_lod_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) -> tuple[list[CityGmlSurface], int]:
     """Return the surfaces to read and their level of detail.
 
     Parts without the level use their nearest; installations use none above it.

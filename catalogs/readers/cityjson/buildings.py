@@ -14,11 +14,17 @@ import shapely
 
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
 from catalogs.reader_errors import fault_reason
-from catalogs.readers.axes import Axes, resolve_axes
-from catalogs.readers.cityjson.parts import Lod, format_lod, group_building_objects, parse_lod, select_geometries
-from catalogs.readers.cityjson.surfaces import CityJsonAppearance, extract_faces, place_template
-from catalogs.readers.cityjson.values import apply_transform, as_list, as_mapping, parse_number, parse_points
-from catalogs.readers.faces import Face, triangulate_faces
+from catalogs.readers.axes import CoordinateAxes, resolve_crs_axes
+from catalogs.readers.cityjson.parts import Lod, format_lod, group_building_objects, parse_lod, select_lod_geometries
+from catalogs.readers.cityjson.surfaces import CityJsonAppearance, extract_faces, instantiate_geometry_template
+from catalogs.readers.cityjson.values import (
+    apply_transform,
+    list_or_empty,
+    mapping_or_empty,
+    parse_number,
+    parse_points,
+)
+from catalogs.readers.faces import PlanarFace, triangulate_faces
 from catalogs.readers.json_text import is_json_lines, load_json, parse_json
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
@@ -45,7 +51,7 @@ class _ReaderState:
     path: Path
     requested_lod: Lod | None
     head: JsonObject
-    axes: Axes | None = None
+    axes: CoordinateAxes | None = None
     pictures: dict[str, int] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
     models: list[BuildingModel] = field(default_factory=list)
@@ -122,7 +128,7 @@ def _check_head(head: JsonValue, path: Path, lod: str | None, *, sequence: bool 
     transform = head.get("transform")
     if transform is None and sequence:
         raise InputError(f"{path} has no transform in its first line, which every feature needs; export it anew")
-    numbers = parse_points([as_mapping(transform).get(key) for key in ("scale", "translate")])
+    numbers = parse_points([mapping_or_empty(transform).get(key) for key in ("scale", "translate")])
     if transform is not None and not np.isfinite(numbers).all():
         raise InputError(f"{path}: its transform is not a scale and a translate of three numbers each; export it anew")
     return _ReaderState(path, asked, head)
@@ -150,21 +156,23 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
     corners = apply_transform(parse_points(document.get("vertices")), reading.head.get("transform"))
     reading.axes = axes = reading.axes or _document_axes(corners, reading)
     points = axes.to_east_north_up(corners) if axes else corners
-    store = as_mapping(reading.head.get("geometry-templates"))
-    templates = as_list(store.get("templates"))
+    store = mapping_or_empty(reading.head.get("geometry-templates"))
+    templates = list_or_empty(store.get("templates"))
     template_points = parse_points(store.get("vertices-templates"))
     appearance = _read_appearance(document, reading)
 
-    def placed(geometry: JsonObject) -> list[Face]:
+    def placed(geometry: JsonObject) -> list[PlanarFace]:
         if geometry["type"] != "GeometryInstance":
             return extract_faces(geometry, points, appearance)
-        moved = place_template(geometry, template_points, corners)
+        moved = instantiate_geometry_template(geometry, template_points, corners)
         return extract_faces(
-            as_mapping(templates[geometry["template"]]), axes.to_east_north_up(moved) if axes else moved, appearance
+            mapping_or_empty(templates[geometry["template"]]),
+            axes.to_east_north_up(moved) if axes else moved,
+            appearance,
         )
 
     objects: dict[str, JsonObject] = {}
-    for id, thing in as_mapping(document.get("CityObjects")).items():
+    for id, thing in mapping_or_empty(document.get("CityObjects")).items():
         if isinstance(thing, dict):
             objects[id] = thing
         else:
@@ -172,13 +180,13 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
     for root, ids in group_building_objects(objects):
         id = make_unique_id(root, reading.ids, reading.remarks, reading.path)
         try:
-            pieces, other = select_geometries(ids, objects, templates, reading.requested_lod)
+            pieces, other = select_lod_geometries(ids, objects, templates, reading.requested_lod)
             faces = [
                 face
                 for geometries in pieces
                 for face in _merge_geometries([placed(g) for g in _sort_richest_first(geometries)])
             ]
-            model = _build_model(id, faces, [objects[i] for i in ids], axes or Axes())
+            model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes())
         except GeometryError as reason:
             place = _bounding_box([objects[i] for i in ids], points)
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
@@ -195,13 +203,15 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
             )
 
 
-def _build_model(id: str, faces: Sequence[Face], things: Sequence[JsonObject], axes: Axes) -> BuildingModel:
+def _build_model(
+    id: str, faces: Sequence[PlanarFace], things: Sequence[JsonObject], axes: CoordinateAxes
+) -> BuildingModel:
     shell = triangulate_faces(faces, axes.metres_per_unit)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or remove it")
     if np.ptp(shell.vertices[:, 2]) < _MIN_MODEL_HEIGHT_M:
         raise GeometryError("all of it lies at one height; give a model with walls, or footprints with heights")
-    attributes = [as_mapping(thing.get("attributes")) for thing in things]
+    attributes = [mapping_or_empty(thing.get("attributes")) for thing in things]
 
     def stated(key: str, low: float, high: float, unit: float = 1.0) -> list[float]:
         """The building's own number, else those of its parts."""
@@ -227,7 +237,7 @@ def _sort_richest_first(geometries: Sequence[JsonObject]) -> list[JsonObject]:
     return sorted(geometries, key=lambda g: (not g.get("texture"), not g.get("semantics")))
 
 
-def _merge_geometries(geometries: Sequence[list[Face]]) -> list[Face]:
+def _merge_geometries(geometries: Sequence[list[PlanarFace]]) -> list[PlanarFace]:
     """Return the faces of all geometries without repetitions, since a solid may repeat its surfaces."""
     faces = list(geometries[0])
     known: set[bytes] = set()
@@ -237,32 +247,32 @@ def _merge_geometries(geometries: Sequence[list[Face]]) -> list[Face]:
     return faces
 
 
-def _face_key(face: Face) -> bytes:
+def _face_key(face: PlanarFace) -> bytes:
     return np.unique(face.rings[0], axis=0).tobytes() if face.rings else b""
 
 
-def _document_axes(corners: Float64Array, reading: _ReaderState) -> Axes | None:
+def _document_axes(corners: Float64Array, reading: _ReaderState) -> CoordinateAxes | None:
     """Return the axes of the coordinates; None while no finite point decides on them."""
     finite = corners[np.isfinite(corners).all(axis=1)]
     if len(finite) == 0:
         return None
     first, second = np.median(finite[:, :2], axis=0).tolist()
     name = _reference_system(reading)
-    axes, remark = resolve_axes(name, (first, second), reading.path)
+    axes, remark = resolve_crs_axes(name, (first, second), reading.path)
     if remark:
         reading.remarks.append(Remark(f"{name} of {reading.path.name}", remark, None))
     return axes
 
 
 def _reference_system(reading: _ReaderState) -> str | None:
-    name = as_mapping(reading.head.get("metadata")).get("referenceSystem")
+    name = mapping_or_empty(reading.head.get("metadata")).get("referenceSystem")
     return str(name) if isinstance(name, str | int) else None
 
 
 def _read_appearance(document: JsonObject, reading: _ReaderState) -> CityJsonAppearance:
     """Return the pictures of a document, or of the head where it has none."""
-    stated = as_mapping(document.get("appearance") or reading.head.get("appearance"))
-    images = [as_mapping(texture).get("image") for texture in as_list(stated.get("textures"))]
+    stated = mapping_or_empty(document.get("appearance") or reading.head.get("appearance"))
+    images = [mapping_or_empty(texture).get("image") for texture in list_or_empty(stated.get("textures"))]
     numbers = [
         reading.pictures.setdefault(image, len(reading.pictures)) if isinstance(image, str) and image else -1
         for image in images
@@ -296,7 +306,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
         texture = numbers[model.shell.texture]
         uv = np.where(texture[:, None, None] >= 0, model.shell.uv, np.float32(0))
         models.append(replace(model, shell=replace(model.shell, texture=texture, uv=uv)))
-    axes = reading.axes or resolve_axes(_reference_system(reading), None, reading.path)[0]
+    axes = reading.axes or resolve_crs_axes(_reference_system(reading), None, reading.path)[0]
     return BuildingModels(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
 
 

@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from catalogs.readers.cityjson.surfaces import NESTING_DEPTHS
-from catalogs.readers.cityjson.values import as_list
+from catalogs.readers.cityjson.values import list_or_empty
 from facade_core.core.errors import GeometryError
 from facade_core.core.json_types import JsonObject
 
@@ -58,7 +58,7 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
             yield root, [root, *(id for id in ids if id != root)]
 
 
-def select_geometries(
+def select_lod_geometries(
     ids: Sequence[str], objects: CityObjects, templates: Sequence[object], requested_lod: Lod | None
 ) -> tuple[list[list[JsonObject]], Lod | None]:
     """Return the geometries of a building per object, and a level that differs.
@@ -139,4 +139,4 @@ def _geometries_by_lod(thing: JsonObject, templates: Sequence[object]) -> dict[L
 
 
 def _object_ids(thing: JsonObject, key: str) -> list[str]:
-    return [id for id in as_list(thing.get(key)) if isinstance(id, str)]
+    return [id for id in list_or_empty(thing.get(key)) if isinstance(id, str)]

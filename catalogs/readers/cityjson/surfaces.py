@@ -9,8 +9,8 @@ from typing import TypeGuard
 
 import numpy as np
 
-from catalogs.readers.cityjson.values import as_list, as_mapping, mask_far_points, parse_points
-from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
+from catalogs.readers.cityjson.values import far_coordinates_to_nan, list_or_empty, mapping_or_empty, parse_points
+from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, PlanarFace
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.json_types import JsonObject
@@ -35,7 +35,7 @@ class CityJsonAppearance:
     theme: str | None
 
 
-def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJsonAppearance) -> list[Face]:
+def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJsonAppearance) -> list[PlanarFace]:
     """Return the faces of the outer shells of a geometry.
 
     Parameters
@@ -50,7 +50,7 @@ def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJs
         Where a boundary is no ring of vertices, or a vertex is missing or not finite.
     """
     depth = NESTING_DEPTHS[geometry["type"]]
-    semantics = as_mapping(geometry.get("semantics"))
+    semantics = mapping_or_empty(geometry.get("semantics"))
     classes = _surface_semantics(semantics.get("surfaces"))
     parts = list(
         zip(
@@ -70,11 +70,11 @@ def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJs
         semantic = classes[kind] if _is_index(kind, len(classes)) else "unknown"
         if semantic != "inside":
             texture, uv = _surface_texture(surface, pictured, appearance)
-            faces.append(Face(rings, semantic, texture, uv))
+            faces.append(PlanarFace(rings, semantic, texture, uv))
     return faces
 
 
-def place_template(geometry: JsonObject, template: Float64Array, corners: Float64Array) -> Float64Array:
+def instantiate_geometry_template(geometry: JsonObject, template: Float64Array, corners: Float64Array) -> Float64Array:
     """Return the vertices (n, 3) of a template at the place of an instance.
 
     Parameters
@@ -96,7 +96,7 @@ def place_template(geometry: JsonObject, template: Float64Array, corners: Float6
     except (TypeError, ValueError, KeyError) as error:
         raise GeometryError("an instance in it has no place or no matrix of 16 numbers; export it anew") from error
     with np.errstate(over="ignore", invalid="ignore"):
-        return mask_far_points(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
+        return far_coordinates_to_nan(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
 
 
 def _outer_surfaces(boundaries: object, depth: int) -> Iterator[list[list[int]]]:
@@ -115,7 +115,7 @@ def _outer_surfaces(boundaries: object, depth: int) -> Iterator[list[list[int]]]
 
 def _align_values(boundaries: object, values: object, depth: int) -> Iterator[object]:
     """Yield the value of each surface of `_outer_surfaces` in its order, None without one."""
-    parts, stated = as_list(boundaries), as_list(values)
+    parts, stated = list_or_empty(boundaries), list_or_empty(values)
     for index, part in enumerate(parts[:1] if depth == 1 else parts):
         value = stated[index] if index < len(stated) else None
         if depth == 0:
@@ -145,16 +145,16 @@ def _ring_vertices(rings: Sequence[list[int]], points: Float64Array) -> Float64A
 
 
 def _surface_semantics(surfaces: object) -> list[str]:
-    kinds = [as_mapping(surface).get("type") for surface in as_list(surfaces)]
+    kinds = [mapping_or_empty(surface).get("type") for surface in list_or_empty(surfaces)]
     return [SURFACE_SEMANTICS.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
 def _texture_values(geometry: JsonObject, theme: str | None) -> object:
-    themes = as_mapping(geometry.get("texture"))
+    themes = mapping_or_empty(geometry.get("texture"))
     if not themes:
         return None
     chosen: object = themes[theme] if theme is not None and theme in themes else themes[min(themes)]
-    return as_mapping(chosen).get("values")
+    return mapping_or_empty(chosen).get("values")
 
 
 def _surface_texture(

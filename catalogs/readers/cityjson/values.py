@@ -22,17 +22,17 @@ def apply_transform(points: Float64Array, transform: JsonObject | None) -> Float
     if transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             points = points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
-    return mask_far_points(points)
+    return far_coordinates_to_nan(points)
 
 
-def mask_far_points(points: Float64Array) -> Float64Array:
+def far_coordinates_to_nan(points: Float64Array) -> Float64Array:
     """Return points with NaN for coordinates that are infinite or beyond MAX_COORDINATE."""
     return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
 
 
 def parse_points(rows: object, size: int = 3) -> Float64Array:
     """Return rows of numbers as (n, size) float64; an invalid row becomes NaN."""
-    listed = as_list(rows)
+    listed = list_or_empty(rows)
     try:
         points = np.array(listed, np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -55,11 +55,11 @@ def parse_number(value: object) -> float:
         return np.nan
 
 
-def as_mapping(value: object) -> JsonObject:
+def mapping_or_empty(value: object) -> JsonObject:
     """Return an object, or an empty one for any other value."""
     return value if isinstance(value, dict) else {}
 
 
-def as_list(value: object) -> list[object]:
+def list_or_empty(value: object) -> list[object]:
     """Return a list, or an empty one for any other value."""
     return value if isinstance(value, list) else []

@@ -15,7 +15,7 @@ import numpy as np
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_TRIANGLES
-from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
+from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
     filename_variants,
@@ -32,7 +32,7 @@ _MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
-def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
+def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
     """Read surfaces by building and semantic, the pictures that they use, and remarks.
 
     Coordinates (x, y, z) become (x, -z, y) plus `origin` [x, y, z] of the scene's extras. Embedded pictures are dropped, since
@@ -104,7 +104,7 @@ def _read_scene(
         surfaces.append(
             MeshSurface(
                 building=building,
-                semantic=surface_semantic(*(_surface_kind(name) for name in names), material.get("name")),
+                semantic=semantic_from_names(*(_surface_kind(name) for name in names), material.get("name")),
                 corners=vertices[mesh.faces],
                 texture=pictures.index(picture) if picture is not None and textured else -1,
                 uv=(np.asarray(uv) * (1.0, -1.0) + (0.0, 1.0))[mesh.faces] if textured else None,

@@ -12,14 +12,14 @@ import numpy as np
 from catalogs.features import BuildingModels, Fault, Remark
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_TRIANGLES
-from catalogs.readers.meshes.gltf import read_gltf
+from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.npz import check_npz_arrays
-from catalogs.readers.meshes.obj import read_obj
+from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from facade_core.core.errors import InputError
 
 
-def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
+def read_mesh_buildings(path: Path, lod: str | None = None) -> BuildingModels:
     """Read the buildings of a mesh file, in the coordinates of the file in metres, z up.
 
     Each named group, object or node is one model. Its name up to a | is the id of the building; the name behind it, or that of
@@ -44,9 +44,9 @@ def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
     if kind == ".npz":
         surfaces, crs = _read_npz(path)
     elif kind == ".obj":
-        surfaces, textures, remarks, faults = read_obj(path)
+        surfaces, textures, remarks, faults = read_obj_surfaces(path)
     elif kind in (".glb", ".gltf"):
-        surfaces, textures, remarks = read_gltf(path)
+        surfaces, textures, remarks = read_gltf_surfaces(path)
     else:
         surfaces = _read_plain_mesh(path)
     if not any(len(surface.corners) for surface in surfaces) and not faults:

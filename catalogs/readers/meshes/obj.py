@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
-from catalogs.readers.faces import MAX_CORNERS, Face, triangulate_faces
-from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
+from catalogs.readers.faces import MAX_CORNERS, PlanarFace, triangulate_faces
+from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
     filename_variants,
@@ -48,7 +48,7 @@ class _ObjContent:
     libraries: list[str] = field(default_factory=list)
 
 
-def read_obj(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
+def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
     """Read surfaces by building and semantic, the pictures that they use, remarks and faults.
 
     Axes are x east, y north, z up, as exporters of 3D city models write them.
@@ -71,7 +71,7 @@ def read_obj(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Rema
     for label in text.labels:
         _, group, material = label
         kind = (group or "").partition("|")[2]
-        semantic = surface_semantic(kind, group if by_object or is_surface_name(group or "") else None, material)
+        semantic = semantic_from_names(kind, group if by_object or is_surface_name(group or "") else None, material)
         picture = pictures.get(material or "")
         texture = -1 if picture is None else textures.index(picture)
         kinds.append(None if is_interior_class(kind) else (_building_name(label, by_object), semantic, texture))
@@ -186,7 +186,8 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
         yield MeshSurface(building, semantic, vertices[vertex[triangles]], texture, uv)
         rings = [slice(starts[face], starts[face] + sizes[face]) for face in whole[sizes[whole] > 3]]
         polygons = [
-            Face([vertices[vertex[r]]], semantic, texture, [np.nan_to_num(coordinates[coordinate[r]])]) for r in rings
+            PlanarFace([vertices[vertex[r]]], semantic, texture, [np.nan_to_num(coordinates[coordinate[r]])])
+            for r in rings
         ]
         if polygons and (shell := triangulate_faces(polygons)) is not None:
             yield MeshSurface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)

@@ -13,7 +13,7 @@ import shapely
 from catalogs.features import BuildingModel, Fault
 from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, IntArray
-from facade_core.core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, BuildingShell
 
 # Semantic by a word in the name of a surface; the first match counts, so that a roof window is a window.
 _SEMANTICS_BY_WORD = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
@@ -54,7 +54,7 @@ class MeshSurface:
     uv: FloatArray | None = None
 
 
-def surface_semantic(*names: str | None) -> str:
+def semantic_from_names(*names: str | None) -> str:
     """Return the member of SEMANTICS of the first name with a known word."""
     for name in names:
         for word, semantic in _SEMANTICS_BY_WORD.items():
@@ -158,7 +158,7 @@ def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
     return merged
 
 
-def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
+def _build_shell(surfaces: Sequence[MeshSurface]) -> BuildingShell | None:
     """Return a shell with shared vertices and without degenerate triangles; None where nothing is left."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     if len(corners) == 0:
@@ -171,7 +171,7 @@ def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
     if not keep.any():
         return None
     uv = [np.zeros((len(s.corners), 3, 2)) if s.uv is None else s.uv for s in surfaces]
-    return Shell(
+    return BuildingShell(
         vertices=vertices,
         triangles=triangles[keep],
         semantic=np.repeat([SEMANTICS.index(s.semantic) for s in surfaces], sizes)[keep].astype(np.uint8),

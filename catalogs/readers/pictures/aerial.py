@@ -39,7 +39,7 @@ MAX_PIXELS_READ = 225_000_000
 
 
 @dataclass(frozen=True)
-class Aerial:
+class Orthophoto:
     """Orthophoto on this machine.
 
     Attributes
@@ -108,7 +108,7 @@ class Aerial:
         return max(1, int(steps.min())) if np.isfinite(steps).all() else 1
 
 
-def read_aerial(path: Path, crs: str | None, frame: CRS, places: Float64Array) -> Aerial:
+def open_orthophoto(path: Path, crs: str | None, frame: CRS, places: Float64Array) -> Orthophoto:
     """Open an orthophoto, and check that it shows positions in the frame of the block.
 
     Parameters
@@ -141,7 +141,7 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: Float64Array) -
         for row, column in blocks.tolist():  # find broken blocks now, not at the first roof
             _read_box(raster, (column * columns, row * rows, columns, rows), (1, 1))
         content = _content_digest(raster)
-    return Aerial(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
+    return Orthophoto(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
 
 
 def _content_digest(raster: DatasetReader) -> str:

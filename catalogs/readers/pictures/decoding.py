@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.reader_errors import is_system_error, short_message
-from catalogs.readers.pictures.high_depth import is_high_depth, read_high_depth
+from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 
@@ -81,12 +81,12 @@ def read_picture(
             raise ImageError(
                 f"{path.name} is {width} x {height} pixels{small}, and {min_side} a side are the least; give a larger picture"
             )
-        deep = is_high_depth(image)
+        deep = is_high_bit_depth(image)
         turned = _exif_orientation(image)  # decodes a PNG
         if deep:
             if image.format == "TIFF" and turned >= 5:
                 size = size[::-1]  # read_high_depth returns stored values
-            rgb, hidden = read_high_depth(path, max(1, math.floor(1 / scale)))
+            rgb, hidden = read_high_bit_depth(path, max(1, math.floor(1 / scale)))
         else:
             image.draft(None, (size[1], size[0]))  # decodes a JPEG at a half, a quarter or an eighth
             image.load()

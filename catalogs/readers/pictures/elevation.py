@@ -18,7 +18,7 @@ from catalogs.readers.pictures.rasters import (
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
-from facade_core.core.types import Elevation
+from facade_core.core.types import ElevationRaster
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -44,7 +44,7 @@ _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if na
 _DRIVERS_BY_SUFFIX = {".hgt": "SRTMHGT"}  # no magic bytes
 
 
-def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
+def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> ElevationRaster:
     """Read ground heights around the bounds of a block, in metres, NaN where unknown.
 
     The first band is warped bilinearly to square cells of the size of the raster's cells, coarser where these are finer than
@@ -89,7 +89,9 @@ def _find_driver(path: Path, depth: int = 0) -> str:
     return "VRT"
 
 
-def _read_around(raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
+def _read_around(
+    raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[float, float, float, float]
+) -> ElevationRaster:
     from pyproj import Transformer
     from rasterio import Affine
     from rasterio.enums import Resampling
@@ -164,7 +166,7 @@ def _read_around(raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[floa
     inner = heights[_MARGIN_CELLS : height - _MARGIN_CELLS, _MARGIN_CELLS : width - _MARGIN_CELLS]
     if not np.isfinite(inner).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
-    return Elevation(float(west), float(north), step, heights)
+    return ElevationRaster(float(west), float(north), step, heights)
 
 
 def _overlaps(columns: Float64Array, rows: Float64Array, raster: DatasetReader) -> bool:

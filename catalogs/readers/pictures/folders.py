@@ -6,7 +6,7 @@ import mmap
 from pathlib import Path
 
 from catalogs.features import Fault
-from catalogs.reader_errors import single_line
+from catalogs.reader_errors import to_single_line
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, open_picture
 from facade_core.core.errors import InputError
 
@@ -39,7 +39,7 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     if not usable:
         raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
     return usable, tuple(
-        Fault(single_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
+        Fault(to_single_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
     )
 
 
@@ -86,7 +86,7 @@ def _list_pictures(folder: Path) -> list[Path]:
 
 def _name_problem(path: Path) -> str | None:
     """Return the reason why a file name cannot be reported; None for a usable one."""
-    name = single_line(path.name)
+    name = to_single_line(path.name)
     return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
 
 
@@ -103,7 +103,7 @@ def label_map_path(picture: Path) -> Path | None:
     return labels if labels.is_file() else None
 
 
-def picture_and_label_map(picture: Path) -> list[Path]:
+def picture_and_label_paths(picture: Path) -> list[Path]:
     """Return a picture, and its label map if there is one."""
     labels = label_map_path(picture)
     return [picture] if labels is None else [picture, labels]

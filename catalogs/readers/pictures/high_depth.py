@@ -32,7 +32,7 @@ _SAMPLE_FORMAT_TAG = 339
 _UNSIGNED_FORMAT = 1
 
 
-def is_high_depth(image: Image) -> bool:
+def is_high_bit_depth(image: Image) -> bool:
     """Return True where Pillow would clip values or cut them to the upper 8 bits."""
     from PIL.ImageFile import ImageFile
 
@@ -46,7 +46,7 @@ def is_high_depth(image: Image) -> bool:
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)
 
 
-def read_high_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
+def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]:
     """Read a picture as 8-bit RGB, averaged over blocks of `factor` x `factor` pixels.
 
     Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255.

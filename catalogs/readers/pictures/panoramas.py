@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, SupportsFloat
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
-from catalogs.reader_errors import fault_reason, single_line
+from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
@@ -60,7 +60,7 @@ class PosedPanorama:
 
 
 @dataclass(frozen=True, slots=True)
-class Panoramas:
+class PosedPanoramas:
     """Posed panoramas of a folder by name, with faults and remarks."""
 
     items: tuple[PosedPanorama, ...]
@@ -70,7 +70,7 @@ class Panoramas:
 
 def read_panoramas(
     folder: Path, poses: Path | None, crs: CRS, bounds: tuple[float, float, float, float] | None = None
-) -> Panoramas:
+) -> PosedPanoramas:
     """Read the posed panoramas of a folder in the frame of a block.
 
     The pose is the first with position and heading of: the poses file, GPano XMP with EXIF GPS, EXIF GPS. Headings from true
@@ -114,7 +114,7 @@ def read_panoramas(
                 raise ValueError(_missing_pose_reason(source, poses))
             pose = project_pose(source, view, crs, frames)
         except ValueError as error:
-            faults.append(Fault(path.name, "panorama", single_line(str(error))))
+            faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
             continue
         except Exception as error:  # libraries raise errors of any class
             faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
@@ -140,7 +140,7 @@ def read_panoramas(
         example = next(iter(sources))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
-    return Panoramas(tuple(items), tuple(faults), (*remarks, *_outdated_remarks(items)))
+    return PosedPanoramas(tuple(items), tuple(faults), (*remarks, *_outdated_remarks(items)))
 
 
 def _outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
 from catalogs.printable_text import short_repr
-from catalogs.reader_errors import is_system_error, short_message, single_line
+from catalogs.reader_errors import is_system_error, short_message, to_single_line
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
@@ -122,7 +122,7 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
             poses[name] = _parse_pose(record, crs)
         except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
             problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
-            poses[name] = f"{path.name}: {single_line(name[:80])}: {single_line(problem)[:160]}; mend that entry"
+            poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
     return poses
@@ -187,7 +187,9 @@ def _flatten_record(record: JsonObject) -> JsonObject:
     if place:
         flat |= dict(zip(("lon", "lat"), place["coordinates"], strict=False))
     if flat.get("computed_rotation"):
-        flat |= dict(zip(("heading", "pitch", "roll"), camera_angles(flat["computed_rotation"]), strict=True))
+        flat |= dict(
+            zip(("heading", "pitch", "roll"), camera_angles_from_rotation(flat["computed_rotation"]), strict=True)
+        )
     return flat
 
 
@@ -209,11 +211,18 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     if x is None or y is None:
         raise ValueError("neither x and y nor lon and lat are given")
     return SourcePose(
-        crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0, parse_day(record.get("captured"))
+        crs,
+        x,
+        y,
+        value["z"],
+        heading,
+        value["pitch"] or 0.0,
+        value["roll"] or 0.0,
+        parse_iso_date(record.get("captured")),
     )
 
 
-def parse_day(time: object) -> str | None:
+def parse_iso_date(time: object) -> str | None:
     """Return the date of a time such as "2024-05-17T10:15:00Z"; None without one."""
     try:
         return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
@@ -281,7 +290,7 @@ def _parse_vector(values: Iterable[float]) -> Float64Array:
     return found
 
 
-def camera_angles(axis_angle: Iterable[float]) -> tuple[float, float, float]:
+def camera_angles_from_rotation(axis_angle: Iterable[float]) -> tuple[float, float, float]:
     """Return heading, pitch and roll of a camera in degrees by its rotation.
 
     Parameters

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.crs import has_east_north_axes, parse_crs
-from catalogs.reader_errors import single_line, wrap_reader_errors
+from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
                     _check_size(opened, path)
                     yield opened
         except RasterioError as error:
-            reason = single_line(str(error.__cause__ or error))[:160]
+            reason = to_single_line(str(error.__cause__ or error))[:160]
             raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.features import Centreline, Centrelines, Fault
+from catalogs.features import Centreline, CentrelinesAndGround, Fault
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 _DUPLICATE_TOLERANCE = 1e-7  # degrees or metres; lines that differ by less are equal
 
 
-def build_centrelines(crs: str | None, features: Iterable[tuple[str, BaseGeometry | None, str | None]]) -> Centrelines:
+def build_centrelines(
+    crs: str | None, features: Iterable[tuple[str, BaseGeometry | None, str | None]]
+) -> CentrelinesAndGround:
     """Build centrelines from (id, geometry, name).
 
     Parts of one geometry become id-0, id-1, ...; the two directions of a street are merged. Features without a geometry, a
@@ -44,7 +46,7 @@ def build_centrelines(crs: str | None, features: Iterable[tuple[str, BaseGeometr
             if key not in known:
                 known.add(key)
                 items.append(Centreline(part_id, line, name))
-    return Centrelines(crs, tuple(items), tuple(faults))
+    return CentrelinesAndGround(crs, tuple(items), tuple(faults))
 
 
 def _find_defect(part: BaseGeometry) -> str | None:

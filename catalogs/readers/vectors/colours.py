@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from facade_core.core.types import Finish
+from facade_core.core.types import BuildingFinish
 
 Colour = tuple[int, int, int]
 # Building colours are less saturated than the CSS colours of the same name.
@@ -60,10 +60,10 @@ _MIN_CHANNEL = 24  # of 255
 _MAX_CHANNEL = 238  # of 255
 
 
-def parse_finish(tags: Mapping[str, str]) -> Finish:
+def parse_building_finish(tags: Mapping[str, str]) -> BuildingFinish:
     """Return the finish of walls and roof by the tags; unknown colours are None."""
     wall, roof = _material_name(tags.get("building:material", "")), _material_name(tags.get("roof:material", ""))
-    return Finish(
+    return BuildingFinish(
         parse_colour(tags.get("building:colour") or tags.get("building:color") or "")
         or WALL_MATERIAL_COLOURS.get(wall or ""),
         parse_colour(tags.get("roof:colour") or tags.get("roof:color") or "") or ROOF_MATERIAL_COLOURS.get(roof or ""),

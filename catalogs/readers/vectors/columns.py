@@ -133,7 +133,7 @@ _KNOWN_COLUMNS = frozenset(
 )
 
 
-def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
+def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
     """Return the field of each known column name.
 
     has_truncated_names: True where the file cuts names to 10 characters (.shp).
@@ -152,7 +152,7 @@ def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[s
     return found
 
 
-def record_tags(records: Iterable[Mapping[str, object]], columns: Mapping[str, str]) -> list[dict[str, str]]:
+def tags_from_records(records: Iterable[Mapping[str, object]], columns: Mapping[str, str]) -> list[dict[str, str]]:
     """Return the stated tags of each record as text.
 
     `ground` is the height of the ground above the datum; `class` has the values of all class columns, one per line.

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, SupportsFloat
 import shapely
 from shapely import LineString
 
-from catalogs.features import Centrelines, Fault, GroundFeature
+from catalogs.features import CentrelinesAndGround, Fault, GroundFeature
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines
-from catalogs.readers.vectors.osm import is_street, split_values
+from catalogs.readers.vectors.osm import is_street, split_osmnx_values
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 
-def read_graphml(path: Path) -> Centrelines:
+def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
     """Read the edges of a street graph as centrelines, one for both directions.
 
     An edge without a geometry is a straight line between its nodes. With `highway` attributes only streets of
@@ -51,15 +51,15 @@ def read_graphml(path: Path) -> Centrelines:
             elif start in places and end in places:
                 line = LineString([places[start], places[end]])
             if line is not None:
-                plain = {key: split_values(value)[0] for key, value in tags.items() if key != "geometry"}
+                plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "geometry"}
                 ground.append(GroundFeature(f"{start}-{end}", line, plain))
             if from_osm and ("highway" not in tags or not is_street(line or LineString(), tags)):
                 continue
             if "geometry" not in tags and line is None:
                 nowhere.update(dict.fromkeys(node for node in (start, end) if node not in places))
                 continue
-            osmid = split_values(tags.get("osmid", ""))[0]
-            name = split_values(tags["name"])[0] if "name" in tags else None
+            osmid = split_osmnx_values(tags.get("osmid", ""))[0]
+            name = split_osmnx_values(tags["name"])[0] if "name" in tags else None
             yield f"w{osmid}" if osmid.isdigit() else f"{start}-{end}", line, name
 
     found = build_centrelines(_graph_crs(path, graph.graph.get("crs")), streets())

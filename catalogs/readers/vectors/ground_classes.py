@@ -83,7 +83,7 @@ def normalize_word(text: str) -> str:
     return word
 
 
-def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
+def osm_ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
     """Return a ground feature's OpenStreetMap tags, with classes and layer names of other maps translated.
 
     Parameters

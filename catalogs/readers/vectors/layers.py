@@ -16,7 +16,7 @@ import shapely
 from catalogs.crs import LONLAT
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_FEATURES
-from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_columns, record_tags
+from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_known_columns, tags_from_records
 from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from facade_core.core.arrays import ObjectArray
@@ -101,7 +101,7 @@ def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> Lay
     return found
 
 
-def read_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -> list[LayerFeatures]:
+def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -> list[LayerFeatures]:
     """Read the features of all layers that are wanted.
 
     Parameters
@@ -126,7 +126,7 @@ def read_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -
             for layer in layers
             if is_wanted(
                 layer,
-                match_columns(
+                match_known_columns(
                     pyogrio.read_info(path, layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)
                 ),
             )
@@ -141,7 +141,7 @@ def _read_table(path: Path, layer: str, others: Sequence[str]) -> LayerFeatures:
     if crs == LONLAT and not _are_degrees(geometries):
         crs = None
     ids, renamed = assign_ids(records, columns)
-    return LayerFeatures(crs, ids, geometries, record_tags(records, columns), renamed, layer, others)
+    return LayerFeatures(crs, ids, geometries, tags_from_records(records, columns), renamed, layer, others)
 
 
 @contextmanager
@@ -200,7 +200,7 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     info = pyogrio.read_info(path, layer=layer)
     if info["driver"] not in _DRIVERS:  # some formats of GDAL read other files and addresses
         raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
-    columns = match_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
+    columns = match_known_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # read as text
@@ -247,7 +247,7 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     geo = (schema.metadata or {}).get(b"geo")
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
-    columns = match_columns(schema.names, has_truncated_names=False)
+    columns = match_known_columns(schema.names, has_truncated_names=False)
     wanted = {*columns.values(), json.loads(geo)["primary_column"]}
     unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
     for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):

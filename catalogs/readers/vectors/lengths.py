@@ -29,7 +29,7 @@ def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def parse_levels(text: str) -> float | None:
+def parse_floor_count(text: str) -> float | None:
     """Return the floor count of building:levels, such as "5" and "3.5".
 
     Of a list such as "4;5" the largest counts; None for other texts.

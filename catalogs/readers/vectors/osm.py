@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
-from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
+from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason, is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
-from catalogs.readers.vectors.colours import parse_finish
-from catalogs.readers.vectors.lengths import parse_length, parse_levels
+from catalogs.readers.vectors.colours import parse_building_finish
+from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
@@ -107,7 +107,7 @@ def parse_footprint(
     roof = parse_roof(tags, geometry, is_lonlat=is_lonlat)
     if height is not None:
         height, roof = _wall_height(height, roof, tags)
-    levels = parse_levels(tags.get("building:levels", ""))
+    levels = parse_floor_count(tags.get("building:levels", ""))
     kind = tags.get("building", "").strip().lower()
     return Footprint(
         feature,
@@ -119,10 +119,10 @@ def parse_footprint(
         roof_height=parse_roof_height(tags) if roof is None else None,
         use=kind if kind not in ("", "yes") else None,
         year_built=_parse_year(tags.get("start_date", "")),
-        finish=parse_finish(tags),
+        finish=parse_building_finish(tags),
         is_part=is_building_part(tags),
         min_height=_length_tag(tags, "min_height") or None,
-        min_level=parse_levels(tags.get("building:min_level", "")),
+        min_level=parse_floor_count(tags.get("building:min_level", "")),
     )
 
 
@@ -175,7 +175,7 @@ _GROUND_FILTER = {
 }  # fmt: skip
 
 
-def read_osm_centrelines(path: Path) -> Centrelines:
+def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     """Read the street centrelines and ground features of a .pbf in lon/lat (EPSG:4326).
 
     Raises
@@ -208,10 +208,10 @@ def is_street(line: BaseGeometry, tags: Mapping[str, str]) -> bool:
     above = tags.get("tunnel") not in ("yes", "T") and _number_tag(tags, "layer") >= 0
     # a closed pedestrian way is the outline of a square, with or without area=yes
     square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
-    return above and not square and not STREET_HIGHWAYS.isdisjoint(split_values(tags["highway"]))
+    return above and not square and not STREET_HIGHWAYS.isdisjoint(split_osmnx_values(tags["highway"]))
 
 
-def split_values(text: str) -> list[str]:
+def split_osmnx_values(text: str) -> list[str]:
     """Return the values of an attribute that OSMnx writes as "['a', 'b']".
 
     A plain attribute is its only value.

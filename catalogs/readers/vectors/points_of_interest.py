@@ -18,14 +18,14 @@ _VACANT_VALUES = ("no", "vacant")
 _EXCLUDED_ENTRANCES = ("no", "garage", "emergency", "exit")
 
 
-class PointsOfInterest(NamedTuple):
+class ShopsAndEntrances(NamedTuple):
     """Sorted map nodes (n, 2) in lon/lat (EPSG:4326): shops, cafes and the like; entrances."""
 
     shops: Float64Array
     entrances: Float64Array
 
 
-def read_points_of_interest(path: Path) -> PointsOfInterest | None:
+def read_shops_and_entrances(path: Path) -> ShopsAndEntrances | None:
     """Read the shops and entrances of a .pbf; None where they cannot be read."""
     from pyrosm import OSM
 
@@ -39,11 +39,11 @@ def read_points_of_interest(path: Path) -> PointsOfInterest | None:
             raise
         return None
     if frame is None:
-        return PointsOfInterest(np.zeros((0, 2)), np.zeros((0, 2)))
+        return ShopsAndEntrances(np.zeros((0, 2)), np.zeros((0, 2)))
     frame = frame[frame.geometry.notna()].reindex(columns=["geometry", "shop", "amenity", "entrance"])
     shops = (frame["shop"].notna() | frame["amenity"].isin(SHOP_AMENITIES)) & ~frame["shop"].isin(_VACANT_VALUES)
     entrances = frame["entrance"].notna() & ~frame["entrance"].isin(_EXCLUDED_ENTRANCES)
-    return PointsOfInterest(
+    return ShopsAndEntrances(
         *(_unique_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances))
     )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.readers.vectors.lengths import parse_length, parse_levels
+from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from facade_core.core.types import Roof
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def parse_roof_height(tags: Mapping[str, str]) -> float | None:
     height = parse_length(tags.get("roof:height", ""))
     if height is not None and 0 < height <= _MAX_HEIGHT_M:
         return height
-    levels = parse_levels(tags.get("roof:levels", ""))
+    levels = parse_floor_count(tags.get("roof:levels", ""))
     return None if levels is None or levels > 10 else levels * ROOF_FLOOR_HEIGHT_M
 
 

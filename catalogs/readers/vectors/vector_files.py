@@ -15,14 +15,14 @@ import shapely
 from pyproj import CRS
 
 from catalogs.crs import LONLAT, coordinate_transform
-from catalogs.features import Centrelines, Fault, Footprints, GroundFeature, Remark
+from catalogs.features import CentrelinesAndGround, Fault, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.columns import CLASS_COLUMNS
-from catalogs.readers.vectors.ground_classes import ground_tags
-from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_layers
-from catalogs.readers.vectors.osm import is_building_part, is_street, parse_footprint, split_values
+from catalogs.readers.vectors.ground_classes import osm_ground_tags
+from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
+from catalogs.readers.vectors.osm import is_building_part, is_street, parse_footprint, split_osmnx_values
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
-def read_vector_centrelines(path: Path) -> Centrelines:
+def read_vector_centrelines(path: Path) -> CentrelinesAndGround:
     """Read street centrelines and ground features.
 
     With OpenStreetMap's column `highway` only streets of catalogs.readers.vectors.osm.is_street are read: no footways, service
@@ -109,14 +109,14 @@ def read_vector_centrelines(path: Path) -> Centrelines:
         for id, geometry, stated in zip(features.ids, features.geometries, features.tags, strict=True):
             if opendrive and stated.get("junction") != "-1":
                 continue
-            tags = stated if from_osm else ground_tags(stated)
+            tags = stated if from_osm else osm_ground_tags(stated)
             drawn = geometry is not None and not geometry.is_empty
             if from_osm and "highway" not in tags:
                 continue
             tunnel = tags.get("tunnel") == "yes" and "highway" not in tags
             if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
-            yield id, geometry, split_values(tags["name"])[0] if "name" in tags else None
+            yield id, geometry, split_osmnx_values(tags["name"])[0] if "name" in tags else None
 
     found = build_centrelines(features.crs, streets())
     ground = [
@@ -125,12 +125,14 @@ def read_vector_centrelines(path: Path) -> Centrelines:
         if feature is not None and not (opendrive and tags.get("junction") != "-1")
     ]
     if features.other_layers:
-        others = read_layers(path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns))
+        others = read_matching_layers(
+            path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns)
+        )
         ground += _project_ground_features(others, features.crs)
     return replace(found, remarks=tuple(_id_remarks(found, features, path)), ground=tuple(ground))
 
 
-def read_vector_ground(path: Path) -> Centrelines:
+def read_vector_ground(path: Path) -> CentrelinesAndGround:
     """Read the ground features of all layers: areas, ways and crossings, without viewpoints.
 
     Raises
@@ -138,17 +140,17 @@ def read_vector_ground(path: Path) -> Centrelines:
     InputError
         Where the file cannot be read, or holds no ground features.
     """
-    layers = read_layers(path, _is_ground_layer)
+    layers = read_matching_layers(path, _is_ground_layer)
     frame = next((layer.crs for layer in layers if layer.crs is not None), None)
     if not (ground := _project_ground_features(layers, frame)):
         raise InputError(f"{path} holds nothing of the ground; give a file whose columns state what lies where")
-    return Centrelines(frame, (), ground=tuple(ground))
+    return CentrelinesAndGround(frame, (), ground=tuple(ground))
 
 
 def _is_ground_layer(layer: str, columns: Collection[str]) -> bool:
     """Return True where a layer may hold ground features, by its name and columns."""
     return not _GROUND_COLUMNS.isdisjoint(columns) or bool(
-        ground_tags({}, layer, is_area=True) or ground_tags({}, layer)
+        osm_ground_tags({}, layer, is_area=True) or osm_ground_tags({}, layer)
     )
 
 
@@ -175,11 +177,11 @@ def _ground_features(features: LayerFeatures, layer: str) -> Iterator[GroundFeat
         if geometry is None:
             yield None
             continue
-        plain = {key: value if key == "class" else split_values(value)[0] for key, value in tags.items()}
-        yield GroundFeature(id, geometry, ground_tags(plain, layer, is_area="Polygon" in geometry.geom_type))
+        plain = {key: value if key == "class" else split_osmnx_values(value)[0] for key, value in tags.items()}
+        yield GroundFeature(id, geometry, osm_ground_tags(plain, layer, is_area="Polygon" in geometry.geom_type))
 
 
-def _id_remarks(found: Centrelines, features: LayerFeatures, path: Path) -> Iterator[Remark]:
+def _id_remarks(found: CentrelinesAndGround, features: LayerFeatures, path: Path) -> Iterator[Remark]:
     """Yield remarks on lines with changed ids; lines of one id and name are pieces of one street."""
     names = {id: tags.get("name") for id, tags in zip(features.ids, features.tags, strict=True)}
     for item in found.items:

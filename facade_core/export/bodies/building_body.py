@@ -9,22 +9,22 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray
-from facade_core.export.bodies.curtains import add_curtain_walls
+from facade_core.export.bodies.curtains import add_walls_below_edges
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import (
     MAX_OFF_PLANE_M,
-    Patch,
+    MeshPolygon,
     PolygonMesh,
     count_edges,
     is_closed,
-    make_planar,
     open_edges,
-    patch_components,
     plane_axes,
+    polygon_components,
     ring_area_vector,
-    split_edges,
+    split_edges_at_corners,
     trace_loops,
+    triangulate_nonplanar_polygons,
     weld_polygons,
 )
 from facade_core.export.models.textured_mesh import TexturedMesh
@@ -87,10 +87,14 @@ def build_body(
         if found:
             break
     if not found:
-        return BuildingBody(make_planar(whole), False, ())
+        return BuildingBody(triangulate_nonplanar_polygons(whole), False, ())
     _, shell, left = min(found, key=lambda one: one[0])
     attachments = left.patches
-    return BuildingBody(shell, True, tuple(make_planar(left.subset(piece)) for piece in patch_components(attachments)))
+    return BuildingBody(
+        shell,
+        True,
+        tuple(triangulate_nonplanar_polygons(left.subset(piece)) for piece in polygon_components(attachments)),
+    )
 
 
 def _chart_polygons(
@@ -131,7 +135,7 @@ def _close_shell(
     Returns the area in m2 that was left out or added, the shell, and the polygons left out; None if it cannot be closed. With
     `peel`, polygons with open edges above the foot are left out.
     """
-    pieces = patch_components(whole.patches)
+    pieces = polygon_components(whole.patches)
     if not pieces:
         return None
     area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
@@ -142,14 +146,14 @@ def _close_shell(
     if sum(area[i] for i in kept) < MIN_AREA_SHARE * sum(area[i] for i in main):
         return None
     if peel and kept:
-        parts = patch_components([whole.patches[i] for i in kept])
+        parts = polygon_components([whole.patches[i] for i in kept])
         largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
         kept = [kept[i] for i in largest]
-    shell = split_edges(whole.subset(kept))
-    covers = _cover_open_loops(add_curtain_walls(shell, origin), ground)
+    shell = split_edges_at_corners(whole.subset(kept))
+    covers = _cover_open_loops(add_walls_below_edges(shell, origin), ground)
     if covers is None:
         return None
-    done = make_planar(_collapse_pinched_edges(make_planar(covers)))
+    done = triangulate_nonplanar_polygons(_collapse_pinched_edges(triangulate_nonplanar_polygons(covers)))
     if not is_closed(done.patches):
         return None
     closing = [done.area_vector(p) for p in done.patches if p.chart < 0 and p.semantic != ground]
@@ -167,7 +171,7 @@ def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[Polygon
     for ring in trace_loops([(b, a) for a, b in open_edges(chosen.patches)]):
         points = whole.points[list(ring)]
         if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < MAX_HOLE_PERIMETER_M:
-            rings.append(Patch((ring,)))
+            rings.append(MeshPolygon((ring,)))
     return PolygonMesh(whole.points, (*whole.patches, *rings)), [
         *main,
         *range(len(whole.patches), len(whole.patches) + len(rings)),
@@ -184,7 +188,7 @@ def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
     if not to:
         return shell
     moved = [replace(p, rings=tuple(tuple(to.get(c, c) for c in ring) for ring in p.rings)) for p in shell.patches]
-    return split_edges(PolygonMesh(shell.points, tuple(moved)))
+    return split_edges_at_corners(PolygonMesh(shell.points, tuple(moved)))
 
 
 def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
@@ -217,12 +221,12 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
         # heights on the grid never fall between two bins, so rings of one level plane share a bin
         key = (*np.rint(normal * 20).astype(int).tolist(), round(float(points.mean(axis=0) @ normal) / 0.05 + 0.01))
         planes.setdefault(key, []).append(ring)
-    covers: list[Patch] = []
+    covers: list[MeshPolygon] = []
     for own in planes.values():
         covers += _nest_rings(shell.points, own)
     low = min((shell.points[c, 2] for p in shell.patches for r in p.rings for c in r), default=0.0)
 
-    def named(patch: Patch) -> Patch:
+    def named(patch: MeshPolygon) -> MeshPolygon:
         down = ring_area_vector(shell.points[list(patch.rings[0])])
         level = down[2] < -0.9 * np.linalg.norm(down)
         return (
@@ -234,7 +238,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
     return PolygonMesh(shell.points, (*shell.patches, *map(named, covers)))
 
 
-def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
+def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[MeshPolygon]:
     """Combine rings of one plane to polygons; rings against the largest are holes of the smallest around them."""
     normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))
@@ -246,4 +250,4 @@ def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[
         around = [k for k in outer if flat[k].buffer(MAX_OFF_PLANE_M).covers(corner)]
         if around:
             holes[min(around, key=lambda k: flat[k].area)].append(rings[i])
-    return [Patch((rings[i], *holes[i])) for i in outer]
+    return [MeshPolygon((rings[i], *holes[i])) for i in outer]

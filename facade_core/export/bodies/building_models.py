@@ -21,7 +21,13 @@ from facade_core.export.bodies.building_body import BuildingBody, build_body
 from facade_core.export.bodies.ledges import ledge_faces, place_ledges
 from facade_core.export.bodies.model_face import ModelFace, SemanticSurface
 from facade_core.export.bodies.openings import place_openings
-from facade_core.export.bodies.patches import Patch, PolygonMesh, patch_components, triangulate_patch, weld_polygons
+from facade_core.export.bodies.patches import (
+    MeshPolygon,
+    PolygonMesh,
+    polygon_components,
+    triangulate_mesh_polygon,
+    weld_polygons,
+)
 from facade_core.export.bodies.recess import recess_opening
 from facade_core.export.models.textured_mesh import PackedCharts
 from facade_core.geometry.charts import CHART_KINDS, ChartKind
@@ -40,7 +46,7 @@ OPENING_TYPES = {"window": "Window", "door": "Door"}
 MAX_GROUP_GAP_M = 0.05
 
 
-class SemanticSurfaces:
+class SemanticsBuilder:
     """Growing list of one object's semantic surfaces; plain ones are shared by type."""
 
     def __init__(self) -> None:
@@ -74,7 +80,7 @@ class ModelPart:
 
 
 @dataclass(frozen=True)
-class BuildingModel:
+class BuildingModelParts:
     """Parts of a building's model: body, attachments, balconies and ledges.
 
     Attributes
@@ -91,7 +97,7 @@ class BuildingModel:
     ledges: tuple[tuple[str, ModelPart], ...] = ()
 
 
-def build_building_model(
+def build_building_model_parts(
     packed: PackedCharts,
     triangles: IntArray,
     facades: Mapping[int, str],
@@ -99,7 +105,7 @@ def build_building_model(
     origin: Float64Array,
     *,
     has_assumed_roof: bool = False,
-) -> BuildingModel:
+) -> BuildingModelParts:
     """Build the parts of one building's model.
 
     Windows and doors are recessed into the wall; balconies and ledges are bodies before it. Faces that close the body without a
@@ -115,7 +121,7 @@ def build_building_model(
     has_assumed_roof : True if the roof shape is assumed; its panes are drawn, not known openings, and count as roof.
     """
     source, mesh = packed.source, packed.source.mesh
-    surfaces = SemanticSurfaces()
+    surfaces = SemanticsBuilder()
     semantics: dict[int, int] = {}
     for chart in np.unique(mesh.chart[triangles]).tolist():
         own_kind = int(source.charts.kind[chart])
@@ -149,7 +155,7 @@ def build_building_model(
             rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
     attachments = tuple(_make_attachment(packed, pieces, surfaces.surfaces) for pieces in _group_attachments(body))
-    return BuildingModel(
+    return BuildingModelParts(
         ModelPart(faces, surfaces.surfaces, body.is_closed), attachments, tuple(balconies), tuple(ledges)
     )
 
@@ -187,9 +193,9 @@ def make_face(
 def _cut_openings(
     packed: PackedCharts,
     shell: PolygonMesh,
-    patch: Patch,
+    patch: MeshPolygon,
     elements: Sequence[Element],
-    surfaces: SemanticSurfaces,
+    surfaces: SemanticsBuilder,
     behind: list[Float64Array],
 ) -> list[ModelFace]:
     """Cut the openings of a wall; returns the wall with holes, the openings and their reveals."""
@@ -209,7 +215,7 @@ def _cut_openings(
 
 def _attach_to_wall(packed: PackedCharts, chart: int, body: Sequence[WallFrameFace]) -> ModelPart:
     """Place a closed body before a wall, from metres right, down and outward in the chart's frame."""
-    charts, surfaces = packed.source.charts, SemanticSurfaces()
+    charts, surfaces = packed.source.charts, SemanticsBuilder()
     faces = []
     for rings, looks, kind in body:
         points = [
@@ -226,7 +232,7 @@ def _chart_polygon(packed: PackedCharts, rings: Sequence[Float64Array], chart: i
 
 def _shell_triangles(shell: PolygonMesh) -> Float64Array:
     """Triangulate a shell to (t, 3, 3)."""
-    found = [triangulate_patch(patch, shell.points) for patch in shell.patches]
+    found = [triangulate_mesh_polygon(patch, shell.points) for patch in shell.patches]
     return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
 
 
@@ -248,7 +254,7 @@ def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
 def _make_attachment(
     packed: PackedCharts, pieces: Sequence[PolygonMesh], surfaces: Sequence[SemanticSurface]
 ) -> ModelPart:
-    own = SemanticSurfaces()
+    own = SemanticsBuilder()
     faces = []
     for piece in pieces:
         for patch in piece.patches:
@@ -270,11 +276,11 @@ def ground_faces(packed: PackedCharts, triangles: IntArray, origin: Float64Array
     corners = [[ring] for ring in mesh.vertices[mesh.triangles[triangles]]]
     whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin)
     patches = [
-        Patch((tuple(ring),), patch.chart, 0)
+        MeshPolygon((tuple(ring),), patch.chart, 0)
         for patch in whole.patches
-        for ring in triangulate_patch(patch, whole.points).tolist()
+        for ring in triangulate_mesh_polygon(patch, whole.points).tolist()
     ]
     return [
         [make_face(packed, [whole.points[list(patches[i].rings[0])]], 0, patches[i].chart) for i in piece]
-        for piece in patch_components(patches)
+        for piece in polygon_components(patches)
     ]

@@ -16,7 +16,7 @@ MAX_OFF_LINE_M = 0.02
 Edge = tuple[Float64Array, Float64Array]
 
 
-def add_curtain_walls(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
+def add_walls_below_edges(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
     """Add walls from open edges down to the lowest corner of a shell.
 
     Between the top and the bottom edge of a hole there is no wall.

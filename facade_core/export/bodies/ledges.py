@@ -11,7 +11,7 @@ from shapely import Polygon
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, split_wall_into_bands
 
 # Depth of a ledge, metres.
 LEDGE_DEPTH_M = 0.08
@@ -39,7 +39,7 @@ def detect_ledges(image: UInt8Array, labels: UInt8Array, elements: Sequence[Elem
     density : texels per metre.
     """
     free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
-    bands = segment_bands(image, free, density)
+    bands = split_wall_into_bands(image, free, density)
     width = image.shape[1] / density
     return [
         Element(LEDGE_LABEL, 0.0, band.top, width, band.foot)

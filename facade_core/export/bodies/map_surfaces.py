@@ -10,7 +10,7 @@ from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.models.textured_mesh import TexturedMesh
 
 
-def surface_polygons(source: TexturedMesh, charts: IntArray) -> dict[int, MultiPolygon]:
+def chart_world_polygons(source: TexturedMesh, charts: IntArray) -> dict[int, MultiPolygon]:
     """Return the outlines of charts (k,) with triangles as 3D polygons in world metres."""
     found = {}
     for chart in charts.tolist():

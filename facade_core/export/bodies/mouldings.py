@@ -70,7 +70,7 @@ def free_wall_mask(labels: UInt8Array, boxes: Sequence[tuple[float, float, float
     return free
 
 
-def segment_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
+def split_wall_into_bands(image: UInt8Array, free: BoolArray, density: float) -> list[WallBand]:
     """Split a wall picture into horizontal bands, from its top.
 
     Parameters

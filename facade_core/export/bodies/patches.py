@@ -28,7 +28,7 @@ MIN_NORMAL_COSINE = 0.96
 
 
 @dataclass(frozen=True)
-class Patch:
+class MeshPolygon:
     """Polygon of a mesh.
 
     Attributes
@@ -59,13 +59,13 @@ class PolygonMesh:
     """
 
     points: Float64Array
-    patches: tuple[Patch, ...]
+    patches: tuple[MeshPolygon, ...]
 
     def subset(self, chosen: Sequence[int]) -> PolygonMesh:
         """Return the mesh with the chosen patches."""
         return PolygonMesh(self.points, tuple(self.patches[i] for i in chosen))
 
-    def area_vector(self, patch: Patch) -> Float64Array:
+    def area_vector(self, patch: MeshPolygon) -> Float64Array:
         """Return the area of a patch as an outward vector (3,), m2."""
         return sum((ring_area_vector(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
 
@@ -97,10 +97,10 @@ def weld_polygons(
     points, of = weld_corners(np.concatenate(rings), origin)
     index = iter(np.split(of, np.cumsum([len(ring) for ring in rings])[:-1]))
     whole = [
-        Patch(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
+        MeshPolygon(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
         for polygon, chart, semantic in zip(polygons, charts, semantics, strict=True)
     ]
-    return split_edges(PolygonMesh(points, tuple(whole)))
+    return split_edges_at_corners(PolygonMesh(points, tuple(whole)))
 
 
 def weld_corners(points: Float64Array, origin: Float64Array) -> tuple[Float64Array, Int32Array]:
@@ -123,7 +123,7 @@ def weld_corners(points: Float64Array, origin: Float64Array) -> tuple[Float64Arr
     return points[first], of
 
 
-def split_edges(mesh: PolygonMesh) -> PolygonMesh:
+def split_edges_at_corners(mesh: PolygonMesh) -> PolygonMesh:
     """Split edges at corners on them and keep the largest simple part of each ring."""
     used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
     tree = KDTree(mesh.points[used]) if used else None
@@ -174,24 +174,24 @@ def _ring_area(ring: Sequence[int], points: Float64Array) -> float:
     return float(np.linalg.norm(ring_area_vector(points[list(ring)]))) if len(ring) > 2 else 0.0
 
 
-def count_edges(patches: Sequence[Patch]) -> Counter[tuple[int, int]]:
+def count_edges(patches: Sequence[MeshPolygon]) -> Counter[tuple[int, int]]:
     """Count the directed edges."""
     return Counter(edge for patch in patches for edge in patch.edges())
 
 
-def open_edges(patches: Sequence[Patch]) -> list[tuple[int, int]]:
+def open_edges(patches: Sequence[MeshPolygon]) -> list[tuple[int, int]]:
     """Return the directed edges without a counterpart, ascending, with multiplicity."""
     count = count_edges(patches)
     return [edge for edge in sorted(count) for _ in range(count[edge] - count[edge[1], edge[0]])]
 
 
-def is_closed(patches: Sequence[Patch]) -> bool:
+def is_closed(patches: Sequence[MeshPolygon]) -> bool:
     """Return True if every edge occurs once in each direction, that is, the shell is watertight and oriented."""
     count = count_edges(patches)
     return bool(count) and all(n == 1 and count[b, a] == 1 for (a, b), n in count.items())
 
 
-def patch_components(patches: Sequence[Patch]) -> list[list[int]]:
+def polygon_components(patches: Sequence[MeshPolygon]) -> list[list[int]]:
     """Group patches that are connected by edges, ordered by their first."""
     of: dict[tuple[int, int], int] = {}
     pairs = []
@@ -229,22 +229,22 @@ def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     return [ring for ring in found if len(ring) > 2]
 
 
-def make_planar(mesh: PolygonMesh) -> PolygonMesh:
+def triangulate_nonplanar_polygons(mesh: PolygonMesh) -> PolygonMesh:
     """Replace polygons that are not planar by their constrained Delaunay triangles."""
-    patches: list[Patch] = []
+    patches: list[MeshPolygon] = []
     for patch in mesh.patches:
         patches += _split_nonplanar(patch, mesh.points)
     return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _split_nonplanar(patch: Patch, points: Float64Array) -> list[Patch]:
+def _split_nonplanar(patch: MeshPolygon, points: Float64Array) -> list[MeshPolygon]:
     if sum(map(len, patch.rings)) == 3:
         return [patch]
     corners = np.array([corner for ring in patch.rings for corner in ring])
     normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
     offset = points[corners] - points[corners].mean(axis=0)
-    triangles = triangulate_patch(patch, points)
+    triangles = triangulate_mesh_polygon(patch, points)
     if not len(triangles):
         return [patch]
     sides = np.array([ring_area_vector(points[ring]) for ring in triangles])
@@ -254,7 +254,7 @@ def _split_nonplanar(patch: Patch, points: Float64Array) -> list[Patch]:
     return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
 
 
-def triangulate_patch(patch: Patch, points: Float64Array) -> Int64Array:
+def triangulate_mesh_polygon(patch: MeshPolygon, points: Float64Array) -> Int64Array:
     """Triangulate a polygon to corner indices (t, 3) with all edges kept; empty if it crosses itself."""
     normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     size = float(np.linalg.norm(normal))

@@ -43,7 +43,7 @@ def expand_prefix(name: str) -> str:
     return f"{{{NAMESPACES[prefix or None]}}}{local}"
 
 
-def add_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
+def add_xml_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
     """Add a child XML element; attributes are named as xlink_href for xlink:href."""
     from lxml import etree
 
@@ -96,13 +96,15 @@ class PolygonWriter:
                 rings.append((world, uv))
         id = f"{self.prefix}-p{self.count}"
         self.count += 1
-        polygon = add_element(parent, name, gml_id=id)
+        polygon = add_xml_element(parent, name, gml_id=id)
         shown: list[tuple[str, list[float]]] = []
         for number, (world, uv) in enumerate(rings):
-            ring = add_element(add_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
+            ring = add_xml_element(
+                add_xml_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing"
+            )
             ring.set(expand_prefix("gml:id"), f"{id}-r{number}")
             closed = np.concatenate([world, world[:1]])
-            add_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set(
+            add_xml_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set(
                 "srsDimension", "3"
             )
             self.low, self.high = np.minimum(self.low, world.min(axis=0)), np.maximum(self.high, world.max(axis=0))
@@ -114,8 +116,8 @@ class PolygonWriter:
 
     def add_triangles(self, parent: Element, faces: Sequence[ModelFace]) -> None:
         """Add faces of three corners as a triangulated surface."""
-        surface = add_element(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
-        patches = add_element(surface, "gml:trianglePatches")
+        surface = add_xml_element(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
+        patches = add_xml_element(surface, "gml:trianglePatches")
         for face in faces:
             self.add_polygon(patches, face, "gml:Triangle")
         for triangle in patches:  # patches have no ids
@@ -135,20 +137,20 @@ class PolygonWriter:
         """
         if not self.targets:
             return
-        holder = add_element(add_element(parent, "app:appearance"), "app:Appearance")
-        add_element(holder, "app:theme", THEME)
+        holder = add_xml_element(add_xml_element(parent, "app:appearance"), "app:Appearance")
+        add_xml_element(holder, "app:theme", THEME)
         for page, targets in self.targets.items():
-            texture = add_element(add_element(holder, "app:surfaceDataMember"), "app:ParameterizedTexture")
-            add_element(texture, "app:isFront", "true")
-            add_element(texture, "app:imageURI", images[page])
-            add_element(texture, "app:mimeType", "image/jpeg")
-            add_element(texture, "app:textureType", "specific")
-            add_element(texture, "app:wrapMode", "none")
+            texture = add_xml_element(add_xml_element(holder, "app:surfaceDataMember"), "app:ParameterizedTexture")
+            add_xml_element(texture, "app:isFront", "true")
+            add_xml_element(texture, "app:imageURI", images[page])
+            add_xml_element(texture, "app:mimeType", "image/jpeg")
+            add_xml_element(texture, "app:textureType", "specific")
+            add_xml_element(texture, "app:wrapMode", "none")
             for id, rings in targets:
-                places = add_element(add_element(texture, "app:target", uri=f"#{id}"), "app:TexCoordList")
+                places = add_xml_element(add_xml_element(texture, "app:target", uri=f"#{id}"), "app:TexCoordList")
                 for ring, uv in rings:
                     text = " ".join(f"{v:.{UV_DECIMALS}f}".rstrip("0").rstrip(".") for v in uv)
-                    add_element(places, "app:textureCoordinates", text, ring=f"#{ring}")
+                    add_xml_element(places, "app:textureCoordinates", text, ring=f"#{ring}")
 
 
 def boundary_surfaces(
@@ -178,11 +180,11 @@ def boundary_surfaces(
         if index not in bounds:
             own = surfaces[index]
             if own["type"] in OPENINGS:
-                within = add_element(surface(own["parent"]), "bldg:opening")
+                within = add_xml_element(surface(own["parent"]), "bldg:opening")
             else:
                 within = etree.Element(expand_prefix("bldg:boundedBy"), nsmap=NAMESPACES)
                 found.append(within)
-            bounds[index] = add_element(within, f"bldg:{own['type']}", gml_id=f"{writer.prefix}-s{index}")
+            bounds[index] = add_xml_element(within, f"bldg:{own['type']}", gml_id=f"{writer.prefix}-s{index}")
             if "facade" in own:
                 add_attribute(bounds[index], "facade", own["facade"])
         return bounds[index]
@@ -194,8 +196,8 @@ def boundary_surfaces(
             multi = etree.Element(expand_prefix(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
             first = next((i for i, child in enumerate(owner) if child.tag == expand_prefix("bldg:opening")), len(owner))
             owner.insert(first, multi)
-            members[face.semantic] = add_element(multi, "gml:MultiSurface")
-        holder = add_element(members[face.semantic], "gml:surfaceMember")
+            members[face.semantic] = add_xml_element(multi, "gml:MultiSurface")
+        holder = add_xml_element(members[face.semantic], "gml:surfaceMember")
         id = writer.add_polygon(holder, face)
         if id is None:
             members[face.semantic].remove(holder)
@@ -209,20 +211,22 @@ def solid_element(lod: str, ids: Sequence[str]) -> Element:
     from lxml import etree
 
     holder = etree.Element(expand_prefix(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
-    shell = add_element(add_element(add_element(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface")
+    shell = add_xml_element(
+        add_xml_element(add_xml_element(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface"
+    )
     for id in ids:
-        add_element(shell, "gml:surfaceMember", xlink_href=f"#{id}")
+        add_xml_element(shell, "gml:surfaceMember", xlink_href=f"#{id}")
     return holder
 
 
 def add_attribute(parent: Element, name: str, value: object) -> None:
     """Add a generic attribute of the value's type."""
     kind = {int: "int", float: "double"}.get(type(value), "string")
-    add_element(add_element(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
+    add_xml_element(add_xml_element(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
 
 
 @contextmanager
-def open_city_model(
+def open_citygml_writer(
     path: Path, title: str, crs: str, extent: Float64Array, attribution: Attribution
 ) -> Iterator[XmlWriter]:
     """Open a CityGML file whose members are written one at a time by `write` of the value.
@@ -241,13 +245,15 @@ def open_city_model(
         file.write_declaration()
         with file.element(expand_prefix("CityModel"), nsmap=NAMESPACES):
             root = etree.Element("head", nsmap=NAMESPACES)
-            said = add_element(add_element(root, "gml:metaDataProperty"), "gml:GenericMetaData")
+            said = add_xml_element(add_xml_element(root, "gml:metaDataProperty"), "gml:GenericMetaData")
             said.text = attribution.tags()["sources"]
-            add_element(root, "gml:description", attribution.line)
-            add_element(root, "gml:name", title)
-            envelope = add_element(add_element(root, "gml:boundedBy"), "gml:Envelope", srsName=crs, srsDimension="3")
+            add_xml_element(root, "gml:description", attribution.line)
+            add_xml_element(root, "gml:name", title)
+            envelope = add_xml_element(
+                add_xml_element(root, "gml:boundedBy"), "gml:Envelope", srsName=crs, srsDimension="3"
+            )
             for name, corner in zip(("gml:lowerCorner", "gml:upperCorner"), extent, strict=True):
-                add_element(envelope, name, " ".join(f"{v:.3f}" for v in corner.tolist()))
+                add_xml_element(envelope, name, " ".join(f"{v:.3f}" for v in corner.tolist()))
             for element in root:
                 file.write(element)
             yield file

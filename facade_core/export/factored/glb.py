@@ -20,7 +20,7 @@ REPEAT_WRAP = 10497
 
 
 @dataclass(frozen=True, eq=False)
-class FactoredPart:
+class FactoredPrimitive:
     """Triangles with one texture, in glTF's frame (y up).
 
     Attributes
@@ -41,7 +41,7 @@ class FactoredPart:
 
 
 def encode_factored_glb(
-    nodes: Mapping[str, Mapping[int, FactoredPart]],
+    nodes: Mapping[str, Mapping[int, FactoredPrimitive]],
     pictures: Sequence[bytes | str],
     repeated: Sequence[bool],
     encoder: TextureEncoder,

@@ -21,7 +21,7 @@ MAX_DISTANCE_SHARE = 0.25
 EVENNESS_PARTS = 8
 
 
-def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
+def find_representative_grains(grains: Sequence[WallGrain]) -> list[int]:
     """Return, for each grain, the index of the grain that represents its group.
 
     The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
-from facade_core.core.linear_light import smooth_known, srgb_to_linear
+from facade_core.core.linear_light import smooth_known_light, srgb_to_linear
 
 # Sides of grain textures, pixels.
 TEXTURE_SIDES_PX = (64, 128, 256)
@@ -67,7 +67,7 @@ def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float
     wide = side / pixels_per_metre
     light = srgb_to_linear(image)
     shade = SHADE_M * pixels_per_metre
-    flat = light / np.maximum(smooth_known(light, free, shade), 1e-3)
+    flat = light / np.maximum(smooth_known_light(light, free, shade), 1e-3)
     rng = np.random.default_rng(seed)
     inside = cv2.integral(free.astype(np.uint8))
     for block in (block * side // TEXTURE_SIDES_PX[-1] for block in BLOCK_SIDES_PX):
@@ -82,7 +82,7 @@ def synthesise_grain(image: UInt8Array, free: BoolArray, pixels_per_metre: float
     chosen = places[rng.permutation(len(places))[:MAX_BLOCKS_TRIED]]
     patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
     quilt = _quilt_torus(np.clip(patches, 1 / MAX_CONTRAST, MAX_CONTRAST), side, rng)
-    quilt /= np.maximum(smooth_known(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
+    quilt /= np.maximum(smooth_known_light(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
     return WallGrain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int64Array, UInt8Array
-from facade_core.core.linear_light import linear_to_srgb, smooth_known, srgb_to_linear
+from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, segment_bands
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, split_wall_into_bands
 from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
-from facade_core.export.factored.units import FacadeUnit, Rectangle, group_units, surround_reach
+from facade_core.export.factored.units import FacadeUnit, Rectangle, group_elements_into_units, surround_reach
 from facade_core.facade.variation.encoding import encode
 
 # Side of a unit descriptor, pixels.
@@ -34,7 +34,7 @@ WALL_SMOOTHING_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class ElementType:
+class ElementTypePicture:
     """Picture that represents a type of elements, with its scale and light.
 
     Attributes
@@ -91,7 +91,7 @@ class FacadeLibrary:
     unit_types: Int64Array
     descriptors: Float32Array
     wall_light: FloatArray
-    types: dict[int, ElementType]
+    types: dict[int, ElementTypePicture]
     bands: tuple[WallBand, ...]
     grains: dict[int, WallGrain]
     mouldings: dict[int, MouldingTexture]
@@ -184,16 +184,16 @@ def build_library(
     fine : the same picture with more pixels, from which textures are taken.
     seed : random seed of the grains.
     """
-    units = group_units(elements, density)
+    units = group_elements_into_units(elements, density)
     fine = image if fine is None else fine
     times = fine.shape[0] / image.shape[0]
     whole = density * times
     free = free_wall_mask(labels, [unit.box for unit in units], density)
-    bands = segment_bands(image, free, density)
+    bands = split_wall_into_bands(image, free, density)
     import cv2
 
     free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    wall = smooth_known(srgb_to_linear(image), free, WALL_SMOOTHING_M * density)
+    wall = smooth_known_light(srgb_to_linear(image), free, WALL_SMOOTHING_M * density)
     reach = _surround_reaches(image, units, linear_to_srgb(wall).astype(np.float32), density)
     walls = np.array([surrounding_wall_light(wall, unit.box, density) for unit in units]).reshape(-1, 3)
     of, chosen = _assign_types(image, units, walls, density)
@@ -321,12 +321,12 @@ def _make_type(
     density: float,
     wall_light: Float32Array,
     coarse: float,
-) -> ElementType:
+) -> ElementTypePicture:
     height, width = fine.shape[:2]
     x0, y0, x1, y1 = (side * density for side in unit.box)
     left, top = max(0, round(x0 - reach[0] * density)), max(0, round(y0 - reach[1] * density))
     right, foot = min(width, round(x1 + reach[2] * density)), min(height, round(y1 + reach[3] * density))
-    return ElementType(
+    return ElementTypePicture(
         unit.kind,
         fine[top:foot, left:right],
         (x0 - left, y0 - top, x1 - left, y1 - top),

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, UInt8Array
-from facade_core.core.grouping import RowIndex, group_rows
-from facade_core.export.factored.glb import FactoredPart
+from facade_core.core.grouping import RowsByValue, group_rows
+from facade_core.export.factored.glb import FactoredPrimitive
 from facade_core.export.factored.texture_packing import PackedTextures
 from facade_core.export.factored.wall_geometry import WallPiece, WallPieces
 from facade_core.export.models.pages import downscale
@@ -39,7 +39,9 @@ def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
     return whole
 
 
-def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame) -> dict[int, FactoredPart]:
+def build_factored_primitives(
+    pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame
+) -> dict[int, FactoredPrimitive]:
     """Build the parts of wall pieces by texture."""
     by_texture: dict[int, list[tuple[WallPiece, Float64Array, FloatArray]]] = {}
     for key, own in sorted(pieces.by_picture.items()):
@@ -49,18 +51,18 @@ def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame)
     return {texture: _make_part(own, frame) for texture, own in by_texture.items()}
 
 
-def merge_parts(every: Iterable[Mapping[int, FactoredPart]]) -> dict[int, FactoredPart]:
+def merge_factored_primitives(every: Iterable[Mapping[int, FactoredPrimitive]]) -> dict[int, FactoredPrimitive]:
     """Merge the parts of several buildings by texture."""
-    of: dict[int, list[FactoredPart]] = {}
+    of: dict[int, list[FactoredPrimitive]] = {}
     for parts in every:
         for texture, part in parts.items():
             of.setdefault(texture, []).append(part)
     return {texture: _concatenate_parts(own) for texture, own in sorted(of.items())}
 
 
-def _concatenate_parts(own: Sequence[FactoredPart]) -> FactoredPart:
+def _concatenate_parts(own: Sequence[FactoredPrimitive]) -> FactoredPrimitive:
     first = np.concatenate([[0], np.cumsum([len(part.position) for part in own])[:-1]])
-    return FactoredPart(
+    return FactoredPrimitive(
         np.concatenate([part.position for part in own]),
         np.concatenate([part.normal for part in own]),
         np.concatenate([part.uv for part in own]),
@@ -70,12 +72,12 @@ def _concatenate_parts(own: Sequence[FactoredPart]) -> FactoredPart:
     )
 
 
-def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame: ModelFrame) -> FactoredPart:
+def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame: ModelFrame) -> FactoredPrimitive:
     """Build a part of wall pieces with their texture coordinates and colours."""
     pieces = [piece for piece, _, _ in own]
     count = [len(piece.position) for piece in pieces]
     first = np.concatenate([[0], np.cumsum(count)])
-    return FactoredPart(
+    return FactoredPrimitive(
         frame.points(np.concatenate([piece.position for piece in pieces])),
         frame.directions(np.concatenate([piece.normal for piece in pieces])),
         np.concatenate([uv for _, uv, _ in own]),
@@ -86,8 +88,8 @@ def _make_part(own: Sequence[tuple[WallPiece, Float64Array, FloatArray]], frame:
 
 
 def pack_unfactored_charts(
-    source: TexturedMesh, triangles_of: RowIndex, charts: Int64Array, before: int, frame: ModelFrame
-) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPart]]]:
+    source: TexturedMesh, triangles_of: RowsByValue, charts: Int64Array, before: int, frame: ModelFrame
+) -> tuple[list[UInt8Array], dict[int, dict[int, FactoredPrimitive]]]:
     """Pack the charts that are not factored on pages of their own.
 
     Parameters
@@ -125,11 +127,11 @@ def pack_unfactored_charts(
     page = drawn.layout.page[place[mesh.chart[mine]]]
     owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
     count = len(drawn.layout.pages)
-    parts: dict[int, dict[int, FactoredPart]] = {}
+    parts: dict[int, dict[int, FactoredPrimitive]] = {}
     for code, here in sorted(group_rows((owner + 1) * count + page).items()):
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
-        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = FactoredPart(
+        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = FactoredPrimitive(
             frame.points(mesh.vertices[used]),
             frame.directions(source.normals[used]),
             drawn.texture_coordinates(chart, source.coordinates[used]),

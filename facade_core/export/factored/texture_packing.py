@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, FloatArray, UInt8Array
 from facade_core.core.linear_light import linear_to_srgb, srgb_to_linear
 from facade_core.core.resizing import resize_image
-from facade_core.export.factored.grain_similarity import group_similar_grains
+from facade_core.export.factored.grain_similarity import find_representative_grains
 from facade_core.export.factored.image_quilting import WallGrain
 from facade_core.export.factored.library import FacadeLibrary
 from facade_core.export.factored.wall_geometry import TextureKey, WallPiece, WallPieces
@@ -59,7 +59,7 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
     flat = [key for key in sorted(pieces.by_picture) if key[0] != "grain"]
     grains = [libraries[number].grains.get(own, PLAIN_GRAIN) for _, number, own in laid]
     shared: dict[int, list[TextureKey]] = {}
-    for key, number in zip(laid, group_similar_grains(grains), strict=True):
+    for key, number in zip(laid, find_representative_grains(grains), strict=True):
         shared.setdefault(number, []).append(key)
     pictures: list[UInt8Array] = []
     placement: dict[TextureKey, tuple[int, Float64Array, Float64Array]] = {}

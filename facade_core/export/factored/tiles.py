@@ -8,24 +8,29 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from facade_core.core.arrays import Int64Array
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.export.bodies.recess import RECESS_DEPTHS_M
 from facade_core.export.factored.glb import encode_factored_glb
-from facade_core.export.factored.parts import build_parts, merge_parts, merge_pieces, pack_unfactored_charts
+from facade_core.export.factored.parts import (
+    build_factored_primitives,
+    merge_factored_primitives,
+    merge_pieces,
+    pack_unfactored_charts,
+)
 from facade_core.export.factored.texture_packing import PackedTextures, texture_memory_bytes
 from facade_core.export.factored.wall_geometry import WallPieces
 from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.cells import QuadtreeCell
-from facade_core.export.tiles.tileset import ERROR_PIXELS, DetailLevel, bounding_corners, cell_charts
+from facade_core.export.tiles.tileset import ERROR_PIXELS, DetailLevel, cell_charts, z_up_bounds
 
 # Recesses appear once their depth covers this many pixels.
 MIN_RECESS_PIXELS = 2.0
 
 
 @dataclass(eq=False)
-class FactoredLeaves:
+class FactoredLeafBuilder:
     """Builder of a block's factored leaves, with their shared textures and counts.
 
     Attributes
@@ -56,12 +61,12 @@ class FactoredLeaves:
     write: Callable[[str, bytes], None]
     texture_bytes: float = 0.0
     triangles: int = 0
-    triangles_of: RowIndex = field(init=False)
+    triangles_of: RowsByValue = field(init=False)
 
     def __post_init__(self) -> None:
-        self.triangles_of = RowIndex(self.source.mesh.chart)
+        self.triangles_of = RowsByValue(self.source.mesh.chart)
 
-    def detail_levels(self, cell: QuadtreeCell) -> list[DetailLevel]:
+    def build_detail_levels(self, cell: QuadtreeCell) -> list[DetailLevel]:
         """Build the levels of detail of a cell, coarsest first; one if nothing is factored."""
         mine = np.intersect1d(cell_charts(self.source, cell), self.unfactored_charts)
         before = len(self.picture_names)
@@ -78,7 +83,9 @@ class FactoredLeaves:
             levels = levels[-1:]
         for number, (level, laid) in enumerate(levels):
             own = merge_pieces(laid[building] for building in cell.buildings.tolist() if building in laid)
-            shown = merge_parts([build_parts(own, self.pictures, self.frame), *parts.values()])
+            shown = merge_factored_primitives(
+                [build_factored_primitives(own, self.pictures, self.frame), *parts.values()]
+            )
             glb = encode_factored_glb(
                 {cell.path or "block": shown},
                 uris,
@@ -92,7 +99,7 @@ class FactoredLeaves:
             self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
             error = 0.0 if last else RECESS_DEPTHS_M[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
             found.append(
-                DetailLevel(level, glb, bounding_corners([part.position for part in shown.values()]), error, len(shown))
+                DetailLevel(level, glb, z_up_bounds([part.position for part in shown.values()]), error, len(shown))
             )
         return found
 

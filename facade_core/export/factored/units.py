@@ -49,7 +49,7 @@ class FacadeUnit:
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 
-def group_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
+def group_elements_into_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
     """Group elements to units, sorted by rows from the top, then from the left.
 
     Parameters

@@ -95,7 +95,7 @@ def is_planar(plane: WallPolygon) -> bool:
     return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= MAX_OFF_WALL_PLANE_M) and plane.outline.is_valid
 
 
-class WallDetail(NamedTuple):
+class WallDetailLevel(NamedTuple):
     """Settings of one level of detail of a wall.
 
     Attributes
@@ -111,9 +111,9 @@ class WallDetail(NamedTuple):
 
 
 # Detail as photographed.
-NEAR_DETAIL = WallDetail(0, 1.25, True)
+NEAR_DETAIL = WallDetailLevel(0, 1.25, True)
 # Detail from distances where recesses are invisible, with the fewest types.
-FAR_DETAIL = WallDetail(sys.maxsize, 2.5, False)
+FAR_DETAIL = WallDetailLevel(sys.maxsize, 2.5, False)
 
 
 def build_wall(
@@ -121,7 +121,7 @@ def build_wall(
     planes: Sequence[WallPolygon],
     charts: Charts,
     library_index: int,
-    detail: WallDetail,
+    detail: WallDetailLevel,
     behind: list[Float64Array],
     pieces: WallPieces,
 ) -> None:
@@ -155,7 +155,7 @@ class _WallBuilder:
     plane: WallPolygon
     decomposition: WallDecomposition
     library_index: int
-    detail: WallDetail
+    detail: WallDetailLevel
     offset: Float64Array
     pieces: WallPieces
 

@@ -8,18 +8,18 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.types import SURFACES, Ground
-from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterial
+from facade_core.core.types import SURFACES, MappedGround
+from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterialClass
 from facade_core.geometry.charts import Charts
 
 # Fixed-point bits of rasterised outlines.
 FIXED_POINT_BITS = 4
 
 
-class GroundMaterials:
+class GroundMaterialOutlines:
     """Outlines of a block's ground materials in painting order: areas, pavements, paths, roads by rank."""
 
-    def __init__(self, ground: Ground) -> None:
+    def __init__(self, ground: MappedGround) -> None:
         self._ground = ground
 
     def rasterise(self, charts: Charts, chart: int, shape: tuple[int, int]) -> UInt8Array:
@@ -37,7 +37,7 @@ class GroundMaterials:
         """
         import cv2
 
-        out = np.full(shape, PbrMaterial.GRAVEL, np.uint8)
+        out = np.full(shape, PbrMaterialClass.GRAVEL, np.uint8)
         shapes, tree = self._outlines, self._tree
         origin, axes = charts.origin[chart, :2], np.stack([charts.axis_u[chart, :2], charts.axis_v[chart, :2]])
         axes = axes / (axes**2).sum(axis=1, keepdims=True)  # places as seen from above
@@ -66,7 +66,7 @@ class GroundMaterials:
         roads = sorted((way for way in self._ground.ways if way.kind == "road"), key=lambda way: way.rank)
         paths = [way for way in self._ground.ways if way.kind in ("path", "cycle", "steps")]
         pavements = [
-            (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterial.SLABS)
+            (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterialClass.SLABS)
             for way in roads
             if max(way.pavement) > 0
         ]

@@ -12,7 +12,7 @@ from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.street.materials.field_kernels import SurfaceMaterial
 
 
-class PbrMaterial(IntEnum):
+class PbrMaterialClass(IntEnum):
     """Material classes of texels in a relit model; all are dielectric."""
 
     PLASTER = 0
@@ -34,7 +34,7 @@ class PbrMaterial(IntEnum):
     PHOTOGRAPHED = 16
 
 
-class MaterialProperties(NamedTuple):
+class RoughnessAndRelief(NamedTuple):
     """Roughness and relief of a material class.
 
     Attributes
@@ -48,61 +48,61 @@ class MaterialProperties(NamedTuple):
 
 
 MATERIAL_PROPERTIES = {
-    PbrMaterial.PLASTER: MaterialProperties(0.92, 0.002),
-    PbrMaterial.BRICK: MaterialProperties(0.88, 0.006),
-    PbrMaterial.GLASS: MaterialProperties(0.06, 0.0),
-    PbrMaterial.FRAME: MaterialProperties(0.5, 0.0),
-    PbrMaterial.WOOD: MaterialProperties(0.6, 0.004),
-    PbrMaterial.RAILING: MaterialProperties(0.45, 0.006),
-    PbrMaterial.SHEET: MaterialProperties(0.5, 0.012),
-    PbrMaterial.TILE: MaterialProperties(0.75, 0.02),
-    PbrMaterial.SLATE: MaterialProperties(0.62, 0.008),
-    PbrMaterial.FELT: MaterialProperties(0.95, 0.004),
-    PbrMaterial.GRAVEL: MaterialProperties(0.98, 0.008),
-    PbrMaterial.ASPHALT: MaterialProperties(0.92, 0.003),
-    PbrMaterial.SLABS: MaterialProperties(0.84, 0.005),
-    PbrMaterial.SETTS: MaterialProperties(0.74, 0.012),
-    PbrMaterial.GRASS: MaterialProperties(1.0, 0.02),
-    PbrMaterial.WATER: MaterialProperties(0.04, 0.004),
-    PbrMaterial.PHOTOGRAPHED: MaterialProperties(0.9, 0.0),
+    PbrMaterialClass.PLASTER: RoughnessAndRelief(0.92, 0.002),
+    PbrMaterialClass.BRICK: RoughnessAndRelief(0.88, 0.006),
+    PbrMaterialClass.GLASS: RoughnessAndRelief(0.06, 0.0),
+    PbrMaterialClass.FRAME: RoughnessAndRelief(0.5, 0.0),
+    PbrMaterialClass.WOOD: RoughnessAndRelief(0.6, 0.004),
+    PbrMaterialClass.RAILING: RoughnessAndRelief(0.45, 0.006),
+    PbrMaterialClass.SHEET: RoughnessAndRelief(0.5, 0.012),
+    PbrMaterialClass.TILE: RoughnessAndRelief(0.75, 0.02),
+    PbrMaterialClass.SLATE: RoughnessAndRelief(0.62, 0.008),
+    PbrMaterialClass.FELT: RoughnessAndRelief(0.95, 0.004),
+    PbrMaterialClass.GRAVEL: RoughnessAndRelief(0.98, 0.008),
+    PbrMaterialClass.ASPHALT: RoughnessAndRelief(0.92, 0.003),
+    PbrMaterialClass.SLABS: RoughnessAndRelief(0.84, 0.005),
+    PbrMaterialClass.SETTS: RoughnessAndRelief(0.74, 0.012),
+    PbrMaterialClass.GRASS: RoughnessAndRelief(1.0, 0.02),
+    PbrMaterialClass.WATER: RoughnessAndRelief(0.04, 0.004),
+    PbrMaterialClass.PHOTOGRAPHED: RoughnessAndRelief(0.9, 0.0),
 }
 # Roughness and relief in metres, indexed by PbrMaterial.
-ROUGHNESS = np.array([MATERIAL_PROPERTIES[material].roughness for material in PbrMaterial], np.float32)
-RELIEF = np.array([MATERIAL_PROPERTIES[material].relief for material in PbrMaterial], np.float32)
+ROUGHNESS = np.array([MATERIAL_PROPERTIES[material].roughness for material in PbrMaterialClass], np.float32)
+RELIEF = np.array([MATERIAL_PROPERTIES[material].relief for material in PbrMaterialClass], np.float32)
 
 # Material of each facade class except walls; `glass_mask` separates panes from frames.
 LABEL_MATERIALS = {
-    FacadeClass.WINDOW: PbrMaterial.FRAME,
-    FacadeClass.SHOP: PbrMaterial.FRAME,
-    FacadeClass.DOOR: PbrMaterial.WOOD,
-    FacadeClass.BALCONY: PbrMaterial.RAILING,
-    FacadeClass.ROOF: PbrMaterial.SHEET,
+    FacadeClass.WINDOW: PbrMaterialClass.FRAME,
+    FacadeClass.SHOP: PbrMaterialClass.FRAME,
+    FacadeClass.DOOR: PbrMaterialClass.WOOD,
+    FacadeClass.BALCONY: PbrMaterialClass.RAILING,
+    FacadeClass.ROOF: PbrMaterialClass.SHEET,
 }
 # Material of a chart by the charts of its material field; ground charts use GROUND_MATERIALS.
 CHART_MATERIALS = {
-    SurfaceMaterial.GROUND: PbrMaterial.ASPHALT,
-    SurfaceMaterial.SHEET_METAL: PbrMaterial.SHEET,
-    SurfaceMaterial.ROOF_TILE: PbrMaterial.TILE,
-    SurfaceMaterial.ROOF_PICTURE: PbrMaterial.TILE,
-    SurfaceMaterial.PLASTER: PbrMaterial.PLASTER,
-    SurfaceMaterial.GLASS: PbrMaterial.GLASS,
-    SurfaceMaterial.BOARDS: PbrMaterial.WOOD,
-    SurfaceMaterial.SOFFIT: PbrMaterial.PLASTER,
-    SurfaceMaterial.BRICK: PbrMaterial.BRICK,
-    SurfaceMaterial.SLATE: PbrMaterial.SLATE,
-    SurfaceMaterial.FELT: PbrMaterial.FELT,
-    SurfaceMaterial.ROOF_GRAVEL: PbrMaterial.GRAVEL,
-    SurfaceMaterial.METAL_FIXTURE: PbrMaterial.SHEET,
+    SurfaceMaterial.GROUND: PbrMaterialClass.ASPHALT,
+    SurfaceMaterial.SHEET_METAL: PbrMaterialClass.SHEET,
+    SurfaceMaterial.ROOF_TILE: PbrMaterialClass.TILE,
+    SurfaceMaterial.ROOF_PICTURE: PbrMaterialClass.TILE,
+    SurfaceMaterial.PLASTER: PbrMaterialClass.PLASTER,
+    SurfaceMaterial.GLASS: PbrMaterialClass.GLASS,
+    SurfaceMaterial.BOARDS: PbrMaterialClass.WOOD,
+    SurfaceMaterial.SOFFIT: PbrMaterialClass.PLASTER,
+    SurfaceMaterial.BRICK: PbrMaterialClass.BRICK,
+    SurfaceMaterial.SLATE: PbrMaterialClass.SLATE,
+    SurfaceMaterial.FELT: PbrMaterialClass.FELT,
+    SurfaceMaterial.ROOF_GRAVEL: PbrMaterialClass.GRAVEL,
+    SurfaceMaterial.METAL_FIXTURE: PbrMaterialClass.SHEET,
 }
 # Material of ground by facade_core.core.types.SURFACES.
 GROUND_MATERIALS = (
-    PbrMaterial.GRAVEL,
-    PbrMaterial.ASPHALT,
-    PbrMaterial.SLABS,
-    PbrMaterial.SETTS,
-    PbrMaterial.GRASS,
-    PbrMaterial.WATER,
-    PbrMaterial.ASPHALT,
+    PbrMaterialClass.GRAVEL,
+    PbrMaterialClass.ASPHALT,
+    PbrMaterialClass.SLABS,
+    PbrMaterialClass.SETTS,
+    PbrMaterialClass.GRASS,
+    PbrMaterialClass.WATER,
+    PbrMaterialClass.ASPHALT,
 )
 
 
@@ -124,5 +124,5 @@ def classify_facade(labels: UInt8Array, wall: int, panes: BoolArray) -> UInt8Arr
         table[label] = material
     assert len(CLASSES) < len(table)
     found = table[labels]
-    found[panes] = PbrMaterial.GLASS
+    found[panes] = PbrMaterialClass.GLASS
     return found

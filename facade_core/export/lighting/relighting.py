@@ -13,9 +13,9 @@ from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, UInt8Ar
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import Ground, Sun
+from facade_core.core.types import MappedGround, Sun
 from facade_core.export.lighting.albedo import divide_light, estimate_shading
-from facade_core.export.lighting.ground_materials import GroundMaterials
+from facade_core.export.lighting.ground_materials import GroundMaterialOutlines
 from facade_core.export.lighting.height_maps import cavity_visibility, estimate_heights, normals_from_heights
 from facade_core.export.lighting.panes import (
     FacadeOpening,
@@ -27,7 +27,7 @@ from facade_core.export.lighting.panes import (
     pane_slope,
     snap_to_boxes,
 )
-from facade_core.export.lighting.pbr_materials import CHART_MATERIALS, ROUGHNESS, PbrMaterial, classify_facade
+from facade_core.export.lighting.pbr_materials import CHART_MATERIALS, ROUGHNESS, PbrMaterialClass, classify_facade
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.facade.wall_material import measure_wall_material
@@ -44,7 +44,7 @@ from facade_core.street.propagation.render import daylight_grey
 MAX_CACHED_CHARTS = 64
 
 
-class ChartTexels(NamedTuple):
+class StoredChartTexels(NamedTuple):
     """Stored texels of a chart, uint8.
 
     Attributes
@@ -75,17 +75,17 @@ class RelightingInputs:
     """
 
     scene: Scene
-    ground: Ground
+    ground: MappedGround
     chart_materials: UInt8Array
     has_source_texture: BoolArray
     chart_numbers: Sequence[int]
     sun: Sun | None
-    texels: Callable[[int], ChartTexels]
+    texels: Callable[[int], StoredChartTexels]
 
 
-def relight(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
+def build_relightable_mesh(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
     """Return the mesh with base colours without baked light, and with PBR maps."""
-    charts, grounds = _ChartRelighter(source, inputs), GroundMaterials(inputs.ground)
+    charts, grounds = _ChartRelighter(source, inputs), GroundMaterialOutlines(inputs.ground)
     albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(charts.albedo)
     maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, albedo(chart), grounds))
     return replace(source, raster=albedo, maps=maps)
@@ -140,7 +140,7 @@ class _ChartRelighter:
             grid = _interpolate_axis(grid, axis, shape[axis])
         return grid
 
-    def maps(self, chart: int, colour: UInt8Array, grounds: GroundMaterials) -> PbrMaps:
+    def maps(self, chart: int, colour: UInt8Array, grounds: GroundMaterialOutlines) -> PbrMaps:
         inputs, labels = self.inputs, self.inputs.texels(chart).labels
         labels = None if labels is None else snap_to_boxes(labels)
         shape, density = colour.shape[:2], self.density(chart)
@@ -150,12 +150,12 @@ class _ChartRelighter:
         made = CHART_MATERIALS[SurfaceMaterial(inputs.chart_materials[chart])]
         turn, shown, frames = None, None, np.zeros(half, bool)
         if inputs.has_source_texture[chart]:
-            material = np.full(half, PbrMaterial.PHOTOGRAPHED, np.uint8)
+            material = np.full(half, PbrMaterialClass.PHOTOGRAPHED, np.uint8)
             roughness = ROUGHNESS[material]
         elif labels is not None:
             measured = measure_wall_material(colour, labels, density)
-            is_brick = made == PbrMaterial.BRICK or (measured is not None and measured.brick)
-            wall = PbrMaterial.BRICK if is_brick else PbrMaterial.PLASTER
+            is_brick = made == PbrMaterialClass.BRICK or (measured is not None and measured.brick)
+            wall = PbrMaterialClass.BRICK if is_brick else PbrMaterialClass.PLASTER
             panes, leans, lit = self.pane_maps(chart, colour, labels)
             whole = classify_facade(labels, wall, panes)
             roughness, material = downscale(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]

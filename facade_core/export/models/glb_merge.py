@@ -26,7 +26,7 @@ INDEXED_LISTS = ("accessors", "bufferViews", "images", "materials", "meshes", "t
 
 
 @dataclass(frozen=True)
-class GlbFile:
+class GlbFileHeader:
     """Header of a GLB file: its glTF document and the place of its binary data.
 
     Attributes
@@ -43,7 +43,7 @@ class GlbFile:
     length: int
 
 
-def read_glb_file(path: Path) -> GlbFile:
+def read_glb_file_header(path: Path) -> GlbFileHeader:
     """Read the header of a GLB file.
 
     Raises
@@ -53,11 +53,16 @@ def read_glb_file(path: Path) -> GlbFile:
     with path.open("rb") as file:
         document, start = read_glb_header(file)
         length = sum(buffer["byteLength"] for buffer in document.get("buffers", ()))
-    return GlbFile(path, document, start, length)
+    return GlbFileHeader(path, document, start, length)
 
 
 def merge_glbs(
-    path: Path, parts: Sequence[GlbFile], origin: Sequence[float], *, extras: Mapping[str, object], copyright: str = ""
+    path: Path,
+    parts: Sequence[GlbFileHeader],
+    origin: Sequence[float],
+    *,
+    extras: Mapping[str, object],
+    copyright: str = "",
 ) -> int:
     """Write several models as one GLB and return its size in bytes.
 

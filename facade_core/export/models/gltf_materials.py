@@ -19,7 +19,7 @@ NIGHT = "night"
 TimeOfDay = Literal["day", "night", "day or night", "night or day"]
 
 
-def relative_texel_count(has_maps: bool, time: TimeOfDay) -> float:
+def material_texel_ratio(has_maps: bool, time: TimeOfDay) -> float:
     """Return the texels of all textures of a page per texel of its base colour, at most.
 
     A map has a quarter of the texels of the base colour.

@@ -43,7 +43,7 @@ class ModelFrame(Protocol):
 
 
 @dataclass(frozen=True)
-class LocalFrame:
+class YUpFrame:
     """glTF frame around a local origin: x east, y up, z south of the grid.
 
     Attributes
@@ -67,11 +67,11 @@ def to_y_up(points: Float64Array) -> Float64Array:
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
 
 
-def local_frame(mesh: Mesh) -> LocalFrame:
+def mesh_y_up_frame(mesh: Mesh) -> YUpFrame:
     """Return the frame around the centre of a mesh in whole metres, at its lowest point."""
     points = mesh.vertices[mesh.triangles.reshape(-1)]
     low, high = points.min(axis=0), points.max(axis=0)
-    return LocalFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
+    return YUpFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class PackedCharts:
         return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
 
 
-def pack_charts(source: TexturedMesh, charts: Int64Array, scale: float = 1.0) -> PackedCharts:
+def pack_charts_on_pages(source: TexturedMesh, charts: Int64Array, scale: float = 1.0) -> PackedCharts:
     """Pack charts on pages, with neighbouring buildings on the same page.
 
     Parameters

@@ -33,7 +33,7 @@ TIME_VARIANT_SET = "time"
 
 
 @dataclass(frozen=True)
-class TextureFiles:
+class TextureAssetPaths:
     """Asset paths of a page's textures, relative to a building's stage.
 
     Attributes
@@ -69,7 +69,7 @@ class ZUpFrame:
         return world
 
 
-def import_usd() -> ModuleType:
+def import_usd_library() -> ModuleType:
     """Import and return the package pxr.
 
     Raises
@@ -89,7 +89,7 @@ def import_usd() -> ModuleType:
 def write_usd_building(
     path: Path,
     node: GltfNode,
-    pages: Sequence[TextureFiles],
+    pages: Sequence[TextureAssetPaths],
     custom_data: Mapping[str, object],
     time: str | None = None,
 ) -> None:
@@ -103,7 +103,7 @@ def write_usd_building(
     custom_data : customData of the prim; values of None are left out.
     time : selected variant, DAY or NIGHT; None without variants.
     """
-    import_usd()
+    import_usd_library()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
     stage = _create_stage(path)
@@ -150,7 +150,7 @@ def write_usd_block(
     comment : attribution, as the comment of the layer.
     time : selected variant of all buildings; None without variants.
     """
-    import_usd()
+    import_usd_library()
     from pxr import Kind, Usd, UsdGeom
 
     stage = _create_stage(path)
@@ -176,7 +176,7 @@ def write_usd_block(
 
 def write_usd_package(folder: Path, names: Sequence[str], path: Path) -> None:
     """Pack files of a folder as .usdz; the first name is the stage that opens."""
-    import_usd()
+    import_usd_library()
     from pxr import Sdf
 
     with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
@@ -210,7 +210,7 @@ def _add_time_variants(prim: Prim, first: str, edits: Mapping[str, Callable[[], 
     variants.SetVariantSelection(first)
 
 
-def _define_material(stage: Stage, path: str, page: TextureFiles) -> Material:
+def _define_material(stage: Stage, path: str, page: TextureAssetPaths) -> Material:
     """Define a UsdPreviewSurface with the textures of a page."""
     from pxr import Sdf, UsdShade
 
@@ -238,7 +238,7 @@ def _define_material(stage: Stage, path: str, page: TextureFiles) -> Material:
     return material
 
 
-def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureFiles]) -> None:
+def _connect_emissive(stage: Stage, name: str, node: GltfNode, pages: Sequence[TextureAssetPaths]) -> None:
     """Connect the emissive textures of a building."""
     from pxr import Sdf, UsdShade
 

@@ -39,7 +39,7 @@ def _mosaic(image: UInt8Array) -> UInt8Array:
     return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
-def draw_crop(image: UInt8Array, hidden: BoolArray, box: Box) -> UInt8Array:
+def draw_crop_preview(image: UInt8Array, hidden: BoolArray, box: Box) -> UInt8Array:
     """Draw a given picture as a preview: dark and coarse outside of its crop, tinted where it was inpainted.
 
     Parameters

@@ -10,7 +10,7 @@ from io import BytesIO
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
@@ -32,7 +32,7 @@ ElementRow = tuple[str, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class RenderedView:
+class PictureInProgress:
     """Picture in progress: sky is drawn, pixels of the block wait for the rasters of their charts.
 
     Attributes
@@ -97,11 +97,11 @@ class RenderedView:
         return drawn.reshape(self.rgb.shape)
 
     @cached_property
-    def _by_chart(self) -> RowIndex:
-        return RowIndex(self.chart)
+    def _by_chart(self) -> RowsByValue:
+        return RowsByValue(self.chart)
 
 
-def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> RenderedView:
+def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> PictureInProgress:
     """Cast the rays of a picture and return it with only the sky drawn.
 
     Parameters
@@ -121,7 +121,7 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> R
         missed = chart[rows] == MISS
         rgb[rows][missed] = backdrop_colour(rays[missed])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
-    return RenderedView(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
+    return PictureInProgress(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 
 
 def render_perspective(

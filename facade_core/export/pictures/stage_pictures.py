@@ -22,7 +22,7 @@ from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
 from facade_core.export.pictures.rendering import ElementRow, draw_layout, draw_parse
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 
 # Name of the one stage that the report has of every facade.
 TEXTURE_STAGE = "result"
@@ -97,7 +97,7 @@ class StoredFacade:
     """
 
     group: StoreGroup
-    placement: Placement
+    placement: ChartPlacements
     chart: int
     record: StoredFacadeRecord | None
     exemplars: Sequence[str]
@@ -132,7 +132,7 @@ class StoredFacade:
         return self.hierarchy.sample(len(self.hierarchy.levels) // 2, seed)
 
 
-def read_chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> AnyArray:
+def read_chart_raster(group: StoreGroup, placement: ChartPlacements, chart: int, name: str) -> AnyArray:
     """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
     flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
     return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])

@@ -11,7 +11,7 @@ from facade_core.atlas.journal import Record
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Sun
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
-from facade_core.export.pictures.rendering import RenderedView, average_samples
+from facade_core.export.pictures.rendering import PictureInProgress, average_samples
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import sun_direction
@@ -32,7 +32,7 @@ MAX_VIEWPOINTS_TRIED = 24
 T = TypeVar("T")
 
 
-class TexelSources(Record, total=False):
+class ProvenanceShares(Record, total=False):
     """Part of a facade's record: the share of its texels of each provenance."""
 
     provenance: list[float]
@@ -50,7 +50,7 @@ def select_pictured_facades(plan: Plan) -> Int64Array:
 
 
 def choose_cameras(
-    plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None = None
+    plan: Plan, records: Sequence[ProvenanceShares | None], sun: Sun | None = None
 ) -> list[PerspectiveCamera]:
     """Choose the cameras of `view_names` by the worth of visible facades: photos first, sunlit ones before shaded.
 
@@ -63,14 +63,14 @@ def choose_cameras(
     worth = _chart_worth(plan, records, sun)
     found = [aerial_camera(plan.scene, VIEW_SIZE, worth)]
     for street in _view_streets(plan):
-        own = sample_evenly(plan.street_viewpoints(street), MAX_VIEWPOINTS_TRIED)
+        own = pick_evenly_spaced(plan.street_viewpoints(street), MAX_VIEWPOINTS_TRIED)
         found.append(street_camera(plan.scene, own, VIEW_SIZE, worth))
     if len(plan.facades.chart):
         found.append(close_up_camera(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
     return found
 
 
-def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None) -> Float64Array:
+def _chart_worth(plan: Plan, records: Sequence[ProvenanceShares | None], sun: Sun | None) -> Float64Array:
     """Return the worth (n,) of showing each chart; zero for all but facades on streets."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
@@ -80,19 +80,19 @@ def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | 
     return worth
 
 
-def photo_share(record: TexelSources | None) -> float:
+def photo_share(record: ProvenanceShares | None) -> float:
     """Return the share of a facade from photos, by its record."""
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, UInt8Array]]) -> UInt8Array:
+def paint_view(picture: PictureInProgress, parts: Iterable[Mapping[int, UInt8Array]]) -> UInt8Array:
     """Paint a view of SAMPLES_PER_PIXEL_SIDE from rasters by chart, some charts at a time, (h, w, 3) uint8."""
     for rasters in parts:
         picture.paint(rasters)
     return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)
 
 
-def sample_evenly(values: list[T], count: int) -> list[T]:
+def pick_evenly_spaced(values: list[T], count: int) -> list[T]:
     """Return at most `count` values, evenly spaced."""
     if len(values) <= count:
         return values
@@ -105,6 +105,6 @@ def _view_streets(plan: Plan) -> list[int]:
     area = np.bincount(
         facades.street, facades.width * facades.height * (facades.role == WallRole.STREET), minlength=len(plan.streets)
     )
-    walked = np.unique(plan.street_of_viewpoints)
+    walked = np.unique(plan.viewpoint_streets)
     most = walked[np.argsort(-area[walked], kind="stable")][:MAX_STREET_VIEWS]
     return sorted(most.tolist())

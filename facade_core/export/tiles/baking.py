@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,13 +22,26 @@ MIN_EDGE_DISTANCE_M = 0.03
 SAMPLES_PER_TEXEL = 3
 
 
+class ShellRasters(NamedTuple):
+    """Rasters of the charts of shells.
+
+    Attributes
+    ----------
+    charts : charts of the shells.
+    texels : (n, 2) width and height of the rasters.
+    density : texels per metre.
+    """
+
+    charts: Charts
+    texels: IntArray
+    density: float
+
+
 def bake_rasters(
     source: TexturedMesh,
     triangles: IntArray,
-    charts: Charts,
+    shells: ShellRasters,
     baked_charts: IntArray,
-    texels: IntArray,
-    density: float,
     rasters: Sequence[Callable[[int], UInt8Array]],
 ) -> list[dict[int, UInt8Array]]:
     """Bake rasters of a building on the charts of its shell.
@@ -38,17 +52,15 @@ def bake_rasters(
     ----------
     source : mesh to bake from.
     triangles : (t,) triangles of the building in the source.
-    charts : charts of the shells.
+    shells : rasters of all shells.
     baked_charts : (k,) charts of this building's shell.
-    texels : (n, 2) width and height of the rasters of all charts.
-    density : texels per metre.
     rasters : layers to bake; each returns the raster of a source chart at any size.
 
     Returns
     -------
     Per layer, the raster (h, w, 3) uint8 of every baked chart.
     """
-    mesh = source.mesh
+    (charts, texels, density), mesh = shells, source.mesh
     used, index = np.unique(mesh.triangles[triangles], return_inverse=True)
     own = Mesh(
         mesh.vertices[used], index.reshape(-1, 3).astype(np.int32), mesh.chart[triangles], mesh.vertex_chart[used]

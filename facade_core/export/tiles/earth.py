@@ -15,7 +15,7 @@ NORTH_STEP_M = 100.0
 
 
 @dataclass(frozen=True)
-class EarthFrame:
+class EarthTangentFrame:
     """Local east-north-up frame at a point of a block.
 
     Every point passes through the earth-centred frame, so that neither the scale of the projection nor the curvature of the
@@ -51,7 +51,7 @@ class EarthFrame:
         return to_y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
 
 
-def earth_frame(crs: str, origin: Float64Array, geoid_separation: float = 0.0) -> EarthFrame:
+def earth_tangent_frame(crs: str, origin: Float64Array, geoid_separation: float = 0.0) -> EarthTangentFrame:
     """Build the local tangent frame of the earth at a point of a block.
 
     Parameters
@@ -75,4 +75,4 @@ def earth_frame(crs: str, origin: Float64Array, geoid_separation: float = 0.0) -
     axes = np.stack([east, np.cross(up, east), up])
     centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, NORTH_STEP_M, 0.0])]))
     x, y, _ = axes @ (ahead - centre)
-    return EarthFrame(earth_centred, centre, axes, float(np.arctan2(x, y)))
+    return EarthTangentFrame(earth_centred, centre, axes, float(np.arctan2(x, y)))

@@ -14,9 +14,9 @@ from facade_core.core.grouping import group_rows
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
-from facade_core.export.tiles.baking import bake_rasters
+from facade_core.export.tiles.baking import ShellRasters, bake_rasters
 from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh, SurfaceTarget
-from facade_core.geometry.ground.ground_charts import add_level_surface, add_planar_chart
+from facade_core.geometry.ground.ground_charts import add_horizontal_surface, add_planar_chart
 
 # Tolerance of simplified outlines, metres.
 TOLERANCE_M = 1.0
@@ -86,9 +86,8 @@ def build_shells(
     looks = [source.raster, *([] if maps is None else [lambda chart: _emissive_raster(maps(chart))])]
     rasters: list[dict[int, UInt8Array]] = [{} for _ in looks]
     for building, mine in group_rows(charts.building).items():
-        for own, baked in zip(
-            rasters, bake_rasters(source, triangles[building], charts, mine, texels, density, looks), strict=True
-        ):
+        layers = bake_rasters(source, triangles[building], ShellRasters(charts, texels, density), mine, looks)
+        for own, baked in zip(rasters, layers, strict=True):
             own |= baked
         on_progress()
     shown = TexturedMesh(charts, mesh, texels / density, texels, rasters[0].__getitem__)
@@ -149,7 +148,7 @@ def _extrude(pieces: ChartBuilder, building: int, outline: Polygon, base: float,
             frame = np.array([*a, top]), along, _DOWN
             add_planar_chart(target, ChartKind.WALL, frame, shapely.box(0, 0, length, top - base))
             pieces.surface_count += 1
-    add_level_surface(target, ChartKind.ROOF, outline, top)
+    add_horizontal_surface(target, ChartKind.ROOF, outline, top)
 
 
 def _empty_mesh() -> tuple[Charts, Mesh]:

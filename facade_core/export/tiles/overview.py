@@ -10,7 +10,13 @@ import numpy as np
 from facade_core.core.arrays import Int64Array
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.pages import GUTTER_TEXELS
-from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_pages, pack_charts
+from facade_core.export.models.textured_mesh import (
+    TexturedMesh,
+    YUpFrame,
+    build_nodes,
+    encode_pages,
+    pack_charts_on_pages,
+)
 
 # Maximum size of an overview, bytes.
 MAX_OVERVIEW_BYTES = 8_000_000
@@ -68,10 +74,10 @@ def encode_overview(
     copyright : attribution.
     """
     whole = replace(source, charts=replace(source.charts, building=np.zeros_like(source.charts.building)))
-    frame = LocalFrame(np.array(extras["origin"], float))
+    frame = YUpFrame(np.array(extras["origin"], float))
     scale = 1.0
     while True:
-        drawn = pack_charts(whole, charts, scale)
+        drawn = pack_charts_on_pages(whole, charts, scale)
         data = encode_glb(
             build_nodes([drawn], {0: OVERVIEW_NODE}, frame)[0], encode_pages(drawn), extras=extras, copyright=copyright
         )

@@ -11,7 +11,13 @@ from facade_core.atlas.journal import unit_key
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.export.models.glb import encode_glb, extract_images
 from facade_core.export.models.pages import downscale
-from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_page, pack_charts
+from facade_core.export.models.textured_mesh import (
+    TexturedMesh,
+    YUpFrame,
+    build_nodes,
+    encode_page,
+    pack_charts_on_pages,
+)
 
 # Coarse rasters have one of so many texels along each side.
 COARSE_DIVISOR = 4
@@ -67,7 +73,7 @@ def build_tile_model(
     extras : extras of the scene; `origin` in world metres is the origin of the model.
     earlier : the tile before.
     """
-    drawn = pack_charts(source, charts)
+    drawn = pack_charts_on_pages(source, charts)
     size = coarse_size(source.texels[charts])
     start = np.cumsum(size.prod(axis=1)) - size.prod(axis=1)
     coarse = earlier.coarse.copy() if earlier else np.zeros((int(size.prod(axis=1).sum()), 3), np.uint8)
@@ -85,7 +91,7 @@ def build_tile_model(
             small = downscale(rasters[int(charts[i])], (width, height))
             coarse[start[i] : start[i] + width * height] = small.reshape(-1, 3)
     origin = np.array(extras["origin"], float)
-    nodes, bounds = build_nodes([drawn], names, LocalFrame(origin))
+    nodes, bounds = build_nodes([drawn], names, YUpFrame(origin))
     corners = bounds[:, [0, 2, 1]] * [1, -1, 1] + origin
     return TileModel(
         encode_glb(nodes, pictures, extras=extras), np.sort(corners, axis=0), coarse, tuple(picture_digests)

@@ -13,10 +13,10 @@ from facade_core.core.grouping import group_rows
 from facade_core.export.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import FeatureTable
-from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, relative_texel_count
+from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.cells import COARSE_SCALE, QuadtreeCell
-from facade_core.export.tiles.earth import EarthFrame
+from facade_core.export.tiles.earth import EarthTangentFrame
 from facade_core.export.tiles.far_shells import BuildingShells
 from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
 from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
@@ -61,7 +61,7 @@ class Tileset(TypedDict):
 
 
 @dataclass(frozen=True)
-class WrittenTileset:
+class TilesetSummary:
     """Summary of a written tileset.
 
     Attributes
@@ -104,20 +104,54 @@ class DetailLevel:
 MakeDetailLevels = Callable[[QuadtreeCell], Sequence[DetailLevel]]
 
 
-@dataclass
-class _TilesetWriter:
+@dataclass(frozen=True)
+class TiledModel:
+    """Model that a tileset shows.
+
+    Attributes
+    ----------
+    source : textured mesh of the block.
+    shells : shells of the buildings.
+    frame : frame of the tileset.
+    features : feature table of the block.
+    """
+
     source: TexturedMesh
     shells: BuildingShells
-    frame: EarthFrame
+    frame: EarthTangentFrame
     features: FeatureTable
-    encoder: TextureEncoder
-    copyright: str
-    write: Callable[[str, bytes], None]
-    scale: float
-    time: TimeOfDay
-    levels: MakeDetailLevels | None
 
-    def __post_init__(self) -> None:
+
+@dataclass(frozen=True)
+class TileSettings:
+    """Settings of the tiles of a tileset.
+
+    Attributes
+    ----------
+    encoder : encoder of the textures.
+    scale : factor on the texels per metre of all tiles.
+    time : time of day shown by emissive materials.
+    levels : builds the levels of detail of a leaf, coarsest first.
+    """
+
+    encoder: TextureEncoder
+    scale: float = 1.0
+    time: TimeOfDay = "day"
+    levels: MakeDetailLevels | None = None
+
+
+class _TilesetWriter:
+    def __init__(
+        self, model: TiledModel, settings: TileSettings, copyright: str, write: Callable[[str, bytes], None]
+    ) -> None:
+        self.source, self.shells, self.frame, self.features = model.source, model.shells, model.frame, model.features
+        self.encoder, self.scale, self.time, self.levels = (
+            settings.encoder,
+            settings.scale,
+            settings.time,
+            settings.levels,
+        )
+        self.copyright, self.write = copyright, write
         self.tilesets: dict[str, Tileset] = {}
         self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
         self.shell_rows = self.features.select_building_rows(
@@ -139,7 +173,7 @@ class _TilesetWriter:
             encode_tile_glb(batches, page_textures, self.encoder, self.features, self.copyright, self.time),
             len(batches),
         )
-        return bounding_corners([batch.position for batch in batches])
+        return z_up_bounds([batch.position for batch in batches])
 
     def write_model(self, uri: str, data: bytes, draws: int) -> None:
         self.draw_calls += draws
@@ -225,20 +259,14 @@ class _TilesetWriter:
 
 
 def write_tileset(
-    source: TexturedMesh,
+    model: TiledModel,
     cells: QuadtreeCell,
-    shells: BuildingShells,
-    frame: EarthFrame,
-    features: FeatureTable,
-    encoder: TextureEncoder,
+    settings: TileSettings,
     write: Callable[[str, bytes], None],
     *,
-    scale: float = 1.0,
-    time: TimeOfDay = "day",
     extras: Mapping[str, object],
     attribution: Attribution,
-    levels: MakeDetailLevels | None = None,
-) -> WrittenTileset:
+) -> TilesetSummary:
     """Write the tileset of a quadtree, one tile at a time.
 
     The lowest tiles show the source, or the detail levels of a leaf. The tiles above show shells, the ground and the
@@ -247,29 +275,23 @@ def write_tileset(
 
     Parameters
     ----------
-    source : textured mesh of the block.
+    model : model to write.
     cells : root of the quadtree.
-    shells : shells of the buildings.
-    frame : frame of the tileset.
-    features : feature table of the block.
-    encoder : encoder of the textures.
+    settings : settings of the tiles.
     write : receives the relative path and the bytes of a file.
-    scale : factor on the texels per metre of all tiles.
-    time : time of day shown by emissive materials.
     extras : extras of the asset.
     attribution : attribution of the data.
-    levels : builds the levels of detail of a leaf, coarsest first.
     """
-    writer = _TilesetWriter(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
+    writer = _TilesetWriter(model, settings, attribution.line, write)
     root = _move_up(writer.coarse_tile(cells))
-    root["transform"] = frame.transform().T.reshape(-1).tolist()
+    root["transform"] = model.frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
     top: Tileset = {
         "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.to_json()}},
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
     }
-    return WrittenTileset(
+    return TilesetSummary(
         {"tileset.json": top, **writer.tilesets},
         writer.page_texels,
         writer.used_texels,
@@ -283,13 +305,13 @@ def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
     return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
 
 
-def bounding_corners(positions: Sequence[Float64Array]) -> Float64Array:
+def z_up_bounds(positions: Sequence[Float64Array]) -> Float64Array:
     """Return the z-up bounds (2, 3) of points (n, 3) given in glTF's y-up frame."""
     points = np.concatenate(positions)
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 
 
-def view_scale(
+def view_texture_scale(
     source: TexturedMesh,
     shells: BuildingShells,
     cells: QuadtreeCell,
@@ -316,7 +338,7 @@ def view_scale(
     coarse = list(_iterate_coarse_cells(cells))
     # the path of a leaf starts with the paths of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
-    texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * relative_texel_count(source.maps is not None, time)
+    texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * material_texel_ratio(source.maps is not None, time)
     scale = 1.0
     while True:
         fine = np.array([pack_tile_pages(source, cell_charts(source, leaf), scale).page_texels for leaf in leaves])
@@ -362,7 +384,7 @@ def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> Int64Array:
     return np.union1d(cell.ground, source.select_charts(cell.buildings)).astype(np.int64)
 
 
-def _page_batches(pages: TilePages, rows: IntArray, frame: EarthFrame) -> list[TileBatch]:
+def _page_batches(pages: TilePages, rows: IntArray, frame: EarthTangentFrame) -> list[TileBatch]:
     """Return one batch per page."""
     drawn = pages.packed
     source, mesh = drawn.source, drawn.source.mesh

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
-from facade_core.core.errors import LayoutError, ModelError
+from facade_core.core.errors import LayoutError, ModelFileError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Completion, Element, Parsing
-from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
-from facade_core.facade.layout.gap_filling import find_gaps_and_strays
+from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
+from facade_core.facade.layout.gap_filling import find_fillers_and_strays
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.image_evidence import apply_image_evidence
 from facade_core.facade.layout.layout_sampling import sample_layouts
@@ -19,9 +19,9 @@ from facade_core.facade.layout.model import LayoutModel, default_layout_model
 from facade_core.facade.layout.proposal_features import compute_features
 from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.ranking import predict_probability
-from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, pairwise_iou, pairwise_overlap
+from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, overlap_mask, pairwise_iou
 from facade_core.facade.layout.scores import score
-from facade_core.facade.layout.selection import PlacementSpace, align_to_lines, select_proposals
+from facade_core.facade.layout.selection import PlacementSpace, align_proposal_edges, select_proposals
 from facade_core.facade.layout.shop_floor import select_shop_row
 from facade_core.facade.layout.validation import check_domain, check_elements, check_region
 from facade_core.facade.layout.window_rows import RowLimits, find_missing_windows, min_window_gap
@@ -100,7 +100,7 @@ def complete(
     Fan et al. 2014 (layout paper).
     """
     if model is not None and not isinstance(model, LayoutModel):
-        raise ModelError("layout.complete: model must be a LayoutModel; read one with facade_core.layout.load")
+        raise ModelFileError("layout.complete: model must be a LayoutModel; read one with facade_core.layout.load")
     if n < 1:
         raise LayoutError(f"layout.complete: n must be at least 1, not {n}")
     check_domain(domain)
@@ -112,11 +112,13 @@ def complete(
         return [Completion((), score([], domain, model=chosen))]
     if not seen:
         return _sample_completions(domain, chosen, n, seed)
-    layouts = rank_layouts(seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front)
+    layouts = propose_ranked_layouts(
+        seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front
+    )
     return [Completion((*seen, *layout), value) for layout, value in _select_diverse(layouts, n)]
 
 
-def rank_layouts(
+def propose_ranked_layouts(
     seen: Sequence[Element],
     domain: Rectangle,
     region: Float64Array,
@@ -139,7 +141,7 @@ def rank_layouts(
     observed = [e for e in seen if e.label in ELEMENT_CLASSES]
     fitted = fit_grids(observed)
     proposals = propose_elements(observed, fitted, domain, region, model.priors, entrances)
-    facade = fit_facade_frame(observed, domain)
+    facade = fit_columns_and_floors(observed, domain)
     features = compute_features(proposals, observed, fitted, facade, domain, region)
     probability = predict_probability(model.trees, features)
     contradicted = np.zeros(len(probability), bool)
@@ -197,7 +199,7 @@ def rank_layouts(
         if selected.tobytes() in tried:
             continue
         tried.add(selected.tobytes())
-        fill, strays = find_gaps_and_strays(
+        fill, strays = find_fillers_and_strays(
             proposals, selected, np.where(contradicted, 0, preference), observed, obstacles
         )
         selected = _reselect(select, selected, fill & unobstructed, strays, order)
@@ -209,7 +211,9 @@ def rank_layouts(
         selected = selected[~is_door | (np.cumsum(is_door) <= max_doors)]
         if layouts and not len(selected):  # an empty completion is no alternative
             continue
-        layout = align_to_lines(proposals, selected, probability, observed, PlacementSpace(domain, region, obstacles))
+        layout = align_proposal_edges(
+            proposals, selected, probability, observed, PlacementSpace(domain, region, obstacles)
+        )
         correct = float(probability[selected].sum())
         value = 2 * correct / max(len(selected) + max(expected, correct), 1e-9)
         value += _SCORE_WEIGHT * score([*observed, *layout], domain, model=model)
@@ -250,8 +254,8 @@ def _find_unobstructed(
     """Mark, (N,) bool, the proposals clear of obstacles and, for windows, not too near to an observed one."""
     windows = box_array([e for e in observed if e.label == "window"])
     grown = proposals.box + np.array([-min_gap, 0, min_gap, 0])
-    near_window = (proposals.label == WINDOW) & pairwise_overlap(grown, windows).any(axis=1)
-    is_unobstructed: BoolArray = ~pairwise_overlap(proposals.box, obstacles).any(axis=1) & ~near_window
+    near_window = (proposals.label == WINDOW) & overlap_mask(grown, windows).any(axis=1)
+    is_unobstructed: BoolArray = ~overlap_mask(proposals.box, obstacles).any(axis=1) & ~near_window
     return is_unobstructed
 
 

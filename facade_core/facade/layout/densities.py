@@ -46,7 +46,7 @@ SYMMETRY_BINS = 10
 DOOR_BINS = 6
 
 
-class Densities(NamedTuple):
+class ScoreTermDensities(NamedTuple):
     """Learned densities of the score terms.
 
     Attributes
@@ -113,7 +113,7 @@ def log_density(value: float, mixture: Float64Array) -> float:
 
 
 @njit(cache=True)
-def log_conditional(value: float, condition: float, mixture: Float64Array) -> float:
+def log_conditional_density(value: float, condition: float, mixture: Float64Array) -> float:
     """Return ln p(value | condition), at least MIN_LOG_DENSITY."""
     joint, marginal = 0.0, 0.0
     for k in range(COMPONENT_COUNT):

@@ -16,7 +16,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FacadeFrame:
+class ColumnsAndFloors:
     """Columns, floors and window sizes of a facade, and its ground line.
 
     Attributes
@@ -35,7 +35,7 @@ class FacadeFrame:
     ground: float
 
 
-def fit_facade_frame(seen: Sequence[Element], domain: Rectangle) -> FacadeFrame:
+def fit_columns_and_floors(seen: Sequence[Element], domain: Rectangle) -> ColumnsAndFloors:
     """Fit columns and floors to observed elements.
 
     Without windows, sizes come from all elements; without any element, from the domain.
@@ -50,16 +50,16 @@ def fit_facade_frame(seen: Sequence[Element], domain: Rectangle) -> FacadeFrame:
     box = box_array([e for e in seen if e.label == "window"] or seen)
     if not len(box):
         extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
-        return FacadeFrame(np.zeros(0), np.zeros(0), np.zeros((0, 2)), extent * (0.06, 0.09), ground)
+        return ColumnsAndFloors(np.zeros(0), np.zeros(0), np.zeros((0, 2)), extent * (0.06, 0.09), ground)
     centre, side = (box[:, :2] + box[:, 2:]) / 2, box[:, 2:] - box[:, :2]
     size = np.median(side, axis=0)
-    columns, _ = cluster_centres(centre[:, 0], ALIGNMENT_TOLERANCE * size[0])
-    floors, floor = cluster_centres(centre[:, 1], ALIGNMENT_TOLERANCE * size[1])
+    columns, _ = cluster_positions_by_gap(centre[:, 0], ALIGNMENT_TOLERANCE * size[0])
+    floors, floor = cluster_positions_by_gap(centre[:, 1], ALIGNMENT_TOLERANCE * size[1])
     floor_size = np.array([np.median(side[floor == k], axis=0) for k in range(len(floors))])
-    return FacadeFrame(columns, floors, floor_size, size, ground)
+    return ColumnsAndFloors(columns, floors, floor_size, size, ground)
 
 
-def cluster_centres(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
+def cluster_positions_by_gap(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
     """Cluster positions whose neighbours differ by at most `gap`.
 
     Parameters

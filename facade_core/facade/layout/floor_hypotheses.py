@@ -22,7 +22,7 @@ def extrapolate_floors(
     floors : (F,) centres of at least two observed floors, top to bottom.
     heights : (F,) their window heights.
     progression : (4,) first and later step in observed pitches, height of the first and of later windows in observed
-        heights, as `floor_progressions` measures them. Upward steps use the inverse: floors that grow downwards
+        heights, as `log_floor_progressions` measures them. Upward steps use the inverse: floors that grow downwards
         shrink upwards.
     low, high : y extent of the domain.
 
@@ -44,7 +44,7 @@ def extrapolate_floors(
     return np.array(found).reshape(-1, 2)
 
 
-def floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
+def log_floor_progressions(floors: Float64Array, heights: Float64Array) -> list[tuple[float, ...]]:
     """Return the log ratios of pitches and heights below each floor from the third on.
 
     Parameters

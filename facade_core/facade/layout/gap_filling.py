@@ -8,10 +8,10 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import cluster_centres
+from facade_core.facade.layout.facade_frame import cluster_positions_by_gap
 from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import WINDOW, pairwise_overlap
+from facade_core.facade.layout.rectangles import WINDOW, overlap_mask
 
 # Smallest occupied share of the row and of the column of a filled cell.
 _MIN_FILLED_SHARE = 0.5
@@ -19,7 +19,7 @@ _MIN_FILLED_SHARE = 0.5
 _MIN_ROW_SHARE = 0.26
 
 
-def find_gaps_and_strays(
+def find_fillers_and_strays(
     proposals: Proposals,
     selected: Int64Array,
     probability: Float64Array,
@@ -47,13 +47,13 @@ def find_gaps_and_strays(
         return fill, alone
     centre, size = (box[:, :2] + box[:, 2:]) / 2, np.median(box[:, 2:] - box[:, :2], axis=0)
     (x, column), (y, row) = (
-        cluster_centres(centre[:, axis], ALIGNMENT_TOLERANCE * float(size[axis])) for axis in (0, 1)
+        cluster_positions_by_gap(centre[:, axis], ALIGNMENT_TOLERANCE * float(size[axis])) for axis in (0, 1)
     )
     taken = np.zeros((len(y), len(x)), bool)
     taken[row, column] = True
     free = (proposals.label == WINDOW) & (probability > 0)
     if len(obstacles):
-        free &= ~pairwise_overlap(proposals.box, obstacles).any(axis=1)
+        free &= ~overlap_mask(proposals.box, obstacles).any(axis=1)
     index = np.flatnonzero(free)
     index = index[np.argsort(-probability[index], kind="stable")]
     middle = (proposals.box[index, :2] + proposals.box[index, 2:]) / 2

@@ -20,7 +20,7 @@ _MAX_ADDED_LINES = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Extension:
+class ExtensionVariant:
     """Options of one variant of grid extension.
 
     Attributes
@@ -73,8 +73,8 @@ def extension_context(seen: Sequence[Element], fitted: Sequence[Grid]) -> Extens
     )
 
 
-def extend_grids(
-    context: ExtensionContext, domain: tuple[float, float, float, float], variant: Extension
+def propose_extension_elements(
+    context: ExtensionContext, domain: tuple[float, float, float, float], variant: ExtensionVariant
 ) -> Iterator[Element]:
     """Yield the elements that extended grids propose, in order of trust.
 
@@ -88,7 +88,7 @@ def extend_grids(
                 continue
             columns = extend_lines(grid.columns, grid.width, x0, x1, variant.balanced, variant.trim_column)
             if variant.mirrored or len(grid.columns) == 1:
-                columns = mirror_columns(columns, grid.width, x0 + x1)
+                columns = add_mirror_columns(columns, grid.width, x0 + x1)
             # Doors and shops are on the ground, so only their own row is extended.
             rows = np.array(grid.rows)
             if label in ("window", "balcony"):
@@ -144,8 +144,12 @@ def extend_lines(
         before.append(at)
         k += 1
     if balanced and len(pattern) == 1:
-        after = balance_margins(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
-        before = balance_margins(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
+        after = (
+            bend_positions_to_target(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
+        )
+        before = (
+            bend_positions_to_target(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
+        )
     if trim:
         before, after = before[:-1], after[:-1]
     return np.array(before[::-1] + positions + after)
@@ -163,7 +167,7 @@ def _spacing_cycle(spacing: Float64Array) -> Float64Array:
     return np.sort(spacing)[[(len(spacing) - 1) // 2]]
 
 
-def balance_margins(start: float, new: list[float], target: float, pitch: float) -> list[float]:
+def bend_positions_to_target(start: float, new: list[float], target: float, pitch: float) -> list[float]:
     """Space new positions evenly up to `target`, if the pitch changes by little."""
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
@@ -172,7 +176,7 @@ def balance_margins(start: float, new: list[float], target: float, pitch: float)
     return positions
 
 
-def mirror_columns(columns: Float64Array, width: float, twice_middle: float) -> Float64Array:
+def add_mirror_columns(columns: Float64Array, width: float, twice_middle: float) -> Float64Array:
     """Add the mirror image of every column that overlaps no other column.
 
     Parameters

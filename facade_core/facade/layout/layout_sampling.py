@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
+from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle
 
 # Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
 # pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
@@ -31,7 +31,9 @@ STYLE_LENGTH = 11
 _MAX_METRIC_HEIGHT = 60.0
 
 
-def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> Float64Array | None:
+def layout_style_vector(
+    elements: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle
+) -> Float64Array | None:
     """Return the style vector of a whole layout, None where its windows form no columns or floors.
 
     Parameters

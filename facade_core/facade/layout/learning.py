@@ -31,30 +31,30 @@ from facade_core.facade.layout.densities import (
     TERMS,
     TOP_BORDER_ROW,
     WIDTH_RATIO_ROW,
-    Densities,
+    ScoreTermDensities,
     fit_mixture,
 )
-from facade_core.facade.layout.facade_frame import fit_facade_frame
-from facade_core.facade.layout.floor_hypotheses import floor_progressions
+from facade_core.facade.layout.facade_frame import fit_columns_and_floors
+from facade_core.facade.layout.floor_hypotheses import log_floor_progressions
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.layout_sampling import facade_style
+from facade_core.facade.layout.layout_sampling import layout_style_vector
 from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
+from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out_policy
 from facade_core.facade.layout.policy_optimisation import (
     POLICY_POPULATION,
-    initial_layout,
-    optimise_policy,
+    evolve_policy_candidates,
+    observed_layout_arrays,
     sample_policies,
 )
 from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
-from facade_core.facade.layout.scores import door_bin, measure_elements, score_terms
+from facade_core.facade.layout.scores import door_bin, layout_score_terms, measure_layout_from_elements
 from facade_core.facade.layout.statistics import LABEL_COUNT, PATTERNS
 from facade_core.facade.layout.training_examples import (
     Layout,
     Progress,
     choose_thresholds,
-    make_examples,
+    make_ranking_examples,
     train_ranking,
 )
 
@@ -101,7 +101,7 @@ def learn_layout_model(
         raise LayoutError(f"{len(used)} layouts with elements: too few to learn from; give at least ten")
     report("densities", 0, 1)
     model = LayoutModel(
-        fit_densities([measure_elements(elements, domain) for elements, domain in used], seed),
+        fit_densities([measure_layout_from_elements(elements, domain) for elements, domain in used], seed),
         np.full(len(TERMS), len(TERMS) ** -0.5),
         True,
         sample_policies(POLICY_POPULATION, np.random.default_rng(seed)),
@@ -113,8 +113,10 @@ def learn_layout_model(
             _typical_progressions(used, 8, seed),
             _size_to_spacing_quantiles(used),
         ),
-        np.array([s for s in (facade_style(es, fit_facade_frame(es, d), d) for es, d in used) if s is not None]),
-        metric_priors(metric),
+        np.array(
+            [s for s in (layout_style_vector(es, fit_columns_and_floors(es, d), d) for es, d in used) if s is not None]
+        ),
+        median_metric_pitches(metric),
         BoostedTrees(
             *(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0
         ),
@@ -124,14 +126,16 @@ def learn_layout_model(
     report("densities", 1, 1)
     model = replace(model, policies=learn_policies(model, used, seed, report))
     model = replace(model, weights=learn_weights(model, used, seed, report))
-    shown = make_examples(model, used, seed, report)
+    shown = make_ranking_examples(model, used, seed, report)
     report("trees", 0, 3)
     model = replace(model, trees=train_ranking(shown, seed=seed))
     report("trees", 1, 3)
     return replace(model, min_probability=choose_thresholds(shown, seed=seed, progress=report))
 
 
-def fit_densities(statistics: Sequence[tuple[Float64Array, Float64Array, Float64Array]], seed: int) -> Densities:
+def fit_densities(
+    statistics: Sequence[tuple[Float64Array, Float64Array, Float64Array]], seed: int
+) -> ScoreTermDensities:
     """Fit the densities of the ten terms to the statistics of whole layouts.
 
     Parameters
@@ -164,7 +168,7 @@ def fit_densities(statistics: Sequence[tuple[Float64Array, Float64Array, Float64
         mixtures[row] = fit_mixture(values[~unknown], seed)
     pattern = pairs[~np.isnan(pairs[:, st.PATTERN]), st.PATTERN].astype(int)
     counts = np.bincount(pattern, minlength=len(PATTERNS)) + 1.0
-    return Densities(
+    return ScoreTermDensities(
         mixtures,
         np.maximum(MIN_LOG_DENSITY, np.log(counts / counts.sum())),
         _symmetry_table(overall),
@@ -219,9 +223,11 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
             training_cases.CASE_KINDS[count % len(training_cases.CASE_KINDS)], elements, domain, rng
         )
         if seen:
-            start = initial_layout(seen, domain, box_array([]) if not region else np.array(region, float), model)
+            start = observed_layout_arrays(
+                seen, domain, box_array([]) if not region else np.array(region, float), model
+            )
             first = sample_policies(POLICY_POPULATION, rng)
-            used, _, scores = optimise_policy(first, start, model, 4, 2, seed)
+            used, _, scores = evolve_policy_candidates(first, start, model, 4, 2, seed)
             found.append(used[scores.argmax()])
         progress("policies", count + 1, len(chosen))
     policies = np.array(found)
@@ -249,7 +255,7 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
     from dataclasses import replace
 
     rng = np.random.default_rng([seed, 2])
-    positive = np.array([score_terms(elements, domain, model) for elements, domain in layouts])
+    positive = np.array([layout_score_terms(elements, domain, model) for elements, domain in layouts])
     scale = positive.std(axis=0) + 1e-3
     weights = model.weights
     for turn in range(_PASSES):
@@ -260,25 +266,25 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
             seen = [e for e, kept in zip(elements, keep, strict=True) if kept]
             if not seen:
                 continue
-            start = initial_layout(seen, domain, box_array([]), model)
-            used, seeds, scores = optimise_policy(model.policies, start, current, 1, 1, seed + turn)
+            start = observed_layout_arrays(seen, domain, box_array([]), model)
+            used, seeds, scores = evolve_policy_candidates(model.policies, start, current, 1, 1, seed + turn)
             best = int(scores.argmax())
-            box, label, _ = roll_out(used[best], start, int(seeds[best]))
+            box, label, _ = roll_out_policy(used[best], start, int(seeds[best]))
             completed = [
                 Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)
             ]
-            gradient += (positive[k] - score_terms(completed, domain, current)) / scale
+            gradient += (positive[k] - layout_score_terms(completed, domain, current)) / scale
             progress("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
         weights = np.maximum(weights + _LEARNING_RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
         weights = weights / np.linalg.norm(weights)
     return weights
 
 
-def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
+def median_metric_pitches(layouts: Sequence[Layout]) -> dict[str, float]:
     """Return the median floor and column pitch of a database, metres."""
     pitches: list[list[float]] = [[], []]
     for elements, domain in layouts:
-        facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)
+        facade = fit_columns_and_floors([e for e in elements if e.label == "window"], domain)
         for axis, centres in enumerate((facade.columns, facade.floors)):
             pitches[axis] += np.diff(centres).tolist()
     names = ("column pitch", "floor pitch")
@@ -295,7 +301,7 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
 
     found = []
     for elements, domain in layouts:
-        facade = fit_facade_frame(elements, domain)
+        facade = fit_columns_and_floors(elements, domain)
         for e in elements:
             if e.label == label:
                 gap = max(0.02, (facade.ground - e.y1) / facade.size[1])
@@ -316,8 +322,8 @@ def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> F
 
     found = []
     for elements, domain in layouts:
-        facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)
-        found += floor_progressions(facade.floors, facade.floor_size[:, 1])
+        facade = fit_columns_and_floors([e for e in elements if e.label == "window"], domain)
+        found += log_floor_progressions(facade.floors, facade.floor_size[:, 1])
     values = np.array(found).reshape(-1, 4)
     values = values[(np.abs(values) < np.log(_MAX_FLOOR_RATIO)).all(axis=1)]
     count = min(count, len(np.unique(values.round(6), axis=0)))
@@ -331,7 +337,7 @@ def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> Float64Array:
     """Return (16, 2) quantiles of window size to spacing, horizontal and vertical."""
     found: list[list[float]] = [[], []]
     for elements, domain in layouts:
-        facade = fit_facade_frame(elements, domain)
+        facade = fit_columns_and_floors(elements, domain)
         for axis, centres in enumerate((facade.columns, facade.floors)):
             found[axis] += (facade.size[axis] / np.diff(centres)).tolist()
     quantiles = np.linspace(0.05, 0.95, 16)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import proposal_features
@@ -22,7 +22,7 @@ from facade_core.facade.layout.densities import (
     MIXTURE_COUNT,
     SYMMETRY_BINS,
     TERMS,
-    Densities,
+    ScoreTermDensities,
 )
 from facade_core.facade.layout.policy import POLICY_LENGTH
 from facade_core.facade.layout.proposals import ElementPriors
@@ -53,7 +53,7 @@ class LayoutModel:
     training_set : names of the training layouts.
     """
 
-    densities: Densities
+    densities: ScoreTermDensities
     weights: Float64Array
     averages_terms: bool
     policies: Float64Array
@@ -84,20 +84,20 @@ def load_layout_model(path: str | Path) -> LayoutModel:
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ModelError(f"{path}: no such layout model; {_REMEDY}") from error
+        raise ModelFileError(f"{path}: no such layout model; {_REMEDY}") from error
     except ValueError as error:
-        raise ModelError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
+        raise ModelFileError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
     if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
-        raise ModelError(f"{path}: not a layout model; {_REMEDY}")
+        raise ModelFileError(f"{path}: not a layout model; {_REMEDY}")
     if record.get("sha256") != _digest(record["model"]):
-        raise ModelError(f"{path}: checksum differs from its content; {_REMEDY}")
+        raise ModelFileError(f"{path}: checksum differs from its content; {_REMEDY}")
     expected = (MODEL_FORMAT, list(ELEMENT_CLASSES), proposal_features.FEATURES_VERSION)
     if (record.get("format"), record.get("labels"), record.get("descriptors")) != expected:
-        raise ModelError(f"{path}: made for another version of Streetloom; {_REMEDY}")
+        raise ModelFileError(f"{path}: made for another version of Streetloom; {_REMEDY}")
     try:
         return _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise ModelError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
+        raise ModelFileError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
 
 
 def load_cached_model(path: Path) -> LayoutModel:
@@ -160,7 +160,7 @@ def _from_record(content: JsonObject, training_set: tuple[str, ...]) -> LayoutMo
     trees = content["trees"]
     whole = {name: np.array(trees[name], np.int64) for name in ("roots", "feature", "left", "right")}
     return LayoutModel(
-        Densities(
+        ScoreTermDensities(
             _read_array(content, "mixtures", (MIXTURE_COUNT, COMPONENT_COUNT, 5)),
             _read_array(content, "patterns", (len(PATTERNS),)),
             _read_array(content, "symmetry", (DOOR_BINS, SYMMETRY_BINS)),

@@ -18,7 +18,7 @@ NULL = 4
 _SNAP_SHARE = 0.4
 
 
-class InitialLayout(NamedTuple):
+class ObservedLayoutArrays(NamedTuple):
     """Observed layout and database priors as the arrays that `roll_out_policy` needs.
 
     Attributes
@@ -26,8 +26,8 @@ class InitialLayout(NamedTuple):
     box : (N, 4) x0, y0, x1, y1.
     label : (N,) index into ELEMENT_CLASSES.
     grid : (N,) grid index of each element.
-    spacing : (N, 2) distances of `grid_spacings`.
-    gaps : (N,) bool of `concave_elements`.
+    spacing : (N, 2) distances of `next_element_distances`.
+    gaps : (N,) bool of `mark_elements_beside_gaps`.
     grids : number of grids.
     domain : (4,) x0, y0, x1, y1 of the facade.
     region : (M, 4) visible boxes.
@@ -77,7 +77,7 @@ def neighbour_distance(box: Float64Array, grid: Int64Array, n: int, at: int, axi
 
 
 @njit(cache=True)
-def grid_spacings(box: Float64Array, grid: Int64Array) -> Float64Array:
+def next_element_distances(box: Float64Array, grid: Int64Array) -> Float64Array:
     """Return the distance from each element to the next one to the right and below in its grid.
 
     Parameters
@@ -97,7 +97,7 @@ def grid_spacings(box: Float64Array, grid: Int64Array) -> Float64Array:
 
 
 @njit(cache=True)
-def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
+def sample_spacing(own: int, axis: int, start: ObservedLayoutArrays) -> float:
     """Draw an observed spacing of the seed element's grid, else of any; -1 without one."""
     for attempt in range(8):
         i = np.random.randint(len(start.box))
@@ -118,7 +118,7 @@ def _add_line(lines: Float64Array, count: int, value: float, near: float) -> int
 
 
 @njit(cache=True)
-def nearest_gap(
+def nearest_empty_cell(
     box: Float64Array, grid: Int64Array, n: int, at: int, x: float, y: float, width: float, height: float
 ) -> tuple[bool, float, float]:
     """Find the empty grid cell nearest to the seed element on its row or column.
@@ -163,12 +163,12 @@ def nearest_gap(
 
 
 @njit(cache=True)
-def concave_elements(box: Float64Array, grid: Int64Array) -> BoolArray:
+def mark_elements_beside_gaps(box: Float64Array, grid: Int64Array) -> BoolArray:
     """Mark, (N,) bool, the elements next to an empty cell of their grid (Eq. 23)."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):
         x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2
-        out[i] = nearest_gap(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
+        out[i] = nearest_empty_cell(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
     return out
 
 
@@ -212,7 +212,7 @@ def place_element(
     height: float,
     chosen: int,
     own: int,
-    start: InitialLayout,
+    start: ObservedLayoutArrays,
 ) -> bool:
     """Write the element at index n if its place is free; return whether it was.
 

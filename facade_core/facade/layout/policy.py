@@ -20,10 +20,10 @@ from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.placement import (
     NULL,
-    InitialLayout,
+    ObservedLayoutArrays,
     compute_grid_areas,
     grid_element_size,
-    nearest_gap,
+    nearest_empty_cell,
     neighbour_distance,
     place_element,
     sample_spacing,
@@ -43,7 +43,9 @@ _OFFSET_SHARE = 0.1
 
 
 @njit(cache=True)
-def roll_out(policy: Float64Array, start: InitialLayout, seed: int) -> tuple[Float64Array, Int64Array, Int64Array]:
+def roll_out_policy(
+    policy: Float64Array, start: ObservedLayoutArrays, seed: int
+) -> tuple[Float64Array, Int64Array, Int64Array]:
     """Complete the layout once with a policy.
 
     Parameters
@@ -183,7 +185,7 @@ def _select_direction(policy: Float64Array, tried: int) -> int:
 
 
 @njit(cache=True)
-def _select_label(policy: Float64Array, start: InitialLayout, observed: int, kind: int) -> int:
+def _select_label(policy: Float64Array, start: ObservedLayoutArrays, observed: int, kind: int) -> int:
     """Select the extension label by lambda_4 to lambda_6: of the seed, observed, of the database, or NULL."""
     if np.random.random() < policy[COPY_LABEL]:
         return kind
@@ -209,13 +211,13 @@ def _extension_centre(
     n: int,
     seed_at: int,
     way: int,
-    start: InitialLayout,
+    start: ObservedLayoutArrays,
 ) -> tuple[bool, float, float]:
     """Return the new element's centre; False if the direction has none."""
     x, y = (box[seed_at, 0] + box[seed_at, 2]) / 2, (box[seed_at, 1] + box[seed_at, 3]) / 2
     width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
     if way == FILL:
-        gap: tuple[bool, float, float] = nearest_gap(box, grid, n, seed_at, x, y, width, height)
+        gap: tuple[bool, float, float] = nearest_empty_cell(box, grid, n, seed_at, x, y, width, height)
         return gap
     axis, sign = (0, 1) if way == RIGHT else (0, -1) if way == LEFT else (1, 1) if way == DOWN else (1, -1)
     spacing = -1.0

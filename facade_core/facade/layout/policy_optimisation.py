@@ -15,27 +15,27 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.placement import InitialLayout, concave_elements, grid_spacings
+from facade_core.facade.layout.placement import ObservedLayoutArrays, mark_elements_beside_gaps, next_element_distances
 from facade_core.facade.layout.policy import (
     COPY_SPACING,
     DATABASE_LABEL,
     OBSERVED_LABEL,
     OBSERVED_SPACING,
     POLICY_LENGTH,
-    roll_out,
+    roll_out_policy,
 )
-from facade_core.facade.layout.scores import element_arrays, sum_log_densities
+from facade_core.facade.layout.scores import box_label_grid_arrays, sum_log_densities
 from facade_core.facade.layout.statistics import measure_layout
 
 POLICY_POPULATION = 10
 _MUTATION_DEVIATION = 0.15
 
 
-def initial_layout(
+def observed_layout_arrays(
     seen: Sequence[Element], domain: Rectangle, region: Float64Array, model: LayoutModel
-) -> InitialLayout:
+) -> ObservedLayoutArrays:
     """Return the observed layout in the form that the policy needs.
 
     Parameters
@@ -44,17 +44,17 @@ def initial_layout(
     domain : (x0, y0, x1, y1) of the facade.
     region : (M, 4) visible boxes.
     """
-    box, label, grid = element_arrays(seen)
-    facade = fit_facade_frame(seen, domain)
+    box, label, grid = box_label_grid_arrays(seen)
+    facade = fit_columns_and_floors(seen, domain)
     sizes = (
         np.array([(1.0, 1.0), (1.3, 0.5), model.priors.door_sizes[0, :2], model.priors.shop_sizes[0, :2]]) * facade.size
     )
-    return InitialLayout(
+    return ObservedLayoutArrays(
         np.ascontiguousarray(box),
         label,
         grid,
-        grid_spacings(np.ascontiguousarray(box), grid),
-        concave_elements(np.ascontiguousarray(box), grid),
+        next_element_distances(np.ascontiguousarray(box), grid),
+        mark_elements_beside_gaps(np.ascontiguousarray(box), grid),
         int(grid.max()) + 1 if len(grid) else 0,
         np.array(domain, float),
         np.ascontiguousarray(region),
@@ -65,9 +65,9 @@ def initial_layout(
     )
 
 
-def optimise_policy(
+def evolve_policy_candidates(
     policies: Float64Array,
-    start: InitialLayout,
+    start: ObservedLayoutArrays,
     model: LayoutModel,
     generations: int,
     tries: int,
@@ -85,7 +85,7 @@ def optimise_policy(
     Returns
     -------
     For each of C = generations * POLICY_POPULATION * tries candidates its policy (C, POLICY_LENGTH), the seed (C,)
-    that reproduces it by `roll_out`, and its score (C,).
+    that reproduces it by `roll_out_policy`, and its score (C,).
 
     References
     ----------
@@ -102,8 +102,8 @@ def optimise_policy(
         for p in range(size):
             for _ in range(tries):
                 seeds[k] = seed * 1_000_003 % 2_147_000_000 + k
-                box, label, grid = roll_out(children[p], start, int(seeds[k]))
-                scores[k] = score_candidate(box, label, grid, start.domain, model)
+                box, label, grid = roll_out_policy(children[p], start, int(seeds[k]))
+                scores[k] = score_candidate_layout(box, label, grid, start.domain, model)
                 used[k] = children[p]
                 fitness[p] = max(fitness[p], scores[k])
                 k += 1
@@ -117,7 +117,7 @@ def optimise_policy(
     return used, seeds, scores
 
 
-def score_candidate(
+def score_candidate_layout(
     box: Float64Array,
     label: Int64Array,
     grid: Int64Array,

@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, NumericArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
+from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle
 from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.facade.layout.proposals import EXTENSION_VARIANTS, Proposals
 from facade_core.facade.layout.rectangles import SHOP, pairwise_iou
@@ -22,7 +22,7 @@ def compute_features(
     proposals: Proposals,
     seen: Sequence[Element],
     fitted: Sequence[Grid],
-    facade: FacadeFrame,
+    facade: ColumnsAndFloors,
     domain: Rectangle,
     region: Float64Array,
 ) -> Float32Array:

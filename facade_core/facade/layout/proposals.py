@@ -11,14 +11,14 @@ import numpy as np
 from facade_core.core.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle, fit_facade_frame
+from facade_core.facade.layout.facade_frame import ColumnsAndFloors, Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, resample_lines
 from facade_core.facade.layout.grid_extension import (
-    Extension,
-    extend_grids,
+    ExtensionVariant,
+    add_mirror_columns,
     extend_lines,
     extension_context,
-    mirror_columns,
+    propose_extension_elements,
 )
 from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.facade.layout.rectangles import (
@@ -27,9 +27,9 @@ from facade_core.facade.layout.rectangles import (
     SHOP,
     WINDOW,
     best_iou_by_variant,
-    may_overlap,
-    pairwise_overlap,
-    select_representatives,
+    labels_may_overlap,
+    overlap_mask,
+    select_distinct_rectangles,
 )
 
 # A guess is moved clear if less than this share of its side is in the visible region or outside the domain.
@@ -45,9 +45,9 @@ _MAX_GUESSES = 15_000
 _PIER_SHARE = 0.3
 
 EXTENSION_VARIANTS = (
-    *(Extension(mirrored, balanced, False, False) for mirrored, balanced in product((False, True), repeat=2)),
-    Extension(False, True, True, False),
-    Extension(False, True, False, True),
+    *(ExtensionVariant(mirrored, balanced, False, False) for mirrored, balanced in product((False, True), repeat=2)),
+    ExtensionVariant(False, True, True, False),
+    ExtensionVariant(False, True, False, True),
 )
 
 
@@ -107,8 +107,8 @@ def propose_elements(
     variants: list[Float64Array] = []
     shared = extension_context(observed, grids)
     for how in EXTENSION_VARIANTS:
-        variants.append(_guess_array(extend_grids(shared, domain, how)))
-    facade = fit_facade_frame(observed, domain)
+        variants.append(_guess_array(propose_extension_elements(shared, domain, how)))
+    facade = fit_columns_and_floors(observed, domain)
     for balanced, mirror in product((False, True), repeat=2):
         variants.append(_pooled_windows(observed, facade, domain, balanced, mirror))
     variants.append(_mirror_elements(observed, domain))
@@ -136,7 +136,7 @@ def _guess_array(elements: Iterator[Element]) -> Float64Array:
 
 
 def _pooled_windows(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, balanced: bool, mirror: bool
+    seen: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle, balanced: bool, mirror: bool
 ) -> Float64Array:
     """Propose a window on every column of every floor, pooled over all grids and extended to the domain."""
     if not len(facade.floors) or not any(e.label == "window" for e in seen):
@@ -145,7 +145,7 @@ def _pooled_windows(
     width, height = facade.size.tolist()
     columns = extend_lines(facade.columns.tolist(), width, x0, x1, balanced, False)
     if mirror:
-        columns = mirror_columns(facade.columns, width, x0 + x1)
+        columns = add_mirror_columns(facade.columns, width, x0 + x1)
         columns = extend_lines(columns.tolist(), width, x0, x1, False, False)
     rows = extend_lines(facade.floors.tolist(), height, y0, y1, False, False)
     nearest = np.abs(rows[:, None] - facade.floors).argmin(axis=1)
@@ -164,7 +164,7 @@ def _window_grid(x: Float64Array, widths: Float64Array, y: Float64Array, heights
 
 
 def _floor_windows(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, how: Float64Array
+    seen: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle, how: Float64Array
 ) -> list[Float64Array]:
     """Propose windows on floors extrapolated by each progression of the database."""
     if len(facade.floors) < 2 or not any(e.label == "window" for e in seen):
@@ -180,7 +180,7 @@ def _floor_windows(
 
 
 def _pitch_windows(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, ratios: Float64Array
+    seen: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle, ratios: Float64Array
 ) -> list[Float64Array]:
     """Propose rows, then columns, at the smallest observed pitch and at pitches usual for the window size."""
     if not any(e.label == "window" for e in seen):
@@ -211,7 +211,7 @@ def _mirror_elements(seen: Sequence[Element], domain: Rectangle) -> Float64Array
 
 def _ground_elements(
     seen: Sequence[Element],
-    facade: FacadeFrame,
+    facade: ColumnsAndFloors,
     domain: Rectangle,
     label: int,
     sizes: Float64Array,
@@ -224,7 +224,7 @@ def _ground_elements(
         width = float(facade.size[0])
         carried = extend_lines(facade.columns.tolist(), width, domain[0], domain[2], True, False)
         both = extend_lines(
-            mirror_columns(facade.columns, width, domain[0] + domain[2]).tolist(),
+            add_mirror_columns(facade.columns, width, domain[0] + domain[2]).tolist(),
             width,
             domain[0],
             domain[2],
@@ -252,7 +252,7 @@ def _ground_elements(
 
 def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rectangle) -> Float64Array:
     """Propose every grid on the columns of all windows and on its own floors."""
-    facade = fit_facade_frame(seen, domain)
+    facade = fit_columns_and_floors(seen, domain)
     found = []
     for grid in fitted:
         label = ELEMENT_CLASSES.index(grid.label) if grid.label in ELEMENT_CLASSES else -1
@@ -265,7 +265,7 @@ def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rect
     return np.concatenate(found) if found else np.zeros((0, 5))
 
 
-def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> Float64Array:
+def _stack_balconies(seen: Sequence[Element], facade: ColumnsAndFloors, domain: Rectangle) -> Float64Array:
     """Propose every balcony and its mirror image on every other floor, at the same height above it."""
     box = box_array([e for e in seen if e.label == "balcony"])
     if not len(box) or not len(facade.floors):
@@ -311,13 +311,13 @@ def _move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> t
     inside = (box[:, :2] >= low - slack).all(axis=1) & (box[:, 2:] <= high + slack).all(axis=1)
     box[:, :2], box[:, 2:] = np.maximum(box[:, :2], low), np.minimum(box[:, 2:], high)
     if len(region):
-        inside &= ~pairwise_overlap(box, region).any(axis=1)
+        inside &= ~overlap_mask(box, region).any(axis=1)
     return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
 
 
 def _avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
-    conflicts = pairwise_overlap(raw[:, 1:], box_array(seen)) & ~may_overlap(raw[:, 0], other)
+    conflicts = overlap_mask(raw[:, 1:], box_array(seen)) & ~labels_may_overlap(raw[:, 0], other)
     is_free: BoolArray = ~np.any(conflicts, axis=1)
     return is_free
 
@@ -331,5 +331,5 @@ def _unique_guesses(raw: Float64Array) -> Int64Array:
         _, first, count = np.unique(np.round(raw[index, 1:] / step), axis=0, return_index=True, return_counts=True)
         order = np.lexsort((first, -count))
         index = index[first[order]]
-        found.append(index[select_representatives(raw[index, 1:])])
+        found.append(index[select_distinct_rectangles(raw[index, 1:])])
     return np.concatenate(found) if found else np.zeros(0, int)

@@ -34,7 +34,7 @@ def pairwise_iou(a: Float64Array, b: Float64Array) -> Float64Array:
 
 
 @njit(cache=True)
-def pairwise_overlap(a: Float64Array, b: Float64Array) -> BoolArray:
+def overlap_mask(a: Float64Array, b: Float64Array) -> BoolArray:
     """Return, (N, M) bool, whether open rectangles (N, 4) and (M, 4) share area."""
     out = np.empty((len(a), len(b)), np.bool_)
     for i in range(len(a)):
@@ -68,7 +68,7 @@ def best_iou_by_variant(kept: Float64Array, raw: Float64Array, variant: Int64Arr
 
 
 @njit(cache=True)
-def select_representatives(box: Float64Array) -> Int64Array:
+def select_distinct_rectangles(box: Float64Array) -> Int64Array:
     """Return indices of rectangles (N, 4) of which none nearly equals an earlier one."""
     kept = np.empty(len(box), np.int64)
     n = 0
@@ -84,7 +84,7 @@ def select_representatives(box: Float64Array) -> Int64Array:
     return kept[:n]
 
 
-def may_overlap(a: NumericArray, b: IntArray) -> BoolArray:
+def labels_may_overlap(a: NumericArray, b: IntArray) -> BoolArray:
     """Return, (N, M) bool, whether elements of two labels may overlap: a balcony and its window only.
 
     Parameters

@@ -26,7 +26,7 @@ from facade_core.facade.layout.densities import (
     SYMMETRY_BINS,
     TOP_BORDER_ROW,
     WIDTH_RATIO_ROW,
-    log_conditional,
+    log_conditional_density,
     log_density,
 )
 from facade_core.facade.layout.grids import box_array, fit_grids
@@ -60,19 +60,19 @@ def score(
     check_domain(domain)
     check_elements(elements, domain)
     chosen = model or default_layout_model()
-    return float(chosen.weights @ score_terms(elements, domain, chosen))
+    return float(chosen.weights @ layout_score_terms(elements, domain, chosen))
 
 
-def score_terms(
+def layout_score_terms(
     elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel
 ) -> Float64Array:
     """Return the (10,) values of TERMS, summed or averaged over grids as the model demands."""
-    total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
+    total, count = sum_log_densities(*measure_layout_from_elements(elements, domain), *model.densities)
     terms: Float64Array = total / np.maximum(count, 1) if model.averages_terms else total
     return terms
 
 
-def measure_elements(
+def measure_layout_from_elements(
     elements: Sequence[Element], domain: tuple[float, float, float, float]
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Measure a layout's statistics with elements in a fixed order, so that sums do not depend on the input order.
@@ -82,14 +82,14 @@ def measure_elements(
     As `measure_layout`.
     """
     kept = sorted({e for e in elements if e.label in ELEMENT_CLASSES}, key=lambda e: (e.label, e.y0, e.x0, e.y1, e.x1))
-    box, label, grid = element_arrays(kept)
+    box, label, grid = box_label_grid_arrays(kept)
     measures: tuple[Float64Array, Float64Array, Float64Array] = measure_layout(
         box, label, grid, np.array(domain, float)
     )
     return measures
 
 
-def element_arrays(elements: Sequence[Element]) -> tuple[Float64Array, Int64Array, Int64Array]:
+def box_label_grid_arrays(elements: Sequence[Element]) -> tuple[Float64Array, Int64Array, Int64Array]:
     """Return boxes, labels and grids of elements as the arrays of compiled functions.
 
     Returns
@@ -145,10 +145,10 @@ def sum_log_densities(
             total[4] += patterns[int(p[st.PATTERN])]
             count[4] += 1
         if not np.isnan(p[st.ALIGN_X]):
-            total[5] += log_conditional(p[st.ALIGN_X], p[st.GAP_X], mixtures[ALIGN_X_ROW])
+            total[5] += log_conditional_density(p[st.ALIGN_X], p[st.GAP_X], mixtures[ALIGN_X_ROW])
             count[5] += 1
         if not np.isnan(p[st.ALIGN_Y]):
-            total[5] += log_conditional(p[st.ALIGN_Y], p[st.GAP_Y], mixtures[ALIGN_Y_ROW])
+            total[5] += log_conditional_density(p[st.ALIGN_Y], p[st.GAP_Y], mixtures[ALIGN_Y_ROW])
             count[5] += 1
     total[6] = compatibility[int(overall[st.TYPES])]
     total[7] = log_density(overall[st.COVERAGE], mixtures[COVERAGE_ROW])

@@ -13,7 +13,7 @@ from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import WINDOW, may_overlap, pairwise_overlap
+from facade_core.facade.layout.rectangles import WINDOW, labels_may_overlap, overlap_mask
 
 # Largest distance between edges of one line, as a share of the side.
 _LINE_TOLERANCE = 0.2
@@ -58,14 +58,14 @@ def select_proposals(
     Indices in the order of selection.
     """
     if len(obstacles):
-        selectable = selectable & ~pairwise_overlap(box, obstacles).any(axis=1)
+        selectable = selectable & ~overlap_mask(box, obstacles).any(axis=1)
     index = np.flatnonzero(selectable)
     index = index[np.argsort(-preference[index], kind="stable")]
-    excludes = pairwise_overlap(box[index], box[index]) & ~may_overlap(label[index], label[index])
+    excludes = overlap_mask(box[index], box[index]) & ~labels_may_overlap(label[index], label[index])
     if min_gap > 0:
         window = label[index] == WINDOW
         excludes |= (
-            pairwise_overlap(box[index] + np.array([-min_gap, 0, min_gap, 0]), box[index]) & window[:, None] & window
+            overlap_mask(box[index] + np.array([-min_gap, 0, min_gap, 0]), box[index]) & window[:, None] & window
         )
     kept: list[int] = []
     open_ = np.ones(len(index), bool)
@@ -76,7 +76,7 @@ def select_proposals(
     return index[kept]
 
 
-def align_to_lines(
+def align_proposal_edges(
     proposals: Proposals,
     selected: Int64Array,
     probability: Float64Array,
@@ -145,8 +145,8 @@ def _is_placeable(
     one, domain = moved[None], space.domain
     if moved[0] < domain[0] or moved[1] < domain[1] or moved[2] > domain[2] or moved[3] > domain[3]:
         return False
-    if pairwise_overlap(one, space.region).any() or pairwise_overlap(one, space.obstacles).any():
+    if overlap_mask(one, space.region).any() or overlap_mask(one, space.obstacles).any():
         return False
-    met = (pairwise_overlap(one, boxes) & ~may_overlap(labels[[own]], labels))[0]
+    met = (overlap_mask(one, boxes) & ~labels_may_overlap(labels[[own]], labels))[0]
     met[own] = False
     return not met.any()

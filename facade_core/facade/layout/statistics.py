@@ -37,7 +37,7 @@ _MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
-def cluster_lines(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
+def cluster_positions_compiled(values: Float64Array, gap: float) -> tuple[Float64Array, Int64Array]:
     """Cluster positions whose neighbours differ by at most `gap`, in compiled code.
 
     Parameters
@@ -120,8 +120,8 @@ def measure_layout(
                 count += 1
         width, height = _median(wide[:count]), _median(high[:count])
         size[g, 0], size[g, 1] = width, height
-        xs, _ = cluster_lines(middle_x[:count], ALIGNMENT_TOLERANCE * width)
-        ys, _ = cluster_lines(middle_y[:count], ALIGNMENT_TOLERANCE * height)
+        xs, _ = cluster_positions_compiled(middle_x[:count], ALIGNMENT_TOLERANCE * width)
+        ys, _ = cluster_positions_compiled(middle_y[:count], ALIGNMENT_TOLERANCE * height)
         column_count[g], row_count[g] = len(xs), len(ys)
         for k in range(len(xs)):
             columns[g, k] = xs[k]

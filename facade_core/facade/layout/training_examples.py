@@ -11,7 +11,7 @@ from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.proposal_features import compute_features
@@ -35,7 +35,7 @@ _THRESHOLD_ROUNDS = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrainingExample:
+class RankingExample:
     """Proposals with features and truth for a facade with a part hidden.
 
     Attributes
@@ -58,9 +58,9 @@ class TrainingExample:
     hidden_counts: Int64Array
 
 
-def make_examples(
+def make_ranking_examples(
     model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress
-) -> list[TrainingExample]:
+) -> list[RankingExample]:
     """Make examples from every facade, its mirror image and regular facades, with each kind of part hidden."""
     found = []
     regular = [
@@ -88,12 +88,12 @@ def make_examples(
             label = np.array([ELEMENT_CLASSES.index(e.label) for e in hidden])
             overlap = pairwise_iou(guesses.box, box_array(hidden)) * (guesses.label[:, None] == label)
             found.append(
-                TrainingExample(
+                RankingExample(
                     k % len(layouts) if k < 2 * len(layouts) else -1,
                     k < len(layouts) and turn < len(training_cases.BENCHMARK_KINDS),
                     guesses.box,
                     guesses.label,
-                    compute_features(guesses, seen, fitted, fit_facade_frame(seen, domain), domain, visible),
+                    compute_features(guesses, seen, fitted, fit_columns_and_floors(seen, domain), domain, visible),
                     overlap.max(axis=1) >= _MIN_IOU,
                     np.bincount(label, minlength=len(ELEMENT_CLASSES)),
                 )
@@ -102,13 +102,13 @@ def make_examples(
     return found
 
 
-def train_ranking(examples: Sequence[TrainingExample], *, seed: int, rounds: int = 400) -> BoostedTrees:
+def train_ranking(examples: Sequence[RankingExample], *, seed: int, rounds: int = 400) -> BoostedTrees:
     """Train trees that predict the probability that a proposal is correct."""
     rows, truth = np.concatenate([e.features for e in examples]), np.concatenate([e.truth for e in examples])
     return train_trees(rows, truth, seed=seed, rounds=rounds)
 
 
-def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progress: Progress) -> Float64Array:
+def choose_thresholds(examples: Sequence[RankingExample], *, seed: int, progress: Progress) -> Float64Array:
     """Choose the probability from which proposals of each label are selected, at the largest F1.
 
     Each half of the database is judged by trees of the other half.
@@ -117,7 +117,7 @@ def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progres
     -------
     (LABEL_COUNT,) thresholds.
     """
-    judged: list[tuple[TrainingExample, Float64Array]] = []
+    judged: list[tuple[RankingExample, Float64Array]] = []
     measured = [e for e in examples if e.is_benchmark_case]
     for half in (0, 1):
         trees = train_ranking([e for e in measured if e.layout_index % 2 != half], seed=seed, rounds=_THRESHOLD_ROUNDS)
@@ -135,7 +135,7 @@ def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progres
     return chosen
 
 
-def _f1(judged: Sequence[tuple[TrainingExample, Float64Array]], thresholds: Float64Array, label: int) -> float:
+def _f1(judged: Sequence[tuple[RankingExample, Float64Array]], thresholds: Float64Array, label: int) -> float:
     right = made = hidden = 0
     for e, p in judged:
         kept = select_proposals(e.box, e.label, p, p >= thresholds[e.label], _NO_BOXES)

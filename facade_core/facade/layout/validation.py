@@ -11,7 +11,7 @@ from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array, check_boxes
-from facade_core.facade.layout.rectangles import pairwise_overlap
+from facade_core.facade.layout.rectangles import overlap_mask
 
 
 def check_domain(domain: Rectangle) -> None:
@@ -47,7 +47,7 @@ def check_region(observed: Sequence[Element], domain: Rectangle, observed_region
             raise LayoutError(f"observed region {i}: needs an area inside the domain, not {(a0, b0, a1, b1)}")
     if observed and not len(region):
         raise LayoutError("observed region: empty though elements were seen; give the boxes that are visible")
-    for i in np.flatnonzero(~pairwise_overlap(box_array(observed), region).any(axis=1)).tolist():
+    for i in np.flatnonzero(~overlap_mask(box_array(observed), region).any(axis=1)).tolist():
         raise LayoutError(
             f"element {i} ({observed[i].label}): outside the observed region; extend the region or drop it"
         )

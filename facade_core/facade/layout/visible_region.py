@@ -15,7 +15,7 @@ _WINDOW_REACH = 0.5
 _MAX_CELLS = 128
 
 
-def visible_boxes(hidden: BoolArray) -> list[tuple[float, float, float, float]]:
+def visible_region_boxes(hidden: BoolArray) -> list[tuple[float, float, float, float]]:
     """Cover the visible part of a facade with disjoint boxes.
 
     Boxes are runs of rows; unchanged runs of neighbouring rows are joined. Large pictures are reduced to cells of
@@ -51,7 +51,7 @@ def visible_boxes(hidden: BoolArray) -> list[tuple[float, float, float, float]]:
     return boxes
 
 
-def dilate_by_window(hidden: BoolArray, observed: Sequence[Element]) -> BoolArray:
+def dilate_hidden_by_window(hidden: BoolArray, observed: Sequence[Element]) -> BoolArray:
     """Dilate the hidden region by half an observed window.
 
     A window that the border of the hole cuts may reach so far out of it. The picture decides whether there is one

@@ -9,10 +9,10 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import cluster_centres
+from facade_core.facade.layout.facade_frame import cluster_positions_by_gap
 from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import BALCONY, WINDOW, pairwise_overlap
+from facade_core.facade.layout.rectangles import BALCONY, WINDOW, overlap_mask
 from facade_core.facade.layout.selection import select_proposals
 
 # Smallest IoU of the sides of windows in one column or one row.
@@ -88,15 +88,12 @@ def find_missing_windows(
         ]
     )
     free = (
-        unobstructed
-        & (proposals.label == WINDOW)
-        & (probability > 0)
-        & ~pairwise_overlap(proposals.box, solid).any(axis=1)
+        unobstructed & (proposals.label == WINDOW) & (probability > 0) & ~overlap_mask(proposals.box, solid).any(axis=1)
     )
     picked = np.arange(len(windows)) >= len(seen)
     fill[_continue_rows(proposals.box, probability, free, windows, picked, solid)] = True
     windows = np.concatenate([windows, proposals.box[fill]])
-    free &= ~pairwise_overlap(proposals.box, windows).any(axis=1)
+    free &= ~overlap_mask(proposals.box, windows).any(axis=1)
     fill[_find_missing_rows(proposals.box, probability, free, windows, limits)] = True
     return fill
 
@@ -111,7 +108,7 @@ def _continue_rows(
 ) -> list[int]:
     """Return proposals that repeat the columns of the fuller neighbouring row; `solid` (M, 4) may take their place."""
     height = float(np.median(windows[:, 3] - windows[:, 1]))
-    floors, row = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * height)
+    floors, row = cluster_positions_by_gap((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * height)
     found: list[int] = []
     for r in np.unique(row[picked]).tolist():
         neighbours = [q for q in (r - 1, r + 1) if 0 <= q < len(floors)]
@@ -120,7 +117,7 @@ def _continue_rows(
         other = windows[row == max(neighbours, key=lambda q: int((row == q).sum()))]
         mine = windows[row == r]
         low, high = float(np.median(mine[:, 1])), float(np.median(mine[:, 3]))
-        overlap = pairwise_overlap(
+        overlap = overlap_mask(
             np.column_stack([other[:, 0], np.full(len(other), low), other[:, 2], np.full(len(other), high)]), solid
         )
         there = np.any(overlap, axis=1)
@@ -150,7 +147,9 @@ def _find_missing_rows(
     size = np.median(windows[:, 2:] - windows[:, :2], axis=0)
     taken: list[int] = []
     while True:
-        floors, row_of = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * float(size[1]))
+        floors, row_of = cluster_positions_by_gap(
+            (windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * float(size[1])
+        )
         columns = [(windows[row_of == k, 0] + windows[row_of == k, 2]) / 2 for k in range(len(floors))]
         pitch = float(np.median(np.diff(floors))) if len(floors) > 1 else 2 * float(size[1])
         middle = (box[:, 1] + box[:, 3]) / 2

@@ -17,7 +17,13 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.entrances import DOOR_SIZE_M, choose_door_position, paint_corner_shop, paint_door
 from facade_core.facade.texture.genetic import POPULATION_SIZE
-from facade_core.facade.texture.retargeting import PRICE_NOISE, ExemplarStyle, fit_sizes, initial_tiling, refine_tiling
+from facade_core.facade.texture.retargeting import (
+    PRICE_NOISE,
+    ExemplarAnalysis,
+    fit_sizes_to_total,
+    initial_tiling,
+    refine_tiling,
+)
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.wall_floors import (
     FacadeWall,
@@ -50,10 +56,10 @@ MIN_CORNER_WALL_SHARE = 0.97
 
 
 def compose_wall(
-    style: ExemplarStyle,
+    style: ExemplarAnalysis,
     wall: FacadeWall,
     *,
-    floor_style: ExemplarStyle | None = None,
+    floor_style: ExemplarAnalysis | None = None,
     metres_per_pixel: float,
     output_metres_per_pixel: float | None = None,
     texel_m: float | None = None,
@@ -120,7 +126,7 @@ def compose_wall(
         widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
         split = np.split(widths, 3 * np.cumsum(counts)[:-1])
         fitted = [
-            fit_sizes(own, np.tile([True, False, True], len(own) // 3), right - left)
+            fit_sizes_to_total(own, np.tile([True, False, True], len(own) // 3), right - left)
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
         apart = max(SEAM_MARGIN_M, SEAM_MARGIN_TEXELS * (texel_m or pixel))
@@ -158,7 +164,9 @@ def compose_wall(
     return image, labels
 
 
-def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: Int32Array, across: Float64Array, ground: int) -> None:
+def _place_doors(
+    style: ExemplarAnalysis, wall: FacadeWall, source: Int32Array, across: Float64Array, ground: int
+) -> None:
     """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
 
     `source` is as in `_blank_cells`; `ground` is the number of lattice rows of the ground floor.
@@ -177,7 +185,7 @@ def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: Int32Array, acr
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
-def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
+def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
     """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any; `source` as in
     `_blank_cells`.
     """
@@ -227,7 +235,7 @@ def _move_off_seams(across: Float64Array, seams: tuple[float, ...], margin: floa
     return across
 
 
-def _plain_bays(style: ExemplarStyle, plain: int) -> Int64Array:
+def _plain_bays(style: ExemplarAnalysis, plain: int) -> Int64Array:
     """Return the bays (k,) with the fewest balconies on the plainest floor, if possible not at the edges."""
     rows, cuts = style.grid.rows, style.structure.bay_cuts
     band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == FacadeClass.BALCONY
@@ -238,7 +246,7 @@ def _plain_bays(style: ExemplarStyle, plain: int) -> Int64Array:
 
 
 def _blank_cells(
-    style: ExemplarStyle,
+    style: ExemplarAnalysis,
     wall: FacadeWall,
     stack: list[WallFloor],
     source: Int32Array,
@@ -284,7 +292,7 @@ def _blank_cells(
 
 
 @lru_cache(maxsize=4)
-def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
+def _bare_columns(style: ExemplarAnalysis, plain: int) -> tuple[int, int]:
     """Return the pixel columns (start, stop) of uniform bare wall on the plainest floor."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
     wall = (style.labels[rows[0] : rows[-1]] == FacadeClass.WALL).mean(axis=0)
@@ -301,7 +309,7 @@ def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
     return found
 
 
-def _is_mostly_wall(style: ExemplarStyle, rows: IntArray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
+def _is_mostly_wall(style: ExemplarAnalysis, rows: IntArray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
     """Return whether lattice rows (k,) show mostly wall in the bare columns."""
     left, right = _bare_columns(style, plain)
     shown = [

@@ -11,8 +11,8 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.retargeting import ExemplarStyle
-from facade_core.parsing.floor_structure import Span, spans_above
+from facade_core.facade.texture.retargeting import ExemplarAnalysis
+from facade_core.parsing.floor_structure import Span, spans_above_threshold
 
 # Smallest width of a corner with a shop, metres.
 MIN_CORNER_M = 1.1
@@ -45,7 +45,7 @@ GROOVE_M = 0.014
 
 
 def paint_corner_shop(
-    style: ExemplarStyle, image: UInt8Array, labels: UInt8Array, top: int, scale: float, metres_per_pixel: float
+    style: ExemplarAnalysis, image: UInt8Array, labels: UInt8Array, top: int, scale: float, metres_per_pixel: float
 ) -> None:
     """Paint the exemplar's shop on the ground floor of a narrow corner, in place; nothing if none fits.
 
@@ -74,7 +74,7 @@ def _find_corner_shop(labels: UInt8Array, scale: float, width: float) -> Span | 
         return None
     jamb = round(JAMB_M / scale)
     best: tuple[float, Span] | None = None
-    for left, right in spans_above(
+    for left, right in spans_above_threshold(
         np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5
     ):
         span = max(0, left - jamb), min(labels.shape[1], right + jamb)

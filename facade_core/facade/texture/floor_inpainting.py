@@ -13,9 +13,9 @@ from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Ar
 from facade_core.core.labels import UNKNOWN
 from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.label_expansion import choose_sources
-from facade_core.facade.texture.mosaic import paint_sources
+from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
-from facade_core.facade.texture.translations import find_translations
+from facade_core.facade.texture.translations import find_repeat_translations
 
 _MAX_WORKING_PX = 110_000  # most pixels of the working image
 _SEAM_PRICE = 0.02  # for each unit of colour difference (0-1, three channels)
@@ -63,14 +63,19 @@ def _copy_repeats(
         factor, (small, known, plan) = 1, _reduce_to_blocks(image, mask, guide, 1)
     byte = np.rint(small * 255.0).astype(np.uint8)
     pitches = estimate_floor_height(byte, ~known, rng), estimate_bay_width(byte, ~known, rng)
-    found = [find_translations(_local_detail(small.mean(2), known), known), _pitch_translations(pitches, known.shape)]
+    found = [
+        find_repeat_translations(_local_detail(small.mean(2), known), known),
+        _pitch_translations(pitches, known.shape),
+    ]
     planned = plan != UNKNOWN
     if (planned & ~known).any():
-        found.append(find_translations(_local_detail(_CLASS_WEIGHTS[np.where(planned, plan, 0)], planned), planned))
+        found.append(
+            find_repeat_translations(_local_detail(_CLASS_WEIGHTS[np.where(planned, plan, 0)], planned), planned)
+        )
     translations = np.unique(np.concatenate(found), axis=0)
     reach = max(known.shape) / _CONTEXT_DIVISOR
     chosen = _choose_translations(small, known, plan, translations, reach)
-    return paint_sources(image, ~mask, chosen, translations, factor, reach)
+    return fill_from_chosen_sources(image, ~mask, chosen, translations, factor, reach)
 
 
 def _reduce_to_blocks(

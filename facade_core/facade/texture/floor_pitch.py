@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
-from facade_core.core.levelling import fill_unknown
+from facade_core.core.levelling import fill_unknown_values
 
 RANSAC_ITERATIONS = 400
 _MAX_SLOPE = np.tan(np.deg2rad(4.0))
@@ -51,7 +51,7 @@ def estimate_bay_width(image: UInt8Array, mask: BoolArray, rng: np.random.Genera
 
 def _fill_hole(image: UInt8Array, mask: BoolArray) -> UInt8Array:
     """Return the image with hidden pixels diffused, since edges and blurs reach into a hole."""
-    return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
+    return np.where(mask[..., None], np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8), image)
 
 
 def _horizontal_lines(image: UInt8Array, mask: BoolArray) -> Float64Array:

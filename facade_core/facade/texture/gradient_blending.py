@@ -14,7 +14,7 @@ _SWEEPS = 40
 _OVER_RELAXATION = 1.8
 
 
-def solve_membrane(
+def solve_colour_offsets(
     wanted_right: Float32Array, wanted_below: Float32Array, hidden: BoolArray, region: Int32Array
 ) -> Float32Array:
     """Solve for the offsets of cloned pixels by least squares on the wanted steps, smooth within regions.

@@ -9,13 +9,13 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import FacadeClass
-from facade_core.parsing.floor_structure import find_structure
+from facade_core.parsing.floor_structure import find_floors_and_bays
 
 # Wall kept on either side of a door, as a share of the ground floor's height.
 _JAMB_SHARE = 0.12
 
 
-def replace_shops(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
+def replace_shops_by_windows(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
     """Replace the shops of an exemplar's ground floor by windows of an upper floor.
 
     The source is the lowest floor with the fewest balconies, if possible not the topmost, scaled to the height of the
@@ -31,7 +31,7 @@ def replace_shops(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UI
     -------
     Image and labels.
     """
-    found = find_structure(labels)
+    found = find_floors_and_bays(labels)
     middle = [] if found is None else [i for i, kind in enumerate(found.kinds) if kind == "middle"]
     if found is None or not middle or not (labels == FacadeClass.SHOP).any():
         return image, labels

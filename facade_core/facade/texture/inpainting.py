@@ -9,13 +9,13 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
-from facade_core.core.levelling import fill_unknown
+from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
 from facade_core.facade.texture.tile_inpainting import fill_by_tiles
 from facade_core.facade.texture.validation import MIN_SIDE_PX, check_exemplar_image, check_exemplar_labels, check_mask
 from facade_core.facade.texture.window_completion import complete_windows
-from facade_core.parsing.floor_structure import find_structure
+from facade_core.parsing.floor_structure import find_floors_and_bays
 
 METHODS = ("floors", "tiles")
 _WALL_MARGIN = 0.3  # width of the wall that a layout implies around an element, as a share of its size
@@ -73,7 +73,7 @@ def inpaint(
     if not mask.any():
         return image.copy()
     if min(mask.shape) < MIN_SIDE_PX:
-        return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
+        return np.where(mask[..., None], np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8), image)
     likely = [e for e in elements or () if e.confidence >= _MIN_GROUND_CONFIDENCE or e.label not in _GROUND_LABELS]
     filled = _fill(method, image, mask, _draw_guide(mask, labels, likely), seed)
     # Blending can push a dark pane beyond black, so the result stays within the visible range.
@@ -123,7 +123,7 @@ def _vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:
     counts = (guide[..., None] == classes).sum(1)
     usual = counts.argmax(1).astype(np.uint8)
     votes = np.zeros((*guide.shape, len(CLASSES)), np.int32)
-    found = find_structure(guide)
+    found = find_floors_and_bays(guide)
     if found is not None:
         middles = [(a + b) // 2 for a, b in found.bays]
         for k, (left, right) in enumerate(zip(found.bay_cuts, found.bay_cuts[1:], strict=False)):

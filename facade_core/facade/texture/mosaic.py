@@ -7,13 +7,13 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
-from facade_core.facade.texture.gradient_blending import solve_membrane
+from facade_core.facade.texture.gradient_blending import solve_colour_offsets
 
 _JOIN_RADIUS_PX = 8  # holes nearer than twice this are blended together
 _MAX_SAMPLES = 4000  # known pixels for the fit of a part's translation
 
 
-def paint_sources(
+def fill_from_chosen_sources(
     image: UInt8Array, known: BoolArray, chosen: Int64Array, translations: Int64Array, factor: int, reach: float
 ) -> tuple[UInt8Array, BoolArray]:
     """Copy and blend hidden pixels from their chosen sources.
@@ -116,7 +116,7 @@ def _blend_holes(
         hidden = filled & ~known[rows, columns] & (numbered[rows, columns] == k)
         if not hidden.any():
             continue
-        offset = solve_membrane(steps[0], steps[1], hidden, number[rows, columns])
+        offset = solve_colour_offsets(steps[0], steps[1], hidden, number[rows, columns])
         blended = np.clip(np.rint((copied + offset) * 255.0), 0, 255).astype(np.uint8)
         out[rows, columns][hidden] = blended[hidden]
         done[rows, columns] |= hidden
@@ -144,7 +144,7 @@ def _copy_box(
     left: int,
     right: int,
 ) -> tuple[Float32Array, Float32Array, BoolArray]:
-    """Return a box's copied image, 0-1, the steps that make joins invisible (`solve_membrane`), and its filled pixels."""
+    """Return a box's copied image, 0-1, the steps that make joins invisible (`solve_colour_offsets`), and its filled pixels."""
     unit = np.float32(1.0 / 255.0)
     tall, wide = bottom - top, right - left
     out = np.zeros((tall, wide, 3), np.float32)

@@ -12,12 +12,17 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
-from facade_core.facade.texture.shortest_walks import cheapest_walk, jump_costs
+from facade_core.facade.texture.shortest_walks import cheapest_walk, part_transition_costs
 from facade_core.facade.texture.synthesis import cell_borders, mean_tile_sizes
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
-from facade_core.parsing.floor_structure import FloorStructure, fill_sky_and_unknown, find_structure, structural_lattice
+from facade_core.parsing.floor_structure import (
+    FloorsAndBays,
+    fill_sky_and_unknown,
+    find_floors_and_bays,
+    floor_bay_lattice,
+)
 
 RETARGETING_GENERATIONS = 400
 PRICE_NOISE = 0.35  # log-normal deviation of jump prices between results
@@ -26,7 +31,7 @@ _PIER_STRETCH = (0.45, 1.8)  # range of a pier's stretch before its windows chan
 
 
 @dataclass(frozen=True, eq=False)
-class ExemplarStyle:
+class ExemplarAnalysis:
     """Analysed exemplar: lattice, and prices of transitions between floors and bays.
 
     Attributes
@@ -42,7 +47,7 @@ class ExemplarStyle:
 
     image: UInt8Array
     labels: UInt8Array
-    structure: FloorStructure
+    structure: FloorsAndBays
     grid: Lattice
     floor_price: Float64Array
     bay_price: dict[str, Float64Array]
@@ -90,7 +95,7 @@ def retarget(
     ImageError
         For bad arrays, sizes or counts, and for labels without windows.
     """
-    style = extract_style(image, labels)
+    style = analyse_exemplar(image, labels)
     if not metres_per_pixel > 0 or not min(size_m) > 0:
         raise ImageError(f"retarget: size {size_m} m at {metres_per_pixel} m/px; pass positive numbers")
     size = round(size_m[0] / metres_per_pixel), round(size_m[1] / metres_per_pixel)
@@ -111,7 +116,7 @@ def retarget(
     return results
 
 
-def extract_style(image: UInt8Array, labels: UInt8Array) -> ExemplarStyle:
+def analyse_exemplar(image: UInt8Array, labels: UInt8Array) -> ExemplarAnalysis:
     """Analyse an exemplar: find its floors, bays and doors, and price transitions.
 
     Parameters
@@ -126,32 +131,34 @@ def extract_style(image: UInt8Array, labels: UInt8Array) -> ExemplarStyle:
     """
     check_exemplar_image(image)
     check_exemplar_labels(image, labels)
-    exemplar = find_structure(labels)
+    exemplar = find_floors_and_bays(labels)
     if exemplar is None:
         raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
     labels = fill_sky_and_unknown(labels)
-    grid = structural_lattice(exemplar)
+    grid = floor_bay_lattice(exemplar)
     bay_cuts = np.asarray(exemplar.bay_cuts)
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
     bands["middle"] = (bands["roof"][1], exemplar.floor_cuts[-1 - (exemplar.kinds[-1] == "ground")])
-    bay_price = {name: jump_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2}
+    bay_price = {
+        name: part_transition_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2
+    }
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
-    floor_price = jump_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
+    floor_price = part_transition_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
     floor_price[:, 0] += _EAVES_PRICE
     street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
     centres = np.array([piece.mean() for piece in pieces])
     doors = np.histogram(centres, bay_cuts)[0] > 0
-    return ExemplarStyle(image, labels, exemplar, grid, floor_price, bay_price, doors)
+    return ExemplarAnalysis(image, labels, exemplar, grid, floor_price, bay_price, doors)
 
 
-def _roof_bottom(exemplar: FloorStructure) -> int:
+def _roof_bottom(exemplar: FloorsAndBays) -> int:
     return exemplar.floor_cuts[sum(kind == "roof" for kind in exemplar.kinds)]
 
 
 def _compose_facade(
-    style: ExemplarStyle,
+    style: ExemplarAnalysis,
     size: tuple[int, int],
     floors: int,
     columns: int | None,
@@ -159,7 +166,7 @@ def _compose_facade(
     *,
     noise: float,
 ) -> Synthesis:
-    floor_indices, scale = choose_floors(style, size[0], floors, rng, noise)
+    floor_indices, scale = choose_exemplar_floors(style, size[0], floors, rng, noise)
     exemplar = style.structure
     bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
@@ -171,15 +178,15 @@ def _compose_facade(
     tiles, value = refine_tiling(style, floor_indices, population, blank, rng)
     heights, widths = mean_tile_sizes(style.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
-    across = cell_borders(fit_sizes(widths * scale, soft, size[1]), size[1])
+    across = cell_borders(fit_sizes_to_total(widths * scale, soft, size[1]), size[1])
     picture, carried = compose_tiles(
         style.image, style.labels, style.grid, tiles, cell_borders(heights, size[0]), across
     )
     return Synthesis(picture, carried, tiles, value)
 
 
-def choose_floors(
-    style: ExemplarStyle, height: int, floors: int, rng: np.random.Generator, noise: float
+def choose_exemplar_floors(
+    style: ExemplarAnalysis, height: int, floors: int, rng: np.random.Generator, noise: float
 ) -> tuple[list[int], float]:
     """Choose the exemplar floors to show from top to bottom, and the scale that fits them.
 
@@ -226,7 +233,7 @@ def choose_floors(
 
 
 def initial_tiling(
-    style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
+    style: ExemplarAnalysis, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> Int32Array:
     """Return a first tiling: on each floor the cheapest walk over the bays of its band."""
     exemplar, wide = style.structure, len(style.grid.columns) - 1
@@ -252,7 +259,7 @@ def initial_tiling(
     return np.array(lines, np.int32)
 
 
-def lattice_rows(style: ExemplarStyle, floor: int) -> range:
+def lattice_rows(style: ExemplarAnalysis, floor: int) -> range:
     """Return the lattice rows of a floor, -1 for the ground band."""
     return (
         range(3 * len(style.structure.floors), len(style.grid.rows) - 1)
@@ -262,7 +269,7 @@ def lattice_rows(style: ExemplarStyle, floor: int) -> range:
 
 
 def refine_tiling(
-    style: ExemplarStyle, floors: list[int], population: Int32Array, blank: bool, rng: np.random.Generator
+    style: ExemplarAnalysis, floors: list[int], population: Int32Array, blank: bool, rng: np.random.Generator
 ) -> tuple[Int32Array, float]:
     """Refine tilings by the genetic algorithm within bands.
 
@@ -309,7 +316,7 @@ def refine_tiling(
     return tiles, float(lowest[-1])
 
 
-def fit_sizes(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Array:
+def fit_sizes_to_total(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Array:
     """Fit sizes to a total: soft ones (piers) change first, within limits, then all.
 
     Parameters

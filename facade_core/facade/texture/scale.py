@@ -8,7 +8,7 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
-from facade_core.parsing.floor_structure import window_spans
+from facade_core.parsing.floor_structure import window_row_spans
 
 DOOR_HEIGHT_M = 2.4  # frame included
 WINDOW_SHARE = 0.55  # of a floor's height that its windows take
@@ -35,7 +35,7 @@ def exemplar_scale(image: UInt8Array, labels: UInt8Array, *, storey: float = 3.2
     check_exemplar_labels(image, labels)
     if not storey > 0:
         raise ImageError(f"exemplar_scale: storey is {storey}; pass a height in metres above 0")
-    spans = window_spans(labels == FacadeClass.WINDOW)
+    spans = window_row_spans(labels == FacadeClass.WINDOW)
     middles = np.array([(a + b) / 2 for a, b in spans])
     if len(middles) >= 2:
         return storey / _typical_spacing(np.diff(middles))

@@ -14,7 +14,7 @@ _CUT_PRICE = 4.0  # of a jump through windows or doors along the whole cut
 _MISMATCH_PRICE = 0.6  # of a jump between different labels, such as from a balcony to plain wall
 
 
-def jump_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array) -> Float64Array:
+def part_transition_costs(image: UInt8Array, labels: UInt8Array, cuts: Int64Array) -> Float64Array:
     """Return the price (B, B) of showing part b after part a.
 
     The natural successor of a is compared with b on both sides of the cut; [a, a + 1] is 0.

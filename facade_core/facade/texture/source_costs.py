@@ -85,7 +85,7 @@ def compute_source_costs(
     known : (H, W) bool.
     hidden : (n, 2) pixels y, x.
     guide : (H, W) uint8 class ids that should agree, 255 unknown.
-    translations : (k, 3) dy, step, mirrored of `find_translations`.
+    translations : (k, 3) dy, step, mirrored of `find_repeat_translations`.
     reach : px.
     """
     down, across = (_line_moments(image, known, axis) for axis in (1, 0))

@@ -8,7 +8,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, FloatArray, Int32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
-from facade_core.core.levelling import fill_unknown
+from facade_core.core.levelling import fill_unknown_values
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.genetic import POPULATION_SIZE, NodeConstraints, evolve_tilings
 from facade_core.facade.texture.seams import diffuse_difference
@@ -42,7 +42,7 @@ def fill_by_tiles(
     ImageError
         If no tile is wholly visible.
     """
-    image = np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
+    image = np.where(mask[..., None], np.rint(fill_unknown_values(image, ~mask)).astype(np.uint8), image)
     rows, columns = np.asarray(grid.rows), np.asarray(grid.columns)
     hidden = np.add.reduceat(np.add.reduceat(mask.astype(float), rows[:-1], 0), columns[:-1], 1)
     heights, widths = np.diff(rows), np.diff(columns)

@@ -16,7 +16,7 @@ _MAX_OBLIQUE = 10
 _MAX_AXIAL = 24
 
 
-def find_translations(grey: Float32Array, known: BoolArray) -> Int64Array:
+def find_repeat_translations(grey: Float32Array, known: BoolArray) -> Int64Array:
     """Find translations and reflections of highest normalised correlation, the strongest first within each kind.
 
     A pixel (y, x) is taken from (y + dy, x + step), if mirrored from (y + dy, step - x).

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.retargeting import ExemplarStyle, choose_floors, lattice_rows
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, choose_exemplar_floors, lattice_rows
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
 
 # Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
@@ -81,7 +81,7 @@ class WallFloor:
     is_crowned: bool
 
 
-def plainest_floor(style: ExemplarStyle) -> int:
+def plainest_floor(style: ExemplarAnalysis) -> int:
     """Return the exemplar's floor with the fewest balconies.
 
     The topmost and the lowest floor are avoided if possible, since cornices and shops reach into them.
@@ -95,7 +95,7 @@ def plainest_floor(style: ExemplarStyle) -> int:
 
 
 def stack_floors(
-    style: ExemplarStyle, wall: FacadeWall, metres_per_pixel: float, floor_style: ExemplarStyle | None = None
+    style: ExemplarAnalysis, wall: FacadeWall, metres_per_pixel: float, floor_style: ExemplarAnalysis | None = None
 ) -> tuple[list[WallFloor], float]:
     """Stack the floors of a wall from its top, with the borders of its building.
 
@@ -111,12 +111,12 @@ def stack_floors(
     Floors from the top, and the metres of an exemplar pixel on them.
     """
     pixels = round(wall.eaves / metres_per_pixel)
-    own, scale = choose_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
+    own, scale = choose_exemplar_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
     scale, plain = scale * metres_per_pixel, plainest_floor(style)
     kinds, grid = style.structure.kinds, np.asarray(style.grid.rows)
     heights = _floor_heights(style, own)
     if floor_style is not None:
-        theirs, _ = choose_floors(floor_style, pixels, wall.floors, np.random.default_rng(0), 0.0)
+        theirs, _ = choose_exemplar_floors(floor_style, pixels, wall.floors, np.random.default_rng(0), 0.0)
         heights = _floor_heights(floor_style, theirs) if len(theirs) == len(own) else heights
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
@@ -152,7 +152,7 @@ def stack_floors(
     return stack[::-1], scale
 
 
-def _floor_heights(style: ExemplarStyle, floors: list[int]) -> Float64Array:
+def _floor_heights(style: ExemplarAnalysis, floors: list[int]) -> Float64Array:
     """Return the heights (n,) in pixels of exemplar floors."""
     rows = [lattice_rows(style, floor) for floor in floors]
     return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
@@ -170,7 +170,7 @@ def _limit_heights(heights: Float64Array) -> Float64Array:
     return limited
 
 
-def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float) -> tuple[float, ...]:
+def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: float) -> tuple[float, ...]:
     """Divide a floor's height, metres, into the bands above, across and below its windows; windows keep theirs if
     possible.
     """
@@ -183,6 +183,6 @@ def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
-def shows_ground_floor(style: ExemplarStyle, wall_floor: WallFloor) -> bool:
+def shows_ground_floor(style: ExemplarAnalysis, wall_floor: WallFloor) -> bool:
     """Return whether a floor shows the exemplar's ground floor."""
     return wall_floor.exemplar_floor < 0 or style.structure.kinds[wall_floor.exemplar_floor] == "ground"

@@ -10,7 +10,7 @@ from facade_core.core.arrays import Float32Array, Float64Array
 PRINCIPAL_COMPONENTS = 7
 
 
-def project_patches(patches: Float32Array) -> Float64Array:
+def project_on_principal_components(patches: Float32Array) -> Float64Array:
     """Project patches on their principal components.
 
     Parameters

@@ -16,7 +16,7 @@ import numpy as np
 from facade_core.core.arrays import FloatArray, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
-from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
+from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, VariationLevel
 
 _FORMAT = "streetloom variation 3"
 # About half of a JPEG's bytes at the same similarity; one thread, so that bits do not depend on the machine.
@@ -30,7 +30,7 @@ def quantise_light(light: FloatArray) -> FloatArray:
     return np.round(light / _LIGHT_STEP) * _LIGHT_STEP
 
 
-def encode_file(
+def encode_hierarchy_file(
     photo: UInt8Array,
     groups: Sequence[ElementGroup],
     cells: Sequence[Int32Array],
@@ -70,7 +70,7 @@ def encode_file(
     return out.getvalue()
 
 
-def decode_file(coded: bytes) -> HierarchyContents:
+def decode_hierarchy_file(coded: bytes) -> HierarchyContents:
     """Decode the bytes of a hierarchy file.
 
     Raises
@@ -123,13 +123,13 @@ def _read_group(header: JsonObject) -> ElementGroup:
 
 def _build_level(
     grids: tuple[Int32Array, ...], cells: tuple[Int32Array, ...], types: Int32Array, number: int
-) -> HierarchyLevel:
+) -> VariationLevel:
     pairs = np.zeros((number, number))
     for grid, cell in zip(grids, cells, strict=True):
         used = cell >= 0
         np.add.at(pairs, (types[cell[used]], grid[used]), 1)
     counts = pairs.sum(axis=0).astype(np.int32)
-    return HierarchyLevel(grids, counts, pairs / np.maximum(pairs.sum(axis=1, keepdims=True), 1))
+    return VariationLevel(grids, counts, pairs / np.maximum(pairs.sum(axis=1, keepdims=True), 1))
 
 
 def _encode_avif(image: UInt8Array) -> bytes:

@@ -9,7 +9,7 @@ from facade_core.core.arrays import Float64Array, Int32Array, IntArray, UInt8Arr
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HierarchyLevel:
+class VariationLevel:
     """Level of a variation hierarchy: structure matrices and statistics of its types.
 
     Attributes
@@ -53,7 +53,7 @@ class HierarchyContents(NamedTuple):
     representatives : (T,) int32 element that represents each type.
     """
 
-    levels: tuple[HierarchyLevel, ...]
+    levels: tuple[VariationLevel, ...]
     photo: UInt8Array
     groups: tuple[ElementGroup, ...]
     cells: tuple[Int32Array, ...]

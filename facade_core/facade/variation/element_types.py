@@ -62,13 +62,13 @@ def compute_descriptors(patches: Float32Array, visible: BoolArray) -> Float64Arr
         value[..., 3] = cv2.resize(_EDGE_WEIGHT * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
         value[..., 4] = cv2.resize(_EDGE_WEIGHT * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
         whole[:] = cv2.resize(in_view.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
-    flat = fill_from_similar(values, known).reshape(len(patches), -1).astype(np.float64)
+    flat = fill_unknown_from_similar(values, known).reshape(len(patches), -1).astype(np.float64)
     left, strength, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
     descriptors: Float64Array = (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
     return descriptors
 
 
-def fill_from_similar(values: Float32Array, known: BoolArray) -> Float32Array:
+def fill_unknown_from_similar(values: Float32Array, known: BoolArray) -> Float32Array:
     """Fill unknown values from the most similar item that knows them.
 
     Similarity is measured where both items are known. Values that no item knows stay.

@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Element
-from facade_core.facade.variation.codec import encode_file
+from facade_core.facade.variation.codec import encode_hierarchy_file
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.variations import Variations, find_variations
 
@@ -51,7 +51,7 @@ def encode_variations(image: UInt8Array, variations: Variations) -> Hierarchy:
     """
     _check_photo(image)
     return Hierarchy.from_bytes(
-        encode_file(image, variations.groups, variations.cells, variations.representatives, variations.levels)
+        encode_hierarchy_file(image, variations.groups, variations.cells, variations.representatives, variations.levels)
     )
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import InputError
-from facade_core.facade.variation.codec import decode_file
-from facade_core.facade.variation.contents import ElementGroup, HierarchyLevel
+from facade_core.facade.variation.codec import decode_hierarchy_file
+from facade_core.facade.variation.contents import ElementGroup, VariationLevel
 from facade_core.facade.variation.enlargement import enlarge_facade
 from facade_core.facade.variation.patches import bare_wall, box_mask
-from facade_core.facade.variation.rendering import element_boxes, element_types, paint_elements
-from facade_core.facade.variation.sampling import assign_by_type, make_generator, permute_within_types
+from facade_core.facade.variation.rendering import element_boxes, element_types, paint_photo_elements
+from facade_core.facade.variation.sampling import assign_elements_by_type, make_generator, permute_within_types
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,7 @@ class Hierarchy:
     representatives : (T,) int32 element that represents each type.
     """
 
-    levels: tuple[HierarchyLevel, ...]
+    levels: tuple[VariationLevel, ...]
     photo: UInt8Array
     groups: tuple[ElementGroup, ...]
     cells: tuple[Int32Array, ...]
@@ -68,7 +68,7 @@ class Hierarchy:
         photo, now = self.types_at(0), self.types_at(level)
         places = np.arange(len(photo))
         shown = np.where(now == photo, places, self.representatives[now])
-        return paint_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
+        return paint_photo_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
 
     def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> UInt8Array:
         """Sample a variation: permute the elements that share a type at a level.
@@ -98,11 +98,13 @@ class Hierarchy:
         boxes = element_boxes(self.groups)
         if floors is None and columns is None:
             places = np.arange(len(now))
-            return paint_elements(self.photo, self.photo, self.groups, places, boxes, permute_within_types(now, seed))
+            return paint_photo_elements(
+                self.photo, self.photo, self.groups, places, boxes, permute_within_types(now, seed)
+            )
         rng = make_generator(seed)
         larger = enlarge_facade(self.wall, self.groups, self.cells, floors, columns, rng)
-        shown = assign_by_type(now, larger.places, larger.boxes, rng)
-        return paint_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
+        shown = assign_elements_by_type(now, larger.places, larger.boxes, rng)
+        return paint_photo_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
 
     def to_bytes(self) -> bytes:
         """Return the content of the file."""
@@ -117,7 +119,7 @@ class Hierarchy:
         InputError
             If the bytes are damaged or of another kind.
         """
-        return Hierarchy(*decode_file(coded), coded)
+        return Hierarchy(*decode_hierarchy_file(coded), coded)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the file that `load` reads."""

@@ -65,7 +65,7 @@ def initial_icm_state(labels: Int32Array, types: int) -> IcmState:
     types : number of types.
     """
     x = np.pad(labels.astype(np.int32), 1, constant_values=-1)
-    sums = np.array([sum_reciprocal_sizes(x == t) for t in range(types)], np.int64)
+    sums = np.array([sum_reciprocal_rectangle_sizes(x == t) for t in range(types)], np.int64)
     return IcmState(
         x,
         np.bincount(labels[labels >= 0], minlength=types).astype(np.int64),
@@ -79,7 +79,7 @@ def initial_icm_state(labels: Int32Array, types: int) -> IcmState:
 
 
 @njit(cache=True)
-def sum_reciprocal_sizes(cells: BoolArray) -> int:
+def sum_reciprocal_rectangle_sizes(cells: BoolArray) -> int:
     """Return the sum of FIXED_POINT_ONE / size over the disjoint rectangles of cells.
 
     Rectangles are taken greedily, the largest first, the first found on ties.
@@ -163,9 +163,9 @@ def _update_cell(state: IcmState, at: int) -> None:
         if k < 4 and (label < 0 or label == own):
             continue
         _mark_parts(state.types, at, label, part)
-        with_it = sum_reciprocal_sizes(part)
+        with_it = sum_reciprocal_rectangle_sizes(part)
         part.reshape(-1)[at] = False
-        change = with_it - sum_reciprocal_sizes(part)
+        change = with_it - sum_reciprocal_rectangle_sizes(part)
         if k == 4:
             state.leave_change[at] = -change
         else:
@@ -264,7 +264,7 @@ def _merge_types(state: IcmState, previous: Int32Array, cost: Float64Array, alph
                 if touch[a, b]:
                     for at in range(types.size):
                         cells[at] = types[at] == a or types[at] == b
-                    change = sum_reciprocal_sizes(part) - state.reciprocal_sums[a] - state.reciprocal_sums[b]
+                    change = sum_reciprocal_rectangle_sizes(part) - state.reciprocal_sums[a] - state.reciprocal_sums[b]
                 state.merge_change[a, b] = state.merge_change[b, a] = change
                 state.is_merge_current[a, b] = state.is_merge_current[b, a] = True
             regular = (

@@ -117,7 +117,7 @@ def _cut_with_margin(
     return patches
 
 
-def wall_integrals(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array, Int32Array]:
+def wall_integral_images(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array, Int32Array]:
     """Return integral images (H + 1, W + 1) of the wall's brightness and number of pixels.
 
     Parameters
@@ -132,14 +132,14 @@ def wall_integrals(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array, Int3
     return np.asarray(light, np.int32), np.asarray(cv2.integral(wall), np.int32)
 
 
-def relative_light(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Float64Array:
+def relative_wall_brightness(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Float64Array:
     """Return the brightness of the wall around each box relative to the median, within [0.75, 1.33].
 
     A shadow darkens an element and the wall next to it alike, a drawn blind only the element.
 
     Parameters
     ----------
-    sums : integral images of `wall_integrals`.
+    sums : integral images of `wall_integral_images`.
     box : (N, 4) int pixels.
 
     Returns

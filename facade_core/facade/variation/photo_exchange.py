@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
-from facade_core.facade.variation.rendering import element_boxes, paint_elements
+from facade_core.facade.variation.rendering import element_boxes, paint_photo_elements
 from facade_core.facade.variation.sampling import permute_within_types
 from facade_core.facade.variation.variations import Variations
 
@@ -13,7 +13,7 @@ from facade_core.facade.variation.variations import Variations
 ROW_TOLERANCE = 0.35
 
 
-def exchange_in_photo(
+def permute_photo_elements(
     image: UInt8Array, variations: Variations, share: float, seed: int
 ) -> tuple[UInt8Array, Variations]:
     """Permute the elements of one type within their row, and return the image with its variations.
@@ -36,7 +36,7 @@ def exchange_in_photo(
     types = variations.types_at(round(share * (len(variations.levels) - 1)))
     row = np.concatenate([_row_numbers(group.boxes) for group in variations.groups]) if variations.groups else types
     shown = permute_within_types(types * (len(types) + 1) + row, seed)
-    made = paint_elements(
+    made = paint_photo_elements(
         image, image, variations.groups, np.arange(len(types)), element_boxes(variations.groups), shown
     )
     return made, variations.permute_elements(shown)

@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, IntArray, UInt8Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.variation.contents import ElementGroup
-from facade_core.facade.variation.element_types import fill_from_similar
+from facade_core.facade.variation.element_types import fill_unknown_from_similar
 from facade_core.facade.variation.patches import PATCH_MARGIN_PX, box_mask, crop_box, cut_patches, patch_size
 
 # Percentile of a patch's values that measures its brightest part.
@@ -28,7 +28,7 @@ def element_types(groups: Sequence[ElementGroup]) -> Int32Array:
     return np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
 
 
-def paint_elements(
+def paint_photo_elements(
     canvas: UInt8Array,
     photo: UInt8Array,
     groups: Sequence[ElementGroup],
@@ -97,7 +97,7 @@ def _visible_patches(
     in_front = box_mask(np.concatenate(front), photo.shape[:2]).astype(np.float32)
     seen = cut_patches(in_front, group.boxes, size) < 0.5
     light = group.light[:, None, None, None].astype(np.float32)
-    return fill_from_similar(patches / light, seen) * light, seen, brightest
+    return fill_unknown_from_similar(patches / light, seen) * light, seen, brightest
 
 
 def drawing_depth(label: str) -> int:

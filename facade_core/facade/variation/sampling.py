@@ -61,7 +61,9 @@ def permute_within_types(types: IntArray, seed: int) -> Int64Array:
     return shown
 
 
-def assign_by_type(types: Int32Array, places: Int64Array, boxes: Int32Array, rng: np.random.Generator) -> Int64Array:
+def assign_elements_by_type(
+    types: Int32Array, places: Int64Array, boxes: Int32Array, rng: np.random.Generator
+) -> Int64Array:
     """Assign an element to each place of an enlarged facade, of the type of the place.
 
     Every element of a type is used about equally often, and repetitions are far apart.

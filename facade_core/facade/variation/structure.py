@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
-from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_rectangle_sizes
 
 # Range and growth of the weight alpha; costs are normalised to [0, 1], regularity is not.
 _ALPHA_RANGE = (1e-3, 1e3)
@@ -15,7 +15,7 @@ _ALPHA_GROWTH = 2.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Relaxation:
+class RegularitySolution:
     """Relabelled structure matrix for one weight of regularity, with its energies.
 
     Attributes
@@ -30,7 +30,7 @@ class Relaxation:
     energies: Float64Array
 
 
-def relax_structure(structure: Int32Array, cost: Float64Array) -> list[Relaxation]:
+def regularise_structure_matrix(structure: Int32Array, cost: Float64Array) -> list[RegularitySolution]:
     """Relabel a structure matrix with growing weight of regularity until one label remains.
 
     Each weight starts from the previous solution, which is also the reference of its data term. If ICM stops earlier,
@@ -47,19 +47,21 @@ def relax_structure(structure: Int32Array, cost: Float64Array) -> list[Relaxatio
     """
     current = np.ascontiguousarray(structure, np.int32)
     cost = np.ascontiguousarray(cost, np.float64)
-    found: list[Relaxation] = []
+    found: list[RegularitySolution] = []
     moves = initial_icm_state(current, len(cost))
     alpha = _ALPHA_RANGE[0]
     while _count_types(current) > 1 and alpha <= _ALPHA_RANGE[1]:
         energies = run_icm(moves, cost, alpha)
         current = moves.labels
-        found.append(Relaxation(alpha, current, energies))
+        found.append(RegularitySolution(alpha, current, energies))
         alpha *= _ALPHA_GROWTH
     if _count_types(current) > 1:
         used = current[current >= 0]
         present = np.unique(used)
         cheapest = present[np.argmin(cost[np.ix_(used, present)].sum(axis=0))]
-        found.append(Relaxation(np.inf, np.where(current >= 0, cheapest, current).astype(np.int32), np.zeros(0)))
+        found.append(
+            RegularitySolution(np.inf, np.where(current >= 0, cheapest, current).astype(np.int32), np.zeros(0))
+        )
     return found
 
 
@@ -72,7 +74,7 @@ def regularity_terms(structure: Int32Array) -> tuple[float, float, float]:
     """
     labels = np.ascontiguousarray(structure, np.int32)
     counts = np.unique(labels[labels >= 0], return_counts=True)
-    sizes = sum(sum_reciprocal_sizes(labels == label) for label in counts[0])
+    sizes = sum(sum_reciprocal_rectangle_sizes(labels == label) for label in counts[0])
     return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / FIXED_POINT_ONE
 
 

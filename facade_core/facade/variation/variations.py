@@ -12,19 +12,19 @@ from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt8A
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import box_array, check_boxes, fit_grids, group_by_size
-from facade_core.facade.variation.appearance import project_patches, relabelling_cost
+from facade_core.facade.variation.appearance import project_on_principal_components, relabelling_cost
 from facade_core.facade.variation.contents import ElementGroup
-from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_from_similar
+from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_unknown_from_similar
 from facade_core.facade.variation.patches import (
     align_boxes,
     box_mask,
     cut_patches,
     patch_size,
-    relative_light,
-    wall_integrals,
+    relative_wall_brightness,
+    wall_integral_images,
 )
 from facade_core.facade.variation.rendering import drawing_depth
-from facade_core.facade.variation.structure import relax_structure
+from facade_core.facade.variation.structure import regularise_structure_matrix
 
 # Smallest side of an element; smaller ones remain part of the wall.
 _MIN_SIDE_PX = 3
@@ -61,7 +61,7 @@ class Variations:
         for matrix in start:
             # A grid is part of one group, whose types are consecutive.
             first, cost = next((f, c) for f, c in self.costs if f <= matrix.max() < f + len(c))
-            relaxed = relax_structure(np.where(matrix >= 0, matrix - first, -1), cost)
+            relaxed = regularise_structure_matrix(np.where(matrix >= 0, matrix - first, -1), cost)
             steps.append([matrix] + [np.where(matrix >= 0, r.labels + first, -1).astype(np.int32) for r in relaxed])
         levels: list[tuple[Int32Array, ...]] = [tuple(start)]
         for k in range(1, max((len(s) for s in steps), default=1)):
@@ -135,7 +135,7 @@ def _clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[
 
 def _find_variations(image: UInt8Array, elements: list[Element]) -> Variations:
     all_boxes = box_array(elements).astype(np.int32)
-    sums = wall_integrals(image, box_mask(all_boxes, image.shape[:2]))
+    sums = wall_integral_images(image, box_mask(all_boxes, image.shape[:2]))
     depth = np.array([drawing_depth(e.label) for e in elements], int)
     groups, costs, representatives = [], [], []
     number = np.zeros(len(elements), np.int32)
@@ -143,13 +143,13 @@ def _find_variations(image: UInt8Array, elements: list[Element]) -> Variations:
     for members in group_by_size(elements):
         size = patch_size(all_boxes[members])
         box = align_boxes(image, all_boxes[members], size)
-        shade = relative_light(sums, all_boxes[members])
+        shade = relative_wall_brightness(sums, all_boxes[members])
         patches = np.asarray(cut_patches(image, box, size) / shade[:, None, None, None].astype(np.float32), np.float32)
         in_front = box_mask(all_boxes[depth > depth[members[0]]], image.shape[:2])
         seen = cut_patches(in_front.astype(np.float32), box, size) < 0.5
-        patches = fill_from_similar(patches, seen)
+        patches = fill_unknown_from_similar(patches, seen)
         types, chosen = cluster_types(compute_descriptors(patches, seen))
-        costs.append((types_before, relabelling_cost(project_patches(patches)[chosen])))
+        costs.append((types_before, relabelling_cost(project_on_principal_components(patches)[chosen])))
         representatives.append(chosen + elements_before)
         groups.append(ElementGroup(elements[members[0]].label, box, shade, types + types_before))
         number[members] = elements_before + np.arange(len(members))

@@ -13,10 +13,10 @@ from shapely import Polygon
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_shapes import GRID_M
-from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facets
+from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facet_charts
 from facade_core.geometry.charts import ChartKind, SurfaceTarget
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, grid_crossings
-from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_level_surface, add_planar_chart
+from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_horizontal_surface, add_planar_chart
 from facade_core.geometry.ground.terrain import Terrain
 
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -39,7 +39,9 @@ class Extrusion(NamedTuple):
     raised: float = 0.0
 
 
-def add_extrusion(target: SurfaceTarget, extrusion: Extrusion, terrain: Terrain, roof: Facets | None = None) -> None:
+def add_extrusion_charts(
+    target: SurfaceTarget, extrusion: Extrusion, terrain: Terrain, roof: Facets | None = None
+) -> None:
     """Add the charts of an extruded footprint: walls, roof, and a skirt or an underside.
 
     Parameters
@@ -57,13 +59,13 @@ def add_extrusion(target: SurfaceTarget, extrusion: Extrusion, terrain: Terrain,
     for a, b in edges:
         _add_wall(target, a, b, foot, eaves, joints)
     if roof is None:
-        add_level_surface(target, ChartKind.ROOF, outline, eaves)
+        add_horizontal_surface(target, ChartKind.ROOF, outline, eaves)
     if raised > 0:
-        add_level_surface(target, ChartKind.CEILING, outline, foot)
+        add_horizontal_surface(target, ChartKind.CEILING, outline, foot)
     else:
         _add_skirt_walls(target, edges, base, terrain)
     if roof is not None:
-        add_facets(target, roof)
+        add_facet_charts(target, roof)
 
 
 def _add_skirt_walls(
@@ -77,7 +79,7 @@ def _add_skirt_walls(
             _add_wall(target, a, b, foot, base)
 
 
-def facets_above(found: Facets, height: float) -> Facets:
+def facets_entirely_above(found: Facets, height: float) -> Facets:
     """Return the facets whose lowest vertex is above a height in metres."""
     low = np.full(len(found), np.inf)
     np.minimum.at(low, found.facet, found.vertices[found.triangles][..., 2].min(axis=1))

@@ -11,9 +11,9 @@ from shapely import MultiPolygon, Polygon
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
-from facade_core.core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, BuildingShell
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.surface_crossings import CrossingCounter
+from facade_core.geometry.surface_crossings import RayCrossingCounter
 
 # Grid on which vertices are merged; metres.
 WELD_M = 1e-3
@@ -71,7 +71,7 @@ class Facets:
         return len(self.kind)
 
 
-def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
+def extract_shell_facets(shell: BuildingShell, footprint: Polygon | MultiPolygon) -> Facets:
     """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
     The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a
@@ -112,8 +112,8 @@ def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     # weighted towards the top: the foot of a wall may be inside another part of the building
     top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
     middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
-    crossings = CrossingCounter(corners, facet)
-    odd = np.stack([crossings.is_odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
+    crossings = RayCrossingCounter(corners, facet)
+    odd = np.stack([crossings.has_odd_crossings(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
     leaning = (
         (facet_semantic != _ROOF)
         & (facet_semantic != _CEILING)
@@ -144,7 +144,7 @@ def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     )
 
 
-def _weld(shell: Shell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
+def _weld(shell: BuildingShell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Array]:
     """Merge vertices and drop degenerate and repeated triangles, keeping textured ones.
 
     Returns vertices, triangles, doubled area vectors, and the kept rows of the shell.
@@ -166,7 +166,7 @@ def _weld(shell: Shell) -> tuple[Float64Array, Int64Array, Float64Array, Int64Ar
     return vertices, triangles[kept], area[kept], kept
 
 
-def wall_share(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
+def line_share_with_walls(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
     """Return the share of a line's length that walls follow; 1 for an empty line.
 
     Parameters
@@ -198,7 +198,7 @@ def _orient_outward(
     size: Float64Array,
     footprint: Polygon | MultiPolygon,
     closed: bool,
-    crossings: CrossingCounter,
+    crossings: RayCrossingCounter,
 ) -> Float64Array:
     """Orient normals outward; odd (f, 2): whether the surfaces in front of and behind a facet are odd in number."""
     ahead, behind = odd.T
@@ -211,7 +211,7 @@ def _orient_outward(
     # a wall above the roof behind it belongs to the neighbour, and faces this building's side of the outline
     within = middle + np.where(inside[0], 1, -1)[:, None] * aside
     nothing = np.full(len(normal), -1)
-    roofed = crossings.is_odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
+    roofed = crossings.has_odd_crossings(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
     if (on_outline & roofed).any():
         decided = np.where(on_outline, roofed, upright & (ahead != behind))
     else:

@@ -87,8 +87,8 @@ def _add_trough(faces: RoofDetailBuilder, overhang: Overhang, number: int, adjac
         tip = ends[1] + down
         outer_faces += [[belly1, tip, rim1], [back1, tip, belly1]]
     along = np.append(edge.direction, 0.0)
-    faces.add_bent(ChartKind.METAL, outer_faces, along)
-    faces.add_bent(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
+    faces.add_bent_strip(ChartKind.METAL, outer_faces, along)
+    faces.add_bent_strip(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
 
 
 def _section_corners(overhang: Overhang, number: int, other: int, after: int) -> list[Float64Array]:
@@ -171,4 +171,4 @@ def _add_pipe(
     ]
     for low, high in zip(rings[:-1], rings[1:], strict=True):
         sides = [[low[k], low[k + 1], high[k + 1], high[k]] for k in range(len(PIPE_SECTION_M) - 1)]
-        faces.add_bent(ChartKind.METAL, sides, low[1] - high[1])
+        faces.add_bent_strip(ChartKind.METAL, sides, low[1] - high[1])

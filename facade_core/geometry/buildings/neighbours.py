@@ -24,7 +24,9 @@ MIN_HEIGHT_RATIO = 0.5
 EAVES_TOLERANCE_M = 0.5
 
 
-def roof_neighbours(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> list[Polygon | MultiPolygon]:
+def roof_continuation_footprints(
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree
+) -> list[Polygon | MultiPolygon]:
     """Return the adjoining footprints over which a building's roof continues; none for a part.
 
     Parameters
@@ -44,7 +46,9 @@ def roof_neighbours(index: int, buildings: Sequence[Building], tree: shapely.STR
     ]
 
 
-def eaves_obstacles(index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain) -> BaseGeometry:
+def neighbour_area_above_eaves(
+    index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain
+) -> BaseGeometry:
     """Return the area covered by neighbours that reach up to a building's eaves.
 
     Parameters
@@ -90,7 +94,7 @@ def _top_height(building: Building, terrain: Terrain) -> float:
     return _base_height(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
 
 
-def free_outline(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
+def outline_without_party_walls(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
     """Return the outline of a building without the part shared with neighbours; models often omit party walls.
 
     Parameters
@@ -104,7 +108,7 @@ def free_outline(index: int, buildings: Sequence[Building], tree: shapely.STRtre
     return shapely.difference(footprint.boundary, touched)
 
 
-def level_building_parts(buildings: Sequence[Building], terrain: Terrain) -> list[Building]:
+def unify_building_part_bases(buildings: Sequence[Building], terrain: Terrain) -> list[Building]:
     """Set the base of all parts of a building to the lowest ground height along any of them."""
     parts: dict[str, list[Building]] = defaultdict(list)
     for building in buildings:

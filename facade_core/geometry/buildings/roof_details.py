@@ -37,7 +37,7 @@ class RoofDetailBuilder:
         """
         self._add(kind, [corners], corners[1] - corners[0] if along is None else along, triangle_normal(*corners[:3]))
 
-    def add_bent(self, kind: int, polygons: list[list[Float64Array]], along: Float64Array) -> None:
+    def add_bent_strip(self, kind: int, polygons: list[list[Float64Array]], along: Float64Array) -> None:
         """Add polygons on one mean chart, whose plane they leave by centimetres at most.
 
         Parameters

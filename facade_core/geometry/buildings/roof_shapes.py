@@ -11,7 +11,7 @@ from shapely import LineString, MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array, ObjectArray
 from facade_core.core.errors import GeometryError
-from facade_core.core.types import SEMANTICS, Building, Roof, Shell
+from facade_core.core.types import SEMANTICS, Building, BuildingShell, Roof
 from facade_core.geometry.buildings import straight_skeleton
 
 # Grid of outlines and ridges in metres, so that the regions of a roof share their corners exactly.
@@ -49,7 +49,9 @@ GABLE_SEMANTIC = "unknown"
 RoofHeight = Callable[[Float64Array], Float64Array]
 
 
-def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
+def build_shell_with_roof(
+    building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()
+) -> BuildingShell | None:
     """Build the closed shell of a building with a pitched roof.
 
     Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. The roof is
@@ -250,7 +252,7 @@ def _rectangle(
     return along, across, float(half_along), float(half_across), corners.mean(axis=0)
 
 
-def _shell(regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> Shell:
+def _shell(regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> BuildingShell:
     """Build the closed shell between the base and a roof, given by the regions of its planes and its height."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
@@ -276,7 +278,7 @@ def _shell(regions: ObjectArray, rise: RoofHeight, footprint: Polygon, base: flo
     parts = (("roof", top), ("ground", top), ("wall", walls), (GABLE_SEMANTIC, gables))
     semantic = np.repeat([SEMANTICS.index(name) for name, _ in parts], [len(part) for _, part in parts])
     heights = np.concatenate([eaves + risen, np.full(count, base), np.full(count, eaves)])
-    return Shell(
+    return BuildingShell(
         vertices=np.column_stack([np.tile(points, (3, 1)), heights]),
         triangles=triangles.astype(np.int32),
         semantic=semantic.astype(np.uint8),

@@ -9,11 +9,11 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import Shell
+from facade_core.core.types import BuildingShell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes
-from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles
+from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles_on_grid
 from facade_core.geometry.ground.terrain import Terrain
 
 # Metres; wider gaps between a building and the terrain are closed by a skirt.
@@ -25,7 +25,7 @@ MIN_BURIED_M = 0.5
 MIN_VISIBLE_M = 2.5
 
 
-def lift_to_ground(shell: Shell, lowest: float) -> Shell:
+def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
     """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
 
     Some models extend down to height 0, metres below their stated ground, and floors would be counted from there.
@@ -43,7 +43,7 @@ def lift_to_ground(shell: Shell, lowest: float) -> Shell:
     return replace(shell, vertices=vertices)
 
 
-def add_facets(target: SurfaceTarget, facets: Facets, along: Float64Array | None = None) -> None:
+def add_facet_charts(target: SurfaceTarget, facets: Facets, along: Float64Array | None = None) -> None:
     """Add facets as charts, and cut long ones on the world grid.
 
     Parameters
@@ -69,7 +69,9 @@ def add_facets(target: SurfaceTarget, facets: Facets, along: Float64Array | None
         ]
         for f in np.flatnonzero(long):
             mine = facets.facet == f
-            vertices, cut, cut_uv, source, cell = cut_triangles(vertices, triangles[mine], uv[mine], target.grid)
+            vertices, cut, cut_uv, source, cell = cut_triangles_on_grid(
+                vertices, triangles[mine], uv[mine], target.grid
+            )
             parts.append((np.full(len(cut), f), cell, cut, cut_uv, facets.texture[mine][source]))
     facet, cell, triangles, uv, texture = (np.concatenate(column) for column in zip(*parts, strict=True))
     surface, chart = np.unique(facet * (cell.max() + 1) + cell, return_inverse=True)
@@ -81,7 +83,7 @@ def add_facets(target: SurfaceTarget, facets: Facets, along: Float64Array | None
     )  # fmt: skip
 
 
-def add_skirt(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPolygon, terrain: Terrain) -> None:
+def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPolygon, terrain: Terrain) -> None:
     """Add wall charts from the open lower edges of a shell down to the terrain, one surface per facet.
 
     Parameters
@@ -130,4 +132,4 @@ def add_skirt(target: SurfaceTarget, facets: Facets, outline: Polygon | MultiPol
         kind=np.full(len(of_facet), ChartKind.WALL, np.uint8),
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
     )
-    add_facets(target, skirt)
+    add_facet_charts(target, skirt)

@@ -14,7 +14,13 @@ from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.eaves import PARAPET_M
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
-from facade_core.geometry.buildings.roof_edges import MAX_SIGHT_M, RoofEdge, RoofSurroundings, free_edges, roof_edges
+from facade_core.geometry.buildings.roof_edges import (
+    MAX_SIGHT_M,
+    RoofEdge,
+    RoofSurroundings,
+    roof_edges,
+    visible_free_roof_edges,
+)
 from facade_core.geometry.charts import ChartKind
 
 # Share of roofs with vents.
@@ -79,7 +85,9 @@ def build_vents(
     None without vents.
     """
     edges = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    edges = free_edges([edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings)
+    edges = visible_free_roof_edges(
+        [edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings
+    )
     blocked = shapely.union_all(
         [place.buffer(CLEARANCE_M) for trim in existing if trim for place in _facet_areas(trim.facets)]
     )
@@ -105,7 +113,7 @@ def build_flat_roof_vents(
     """
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)
     corners = np.column_stack([ring, np.full(len(ring), top)])
-    edges = free_edges(
+    edges = visible_free_roof_edges(
         [RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], surroundings
     )
     return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE)
@@ -174,7 +182,7 @@ def _add_vent(
     for k in (0, 2):
         left, corner, right = turns[k], turns[(k + 1) % 4], turns[(k + 2) % 4]
         sides = [[foot + one, foot + other, top + other, top + one] for one, other in ((left, corner), (corner, right))]
-        faces.add_bent(ChartKind.METAL, sides, right - left)
+        faces.add_bent_strip(ChartKind.METAL, sides, right - left)
     faces.add_polygon(ChartKind.METAL, [top + turn for turn in turns])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.types import Area, Ground, Street, Way
+from facade_core.core.types import GroundArea, GroundWay, MappedGround, Street
 
 # Widths in metres of a street with a known line only.
 ASSUMED_ROAD_M = 7.0
@@ -29,17 +29,19 @@ MAX_YARD_GAP_M = 24.0
 MIN_YARD_M2 = 12.0
 
 
-def assume_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
+def assume_street_ways(streets: Sequence[Street]) -> tuple[GroundWay, ...]:
     """Return road ways of assumed width with pavements, one along each street centreline."""
     return tuple(
-        Way(
+        GroundWay(
             street.id, street.line, "road", ASSUMED_ROAD_M, "asphalt", pavement=(ASSUMED_PAVEMENT_M, ASSUMED_PAVEMENT_M)
         )
         for street in streets
     )
 
 
-def fit_ground(ground: Ground, streets: Sequence[Street], footprints: Sequence[Polygon | MultiPolygon]) -> Ground:
+def fit_ground_between_buildings(
+    ground: MappedGround, streets: Sequence[Street], footprints: Sequence[Polygon | MultiPolygon]
+) -> MappedGround:
     """Fit the ground of a block among its buildings: narrow the ways to the gaps, and add enclosed yards.
 
     Parameters
@@ -48,13 +50,15 @@ def fit_ground(ground: Ground, streets: Sequence[Street], footprints: Sequence[P
     streets : streets to use where no road is mapped.
     footprints : outlines of the buildings.
     """
-    ways = ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *assume_ways(streets))
+    ways = (
+        ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *assume_street_ways(streets))
+    )
     tree = shapely.STRtree(footprints)
     ways = tuple(_narrow_way(way, tree) for way in ways)
     return replace(ground, ways=ways, areas=tuple(_separate_areas([*_find_yards(ways, footprints), *ground.areas])))
 
 
-def _narrow_way(way: Way, tree: shapely.STRtree) -> Way:
+def _narrow_way(way: GroundWay, tree: shapely.STRtree) -> GroundWay:
     """Narrow a way to the gap between buildings, and extend its pavements to near ones."""
     if way.kind not in ("road", "path", "cycle") or way.line.length == 0 or not len(tree):
         return way
@@ -79,7 +83,7 @@ def _narrow_way(way: Way, tree: shapely.STRtree) -> Way:
     return way
 
 
-def _find_yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon]) -> list[Area]:
+def _find_yards(ways: Sequence[GroundWay], footprints: Sequence[Polygon | MultiPolygon]) -> list[GroundArea]:
     """Return the ground that buildings enclose beyond the pavements, with a surface by its size and place."""
     built = shapely.union_all(footprints)
     closed = built.buffer(MAX_YARD_GAP_M / 2, join_style="mitre").buffer(-MAX_YARD_GAP_M / 2, join_style="mitre")
@@ -95,11 +99,11 @@ def _find_yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon
         place = part.representative_point()
         chance = blake2b(f"{place.x:.0f} {place.y:.0f}".encode(), digest_size=1).digest()[0] / 256
         kinds = ("slabs", "asphalt", "gravel", "gravel") if part.area > 150 else ("slabs", "slabs", "asphalt", "gravel")
-        yards.append(Area(f"yard-{place.x:.0f}-{place.y:.0f}", part.buffer(0.3), kinds[int(4 * chance)]))
+        yards.append(GroundArea(f"yard-{place.x:.0f}-{place.y:.0f}", part.buffer(0.3), kinds[int(4 * chance)]))
     return yards
 
 
-def _separate_areas(areas: Sequence[Area]) -> list[Area]:
+def _separate_areas(areas: Sequence[GroundArea]) -> list[GroundArea]:
     """Cut smaller areas of other surfaces out of larger ones, and all areas out of yards."""
     shapes = [area.outline for area in areas]
     yard = [area.id.startswith("yard-") for area in areas]

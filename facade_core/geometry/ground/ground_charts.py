@@ -12,7 +12,7 @@ from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array
 from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes
-from facade_core.geometry.cutting import cut_polygon
+from facade_core.geometry.cutting import cut_polygon_on_grid
 from facade_core.geometry.ground.terrain import Terrain
 
 # Metres between the terrain and the plane of a ground piece above which the piece is cut finer.
@@ -23,7 +23,7 @@ GRID_DIVISORS = (1, 2, 4)
 _EAST, _SOUTH = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
-def add_ground(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:
+def add_ground_charts(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:
     """Add ground as charts: level ground flat, uneven ground draped over the terrain.
 
     Parameters
@@ -36,7 +36,7 @@ def add_ground(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain: Terra
     if terrain.is_level:
         target = SurfaceTarget(pieces, -1, 0.0, grid)
         for polygon in polygons:
-            add_level_surface(target, ChartKind.GROUND, polygon, float(terrain.heights[0, 0]))
+            add_horizontal_surface(target, ChartKind.GROUND, polygon, float(terrain.heights[0, 0]))
         return
     cut = [_cut_fine(polygon, terrain, grid) for polygon in polygons]
     lines = _corner_lines([part for pieces_of in cut for part, _ in pieces_of])
@@ -67,7 +67,7 @@ def _cut_fine(
 ) -> list[tuple[Polygon, _DrapedPiece]]:
     """Cut ground on the grid, as fine as the terrain below each piece needs."""
     parts = []
-    for part in cut_polygon(polygon, grid / shares[0]):
+    for part in cut_polygon_on_grid(polygon, grid / shares[0]):
         if part.area < 1e-3:
             continue
         draped = _drape_piece(part, terrain)
@@ -127,7 +127,7 @@ def _drape_piece(part: Polygon, terrain: Terrain) -> _DrapedPiece:
     return vertices, index.reshape(-1, 3), normal / np.linalg.norm(normal), off
 
 
-def add_level_surface(target: SurfaceTarget, kind: int, polygon: Polygon, z: float) -> None:
+def add_horizontal_surface(target: SurfaceTarget, kind: int, polygon: Polygon, z: float) -> None:
     """Add a horizontal surface, cut on the grid where it is too long.
 
     It faces up, with north up in its chart; a ceiling faces down, with south up.
@@ -141,7 +141,7 @@ def add_level_surface(target: SurfaceTarget, kind: int, polygon: Polygon, z: flo
     down = kind == ChartKind.CEILING
     west, south, east, north = polygon.bounds
     is_long = max(east - west, north - south) > target.largest
-    for part in cut_polygon(polygon, target.grid) if is_long else [polygon]:
+    for part in cut_polygon_on_grid(polygon, target.grid) if is_long else [polygon]:
         if part.area < 1e-3:
             continue
         left, bottom, _, top = part.bounds

@@ -8,14 +8,14 @@ import shapely
 from facade_core.core.arrays import UInt8Array
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
-from facade_core.geometry.ground.shapes import GroundTile
+from facade_core.geometry.ground.shapes import GroundTileShapes
 
 # Binary fraction digits of a texel to which outlines are drawn.
 SUBPIXEL_BITS = 4
 
 
 def rasterise_ground_layers(
-    charts: Charts, chart: int, tile: GroundTile, density: float, size: tuple[int, int], margin: int
+    charts: Charts, chart: int, tile: GroundTileShapes, density: float, size: tuple[int, int], margin: int
 ) -> UInt8Array:
     """Draw the ground layers of a chart.
 

@@ -9,7 +9,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import SURFACES, Area, Way
+from facade_core.core.types import SURFACES, GroundArea, GroundWay
 
 # Layers, lowest first: areas by surface, pavements, paths by surface, carriageways.
 FIRST_AREA_LAYER = 0
@@ -23,7 +23,7 @@ JUNCTION_REACH_M = 14.0
 MAX_SLIT_M = 0.02
 
 
-def join_carriageways(roads: Sequence[Way]) -> tuple[shapely.Geometry, shapely.Geometry]:
+def join_carriageways(roads: Sequence[GroundWay]) -> tuple[shapely.Geometry, shapely.Geometry]:
     """Return the union of carriageways with rounded kerbs at corners, and the points of junctions."""
     if not roads:
         return Polygon(), Polygon()
@@ -54,7 +54,7 @@ def join_carriageways(roads: Sequence[Way]) -> tuple[shapely.Geometry, shapely.G
     )
 
 
-def _is_junction(way: Way, other: Way, place: shapely.Point) -> bool:
+def _is_junction(way: GroundWay, other: GroundWay, place: shapely.Point) -> bool:
     """Return whether two roads that meet at a place form an angle."""
     one, two = (_direction_at(line, place) for line in (way.line, other.line))
     is_turning: bool = abs(one[0] * two[1] - one[1] * two[0]) > 0.5
@@ -70,7 +70,7 @@ def _direction_at(line: LineString, place: shapely.Point) -> Float64Array:
 
 
 def ground_layers(
-    areas: Sequence[Area], ways: Sequence[Way], carriageway: shapely.Geometry
+    areas: Sequence[GroundArea], ways: Sequence[GroundWay], carriageway: shapely.Geometry
 ) -> dict[int, shapely.Geometry]:
     """Return the shape of each ground layer, lowest first.
 

@@ -11,10 +11,10 @@ import shapely
 from shapely import LineString
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import Way
+from facade_core.core.types import GroundWay
 
 
-class GroundMark(IntEnum):
+class GroundMarkKind(IntEnum):
     """Kind of a ground mark, in the order in which marks cover each other, lowest first."""
 
     PATCH = 0
@@ -57,7 +57,7 @@ GULLY_SPACING_M = 24.0
 _MarkRow = tuple[float, float, float, float, float, int, int]
 
 
-def ground_marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: shapely.Geometry) -> Float64Array:
+def ground_marks(ways: Sequence[GroundWay], carriageway: shapely.Geometry, junctions: shapely.Geometry) -> Float64Array:
     """Compute all marks of ways.
 
     Dashes count from the world's origin, so that a line that is cut keeps its dashes.
@@ -70,7 +70,7 @@ def ground_marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: 
 
     Returns
     -------
-    (m, 7) x0, y0, x1, y1, half width in metres, `GroundMark`, 1 where the ends are round.
+    (m, 7) x0, y0, x1, y1, half width in metres, `GroundMarkKind`, 1 where the ends are round.
     """
     roads = [way for way in ways if way.kind == "road"]
     crossings = [way for way in ways if way.kind == "crossing"]
@@ -95,8 +95,8 @@ def ground_marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: 
         if way.kind == "tram":
             for side in (-0.5, 0.5):
                 rail = shapely.offset_curve(way.line, side * way.width)
-                rows += [(*piece, 0.075, GroundMark.JOINT, 0) for piece in _straight_pieces(rail)]
-                rows += [(*piece, 0.035, GroundMark.STEEL, 0) for piece in _straight_pieces(rail)]
+                rows += [(*piece, 0.075, GroundMarkKind.JOINT, 0) for piece in _straight_pieces(rail)]
+                rows += [(*piece, 0.035, GroundMarkKind.STEEL, 0) for piece in _straight_pieces(rail)]
         elif way.kind == "steps":
             rows += _step_edges(way)
     table = np.array(rows, np.float64).reshape(-1, 7)
@@ -128,7 +128,7 @@ def _dashes(
                 yield x0 + low * east, y0 + low * north, x0 + high * east, y0 + high * north, east, north
 
 
-def _lane_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
+def _lane_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return dashes between the marked lanes of an asphalt road."""
     rows: list[_MarkRow] = []
     if way.surface != "asphalt" or way.lanes < 2:
@@ -143,11 +143,11 @@ def _lane_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
         middle = not way.oneway and 2 * number == way.lanes and way.lanes > 2
         line = shapely.difference(line, clear)
         pieces = _straight_pieces(line) if middle else (dash[:4] for dash in _dashes(line, DASH_M, DASH_PERIOD_M))
-        rows += [(*piece, LINE_HALF_WIDTH_M, GroundMark.PAINT, 0) for piece in pieces]
+        rows += [(*piece, LINE_HALF_WIDTH_M, GroundMarkKind.PAINT, 0) for piece in pieces]
     return rows
 
 
-def _parking_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
+def _parking_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return the lines between parking places along the kerb."""
     rows: list[_MarkRow] = []
     for side, wide in zip((1.0, -1.0), way.parking, strict=True):
@@ -162,11 +162,11 @@ def _parking_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
             if way.line.distance(middle) < abs(edge):
                 outward = -outward
             end = np.array([x, y]) + outward * (wide - 0.4)
-            rows.append((x, y, float(end[0]), float(end[1]), 0.05, GroundMark.PAINT, 0))
+            rows.append((x, y, float(end[0]), float(end[1]), 0.05, GroundMarkKind.PAINT, 0))
     return rows
 
 
-def _edge_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
+def _edge_lines(way: GroundWay, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return lines along the kerbs of a road with marked lanes that is large or has no pavement; none along parked cars."""
     rows: list[_MarkRow] = []
     if way.surface != "asphalt" or way.lanes < 2:
@@ -175,13 +175,13 @@ def _edge_lines(way: Way, clear: shapely.Geometry) -> list[_MarkRow]:
         if parked == 0 and way.rank >= (MIN_EDGED_RANK if pavement > 0 else MIN_BARE_EDGED_RANK):
             line = shapely.offset_curve(way.line, side * (way.width / 2 - EDGE_LINE_OFFSET_M), join_style="mitre")
             rows += [
-                (*piece, LINE_HALF_WIDTH_M, GroundMark.PAINT, 0)
+                (*piece, LINE_HALF_WIDTH_M, GroundMarkKind.PAINT, 0)
                 for piece in _straight_pieces(shapely.difference(line, clear))
             ]
     return rows
 
 
-def _stop_lines(way: Way, roads: Sequence[Way], crossings: Sequence[Way]) -> list[_MarkRow]:
+def _stop_lines(way: GroundWay, roads: Sequence[GroundWay], crossings: Sequence[GroundWay]) -> list[_MarkRow]:
     """Return stop lines before crossings, and where a road ends at one of higher rank.
 
     Traffic is taken to keep right.
@@ -209,7 +209,7 @@ def _stop_lines(way: Way, roads: Sequence[Way], crossings: Sequence[Way]) -> lis
     return rows
 
 
-def _stop_line(way: Way, at: float, forward: float) -> list[_MarkRow]:
+def _stop_line(way: GroundWay, at: float, forward: float) -> list[_MarkRow]:
     """Return the stop line at a distance along a road, for traffic along it (1) or against it (-1)."""
     if not 0.5 < at < way.line.length - 0.5 or (way.oneway and forward < 0):
         return []
@@ -219,7 +219,7 @@ def _stop_line(way: Way, at: float, forward: float) -> list[_MarkRow]:
     left_m, right_m = (way.width / 2 - parked - STOP_KERB_GAP_M for parked in way.parking[:: 1 if forward > 0 else -1])
     middle = (before + after) / 2
     start = middle + right * (-left_m if way.oneway else LINE_HALF_WIDTH_M)
-    return [(*start.tolist(), *(middle + right * right_m).tolist(), STOP_LINE_HALF_WIDTH_M, GroundMark.PAINT, 0)]
+    return [(*start.tolist(), *(middle + right * right_m).tolist(), STOP_LINE_HALF_WIDTH_M, GroundMarkKind.PAINT, 0)]
 
 
 def _crossing_bars(line: LineString, carriageway: shapely.Geometry) -> list[_MarkRow]:
@@ -237,22 +237,22 @@ def _crossing_bars(line: LineString, carriageway: shapely.Geometry) -> list[_Mar
         for number in range(count):
             middle = ends[0] + across * (length / 2 + (number - (count - 1) / 2) * BAR_PERIOD_M)
             rows.append(
-                (*(middle - along).tolist(), *(middle + along).tolist(), BAR_HALF_SIZE_M[0], GroundMark.PAINT, 0)
+                (*(middle - along).tolist(), *(middle + along).tolist(), BAR_HALF_SIZE_M[0], GroundMarkKind.PAINT, 0)
             )
     return rows
 
 
-def _step_edges(way: Way) -> list[_MarkRow]:
+def _step_edges(way: GroundWay) -> list[_MarkRow]:
     rows: list[_MarkRow] = []
     for x, y, _, _, east, north in _dashes(way.line, 0.05, STAIR_PERIOD_M):
         reach = way.width / 2
         rows.append(
-            (x - reach * -north, y - reach * east, x + reach * -north, y + reach * east, 0.02, GroundMark.JOINT, 0)
+            (x - reach * -north, y - reach * east, x + reach * -north, y + reach * east, 0.02, GroundMarkKind.JOINT, 0)
         )
     return rows
 
 
-def _covers_and_patches(way: Way, carriageway: shapely.Geometry, clear: shapely.Geometry) -> list[_MarkRow]:
+def _covers_and_patches(way: GroundWay, carriageway: shapely.Geometry, clear: shapely.Geometry) -> list[_MarkRow]:
     """Return manholes, gullies at the kerbs and patches, random by place."""
     rows: list[_MarkRow] = []
     half = way.width / 2
@@ -263,7 +263,7 @@ def _covers_and_patches(way: Way, carriageway: shapely.Geometry, clear: shapely.
             x, y = x0 - side * north * (half - 0.27), y0 + side * east * (half - 0.27)
             if clear.distance(shapely.Point(x, y)) != 0:
                 rows.append(
-                    (x - 0.25 * east, y - 0.25 * north, x + 0.25 * east, y + 0.25 * north, 0.18, GroundMark.IRON, 0)
+                    (x - 0.25 * east, y - 0.25 * north, x + 0.25 * east, y + 0.25 * north, 0.18, GroundMarkKind.IRON, 0)
                 )
     for x0, y0, _, _, east, north in _dashes(way.line, 0.02, COVER_SPACING_M):
         first, second, third = _hash_place(x0, y0)
@@ -271,7 +271,9 @@ def _covers_and_patches(way: Way, carriageway: shapely.Geometry, clear: shapely.
         aside = (0.5 if second < 0.6 else -0.45) * half
         x, y = x - north * aside, y + east * aside
         if carriageway.contains(shapely.Point(x, y)):
-            rows.append((x, y, x + 0.001 * east, y + 0.001 * north, 0.31 if third < 0.8 else 0.2, GroundMark.IRON, 1))
+            rows.append(
+                (x, y, x + 0.001 * east, y + 0.001 * north, 0.31 if third < 0.8 else 0.2, GroundMarkKind.IRON, 1)
+            )
     if way.surface != "asphalt":
         return rows
     for x0, y0, _, _, east, north in _dashes(way.line, 0.02, PATCH_SPACING_M):
@@ -280,7 +282,7 @@ def _covers_and_patches(way: Way, carriageway: shapely.Geometry, clear: shapely.
             continue
         aside, long, wide = (first - 0.5) * (way.width - 2.4), 1.0 + 5 * second, 0.35 + 0.6 * first * second
         x, y = x0 - north * aside, y0 + east * aside
-        rows.append((x, y, x + long * east, y + long * north, wide, GroundMark.PATCH, 0))
+        rows.append((x, y, x + long * east, y + long * north, wide, GroundMarkKind.PATCH, 0))
     return rows
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, IntArray, UInt8Array
-from facade_core.core.types import SURFACES, Area, Ground, Way
+from facade_core.core.types import SURFACES, GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.layers import ground_layers, join_carriageways
 from facade_core.geometry.ground.marks import ground_marks
@@ -53,7 +53,7 @@ class GroundTileArrays(NamedTuple):
     start_road : (t * cells + 1,) start of each cell in `roads`.
     roads : (f, 9) straight pieces, half width, surface, rank, lane width.
     start_mark : (t * cells + 1,) start of each cell in `marks`.
-    marks : (m, 8) straight pieces, half width, `GroundMark`, 1 where round.
+    marks : (m, 8) straight pieces, half width, `GroundMarkKind`, 1 where round.
     """
 
     chart_tile: Int32Array
@@ -69,7 +69,7 @@ class GroundTileArrays(NamedTuple):
     marks: Float64Array
 
 
-def serialise_way(way: Way) -> str:
+def serialise_way_look(way: GroundWay) -> str:
     """Serialise what a way looks like, without id and line, as JSON for digests."""
     return json.dumps(
         [
@@ -88,19 +88,19 @@ def serialise_way(way: Way) -> str:
 
 
 @dataclass(frozen=True)
-class GroundTile:
+class GroundTileShapes:
     """Ways and areas clipped to a tile of the world grid and its margin."""
 
     low: tuple[float, float]
-    ways: tuple[Way, ...]
-    areas: tuple[Area, ...]
+    ways: tuple[GroundWay, ...]
+    areas: tuple[GroundArea, ...]
 
     @property
     def digest(self) -> bytes:
         """Return the digest of everything that is drawn on the tile."""
         found = blake2b(repr(self.low).encode(), digest_size=16)
         for way in self.ways:
-            found.update(shapely.to_wkb(way.line) + serialise_way(way).encode())
+            found.update(shapely.to_wkb(way.line) + serialise_way_look(way).encode())
         for area in self.areas:
             found.update(shapely.to_wkb(area.outline) + area.surface.encode())
         return found.digest()
@@ -109,7 +109,7 @@ class GroundTile:
 class GroundTiles:
     """Ground shapes of a block, cut to tiles of the world grid on demand."""
 
-    def __init__(self, ground: Ground, charts: Charts) -> None:
+    def __init__(self, ground: MappedGround, charts: Charts) -> None:
         self._ground = ground
         middle = charts.points_at_shares(np.arange(len(charts)), np.array([[0.5, 0.5]]))[:, 0, :2]
         self._chart_tile = np.floor(middle / GROUND_TILE_M).astype(np.int64)
@@ -134,7 +134,7 @@ class GroundTiles:
             self._digests[tile_index] = self.cut_tile(tile_index).digest
         return self._digests[tile_index]
 
-    def tile_around(self, chart: int) -> GroundTile:
+    def tile_around(self, chart: int) -> GroundTileShapes:
         """Return the tile of a ground chart."""
         return self.cut_tile(tuple(self._chart_tile[chart].tolist()))
 
@@ -145,7 +145,7 @@ class GroundTiles:
                 self._arrays.popitem(last=False)
         return self._arrays[tile_index]
 
-    def cut_tile(self, tile_index: tuple[int, ...]) -> GroundTile:
+    def cut_tile(self, tile_index: tuple[int, ...]) -> GroundTileShapes:
         """Cut ways and areas to a tile, given by column and row."""
         low = np.array(tile_index) * GROUND_TILE_M
         around = (*(low - GROUND_TILE_MARGIN_M), *(low + GROUND_TILE_M + GROUND_TILE_MARGIN_M))
@@ -161,7 +161,7 @@ class GroundTiles:
             part = shapely.normalize(shapely.clip_by_rect(area.outline, *around))
             if part.area > 0:
                 areas.append(replace(area, outline=part))
-        return GroundTile((float(low[0]), float(low[1])), tuple(ways), tuple(areas))
+        return GroundTileShapes((float(low[0]), float(low[1])), tuple(ways), tuple(areas))
 
     @cached_property
     def _trees(self) -> tuple[shapely.STRtree, shapely.STRtree]:
@@ -199,7 +199,7 @@ def _join_starts(parts: Sequence[Int64Array]) -> Int64Array:
     )
 
 
-def build_tile_arrays(piece: GroundTile) -> tuple[AnyArray, ...]:
+def build_tile_arrays(piece: GroundTileShapes) -> tuple[AnyArray, ...]:
     """Build the columns of `GroundTileArrays` of one tile, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = join_carriageways(roads)
@@ -210,7 +210,7 @@ def build_tile_arrays(piece: GroundTile) -> tuple[AnyArray, ...]:
     return (*_list_layers(low, layers), *_list_roads(low, frames), *_list_marks(low, drawn))
 
 
-def _road_segments(roads: Sequence[Way]) -> Float64Array:
+def _road_segments(roads: Sequence[GroundWay]) -> Float64Array:
     rows = [np.zeros((0, 9))]
     for way in roads:
         points = np.asarray(way.line.coords)

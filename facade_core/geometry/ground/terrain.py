@@ -10,7 +10,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import Building, Elevation
+from facade_core.core.types import Building, ElevationRaster
 
 # Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in
 # metres.
@@ -70,7 +70,7 @@ class Terrain:
         return float(self.interpolate(shapely.get_coordinates(outline.segmentize(OUTLINE_SAMPLING_M))).min())
 
 
-def source_base(building: Building) -> float | None:
+def source_ground_height(building: Building) -> float | None:
     """Return the ground height at a building by its source: stated, or the lowest point of its model; None without."""
     if building.base is not None:
         return building.base
@@ -79,7 +79,7 @@ def source_base(building: Building) -> float | None:
     return None
 
 
-def build_terrain(buildings: Sequence[Building], elevation: Elevation | None) -> Terrain:
+def build_terrain(buildings: Sequence[Building], elevation: ElevationRaster | None) -> Terrain:
     """Build the terrain of a block from a raster, else from the buildings' bases, else level at 0.
 
     Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases
@@ -92,7 +92,9 @@ def build_terrain(buildings: Sequence[Building], elevation: Elevation | None) ->
     if elevation is not None and np.isfinite(elevation.heights).any():
         return _terrain_from_raster(elevation)
     bases = [
-        (building, base) for building in buildings if (base := source_base(building)) is not None and np.isfinite(base)
+        (building, base)
+        for building in buildings
+        if (base := source_ground_height(building)) is not None and np.isfinite(base)
     ]
     heights = np.array([base for _, base in bases])
     if len(bases) == 0 or np.ptp(heights) == 0:
@@ -100,7 +102,7 @@ def build_terrain(buildings: Sequence[Building], elevation: Elevation | None) ->
     return _terrain_from_bases([building.footprint for building, _ in bases], heights)
 
 
-def _terrain_from_raster(elevation: Elevation) -> Terrain:
+def _terrain_from_raster(elevation: ElevationRaster) -> Terrain:
     from scipy.ndimage import distance_transform_edt
 
     heights = np.asarray(elevation.heights, np.float64)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, NumericArray
-from facade_core.core.levelling import fill_unknown
+from facade_core.core.levelling import fill_unknown_values
 from facade_core.imagery.rectify.fusion import ChartView
 
 # Side in metres of the squares by which cameras are compared.
@@ -27,7 +27,7 @@ MIN_THIN_CONTRAST = 0.3
 THIN_RIM_CELLS = 2
 
 
-class SquareAgreement(NamedTuple):
+class ViewAgreementBySquares(NamedTuple):
     """Agreement of n views of one surface in mean colour, square by square.
 
     Attributes
@@ -51,7 +51,7 @@ class SquareAgreement(NamedTuple):
         return is_unconfirmed
 
 
-def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreement:
+def compare_views_by_squares(views: Sequence[ChartView], density: float) -> ViewAgreementBySquares:
     """Compare the mean colours of squares between views of one exposure.
 
     A view agrees with another view that shows its colour in the same or a neighbouring square: poses may be off by one
@@ -82,7 +82,7 @@ def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreeme
             )
             is_confirmed[i] |= agree
             is_contradicted[i] |= both & ~agree
-    return SquareAgreement(side, is_usable, is_confirmed, is_contradicted, log_colour)
+    return ViewAgreementBySquares(side, is_usable, is_confirmed, is_contradicted, log_colour)
 
 
 def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolArray]:
@@ -105,7 +105,7 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
     log_colour = [_mean_log_colour(view, side) for view in views]
     masks = []
     for i, view in enumerate(views):
-        colour = np.rint(fill_unknown(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
+        colour = np.rint(fill_unknown_values(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
         median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
         is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > MIN_THIN_CONTRAST)
         for j in range(len(views)):

@@ -38,7 +38,7 @@ class PanoramaCamera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CameraView:
+class FusedCameraView:
     """Chart fused from the views of several panorama cameras.
 
     Attributes
@@ -73,7 +73,9 @@ def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: BoolArray) 
     return ChartView(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 
-def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[BoolArray], density: float) -> CameraView | None:
+def fuse_camera_views(
+    views: Sequence[ChartView], trusted: Sequence[BoolArray], density: float
+) -> FusedCameraView | None:
     """Fuse the trusted texels of views of one exposure; seams run where they show least.
 
     Parameters
@@ -92,7 +94,9 @@ def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[BoolArray], 
     if not is_visible.any():
         return None
     source = np.where(is_visible, fused.source, np.int8(-1)).astype(np.int8)
-    return CameraView(np.where(is_visible[..., None], fused.rgb, 0), is_visible, source, fused.confidence * is_visible)
+    return FusedCameraView(
+        np.where(is_visible[..., None], fused.rgb, 0), is_visible, source, fused.confidence * is_visible
+    )
 
 
 def _drop_small_pieces(is_visible: BoolArray, density: float) -> BoolArray:

@@ -12,7 +12,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
 
 # Side in metres of the world grid's squares whose colours are compared; larger than the error of a pose.
 GRID_SQUARE_M = 2.0
@@ -43,7 +43,7 @@ FACTOR_DAMPING = 0.3
 FACTOR_STEP = 1 / 64
 
 
-class GroundSamples(NamedTuple):
+class GroundColourSamples(NamedTuple):
     """Colours of ground squares around one camera, and the camera's height.
 
     Attributes
@@ -56,7 +56,7 @@ class GroundSamples(NamedTuple):
     squares: list[list[int]]
 
 
-def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
+def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> GroundColourSamples:
     """Sample the ground around a panorama by squares of the world grid.
 
     Each square has the median colour of its samples in sight.
@@ -80,7 +80,7 @@ def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
     centre = camera_position(pose)
     below, chart = scene.caster.cast(centre, np.array([[0.0, 0.0, -1.0]]))
     if chart[0] == MISS or scene.charts.kind[chart[0]] != ChartKind.GROUND:
-        return GroundSamples(None, [])
+        return GroundColourSamples(None, [])
     latitude = np.radians(-np.linspace(MIN_DEPRESSION_DEG, MAX_DEPRESSION_DEG, RAY_ROWS))[:, None]
     longitude = (np.arange(RAYS_PER_TURN) + 0.5)[None] / RAYS_PER_TURN * 2 * np.pi
     rays = np.stack(
@@ -93,7 +93,7 @@ def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
     ).reshape(-1, 3)
     depth, hit = scene.caster.cast(centre, rays)
     distance = depth * np.hypot(rays[:, 0], rays[:, 1])
-    share = project_to_panorama(rays, pose)
+    share = project_directions_to_panorama(rays, pose)
     usable = (
         (hit != MISS)
         & (distance >= MIN_SAMPLE_DISTANCE_M)
@@ -102,7 +102,7 @@ def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
     )
     usable[usable] = scene.charts.kind[hit[usable]] == ChartKind.GROUND
     if not usable.any():
-        return GroundSamples(round(float(below[0]), 3), [])
+        return GroundColourSamples(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view
     columns = max(1, round(2 * RAYS_PER_TURN * wide))
     small = cv2.resize(image, (columns, max(1, round(RAYS_PER_TURN * high))), interpolation=cv2.INTER_AREA)
@@ -117,7 +117,7 @@ def sample_ground(scene: Scene, image: UInt8Array, pose: Pose) -> GroundSamples:
         samples = colour[square_index == index]
         if len(samples) >= MIN_SQUARE_SAMPLES:
             squares.append([east, north, *np.round(np.median(samples, axis=0)).astype(int).tolist()])
-    return GroundSamples(round(float(below[0]), 3), squares)
+    return GroundColourSamples(round(float(below[0]), 3), squares)
 
 
 def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Float64Array:
@@ -128,7 +128,7 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Fl
 
     Parameters
     ----------
-    squares_by_camera : squares of each of n cameras, see `GroundSamples`.
+    squares_by_camera : squares of each of n cameras, see `GroundColourSamples`.
 
     Returns
     -------
@@ -174,7 +174,7 @@ def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Arra
 
     Parameters
     ----------
-    squares : squares of one camera, see `GroundSamples`.
+    squares : squares of one camera, see `GroundColourSamples`.
 
     Returns
     -------

@@ -13,11 +13,16 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compare_squares, find_thin_objects, squares_to_texels
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
+from facade_core.imagery.cameras.agreement import compare_views_by_squares, find_thin_objects, squares_to_texels
+from facade_core.imagery.cameras.camera_view import (
+    FusedCameraView,
+    PanoramaCamera,
+    equalise_exposure,
+    fuse_camera_views,
+)
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, camera_position
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
 # Nearer than this, in metres, the camera's own vehicle hides the ground.
 MIN_GROUND_DISTANCE_M = 3.4
@@ -36,7 +41,7 @@ MAX_DEVIATION_SPREADS = 3.0
 DOUBT_RIM_M = 0.3
 
 
-def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
+def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> FusedCameraView | None:
     """Fuse a ground chart from panoramas.
 
     A square that several cameras show comes from cameras that agree with another camera. A square that only one camera shows
@@ -88,7 +93,7 @@ def select_trusted_ground_texels(
     """
     import cv2
 
-    squares, trusted, rim = compare_squares(views, density), [], round(DOUBT_RIM_M * density)
+    squares, trusted, rim = compare_views_by_squares(views, density), [], round(DOUBT_RIM_M * density)
     for i, view in enumerate(views):
         supported, opposed, alone = (
             squares.is_confirmed[i],
@@ -123,7 +128,7 @@ def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
     """Rectify a chart in the common exposure, from MIN_GROUND_DISTANCE_M to GROUND_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     distance = _ground_distance(scene, chart, camera.pose)
-    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.occluded)
+    view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= GROUND_REACH_M))
 
 

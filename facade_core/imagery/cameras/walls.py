@@ -13,11 +13,16 @@ import numpy as np
 from facade_core.core.arrays import BoolArray
 from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
+from facade_core.imagery.cameras.agreement import compare_views_by_squares, squares_to_texels
+from facade_core.imagery.cameras.camera_view import (
+    FusedCameraView,
+    PanoramaCamera,
+    equalise_exposure,
+    fuse_camera_views,
+)
 from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_position
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
 # Texels farther below the camera than this, in metres, may show a bicycle, a bin or a hedge and need a second
 # camera. Cameras are 2.5 m above the ground, and higher above the ground of a model that is too low.
@@ -26,9 +31,9 @@ MAX_UNCONFIRMED_DROP_M = 1.3
 SUBTEXEL_BITS = 4
 
 
-def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
+def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> FusedCameraView | None:
     """Fuse a wall or roof chart from panoramas; None where the cameras show too little."""
-    coverage = chart_coverage(scene, chart)
+    coverage = chart_coverage_mask(scene, chart)
     views = [_wall_view(scene, chart, camera, coverage) for camera in cameras]
     if not any(bool(view.clear.any()) for view in views):
         return None
@@ -52,7 +57,7 @@ def select_trusted_wall_texels(
     -------
     One mask (h, w) bool per view.
     """
-    squares, trusted = compare_squares(views, density), []
+    squares, trusted = compare_views_by_squares(views, density), []
     for i, view in enumerate(views):
         is_confirmed, is_unconfirmed = (
             squares_to_texels(one, squares.side, view.seen.shape)
@@ -75,11 +80,11 @@ def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: BoolA
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     is_near = np.linalg.norm(points - camera_position(camera.pose), axis=2) <= WALL_REACH_M
-    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.occluded)
+    view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     return equalise_exposure(view, camera, coverage & is_near)
 
 
-def chart_coverage(scene: Scene, chart: int) -> BoolArray:
+def chart_coverage_mask(scene: Scene, chart: int) -> BoolArray:
     """Return the texels (h, w) bool that a chart's triangles cover; the sky next to a gable is not covered."""
     import cv2
 

@@ -12,7 +12,7 @@ from facade_core.core.types import Box
 from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
 from facade_core.imagery.detect.plates import is_plate
-from facade_core.imagery.detect.text import TextLine, find_text_lines, merge_lines
+from facade_core.imagery.detect.text import TextLine, find_text_lines, merge_line_detections
 
 # Hidden boxes extend detected ones by this share of the longer side: hair, chin and a plate's frame.
 HIDDEN_RIM_SHARE = 0.4
@@ -36,7 +36,7 @@ def _no_boxes() -> Float64Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Detections:
+class FacesPlatesAndText:
     """Detected faces, number plates and lines of text of one picture.
 
     Attributes
@@ -54,17 +54,17 @@ class Detections:
         """Return True if there is a face or a plate to hide."""
         return len(self.faces) + len(self.plates) > 0
 
-    def rescale(self, across: float, down: float) -> Detections:
+    def rescale(self, across: float, down: float) -> FacesPlatesAndText:
         """Return the detections for the picture at another size, by factors across and down."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners * both) for line in self.lines]
-        return Detections(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
+        return FacesPlatesAndText(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
 
-    def translate(self, across: float, down: float) -> Detections:
+    def translate(self, across: float, down: float) -> FacesPlatesAndText:
         """Return the detections for a larger picture in which this one begins at the given pixel."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners + both) for line in self.lines]
-        return Detections(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
+        return FacesPlatesAndText(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
 
     def private_boxes(self, shape: tuple[int, int]) -> tuple[Box, ...]:
         """Return the boxes to hide in a picture (H, W), in whole pixels, faces first."""
@@ -89,7 +89,7 @@ def detectors_available() -> bool:
     return bool(models_digest())
 
 
-def detect_on_image(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+def detect_faces_plates_text(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> FacesPlatesAndText:
     """Detect faces, plates and text on an image; nothing without the models.
 
     Parameters
@@ -98,12 +98,12 @@ def detect_on_image(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> 
     plates_top : share of the height below which plates are accepted.
     """
     if not detectors_available():
-        return Detections()
-    plates, lines = find_plates(image, plates_top)
-    return Detections(find_faces(image)[0], plates, lines)
+        return FacesPlatesAndText()
+    plates, lines = find_plates_and_text(image, plates_top)
+    return FacesPlatesAndText(find_faces(image)[0], plates, lines)
 
 
-def detect_on_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+def detect_on_panorama_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> FacesPlatesAndText:
     """Detect faces, plates and text on a full-turn panorama strip, whose left and right borders meet.
 
     Objects across the border are detected whole, and returned at both sides.
@@ -114,12 +114,12 @@ def detect_on_strip(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> 
     plates_top : share of the height below which plates are accepted.
     """
     width = image.shape[1]
-    detections = detect_on_image(np.concatenate([image, image[:, :SEAM_OVERLAP_PX]], axis=1), plates_top)
+    detections = detect_faces_plates_text(np.concatenate([image, image[:, :SEAM_OVERLAP_PX]], axis=1), plates_top)
     lines = [line for line in detections.lines if line.box[0] < width]
-    return Detections(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
+    return FacesPlatesAndText(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
 
 
-def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float]) -> Detections:
+def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float]) -> FacesPlatesAndText:
     """Detect faces, plates and text on a panorama, in a band of its full height.
 
     Parameters
@@ -133,8 +133,8 @@ def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float
         for row in (SEARCH_TOP_SHARE, HORIZON_SHARE, SEARCH_BOTTOM_SHARE)
     )
     if last == first:
-        return Detections()
-    detect = detect_on_strip if wide == 1 else detect_on_image
+        return FacesPlatesAndText()
+    detect = detect_on_panorama_strip if wide == 1 else detect_faces_plates_text
     return detect(image[first:last], (middle - first) / (last - first)).translate(0, first)
 
 
@@ -145,7 +145,9 @@ def _wrap_boxes(boxes: FloatArray, width: int) -> Float64Array:
     return np.asarray(np.concatenate([wrapped, rest]), np.float64)
 
 
-def find_plates(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> tuple[Float64Array, list[TextLine]]:
+def find_plates_and_text(
+    image: UInt8Array, plates_top: float = PLATES_TOP_SHARE
+) -> tuple[Float64Array, list[TextLine]]:
     """Find number plates and all lines of text.
 
     The lower part of pictures of ordinary size is searched enlarged as well: plates and many shop signs are small.
@@ -169,4 +171,4 @@ def find_plates(image: UInt8Array, plates_top: float = PLATES_TOP_SHARE) -> tupl
         ]
     # both boxes of a plate that is found twice are hidden
     plates = [line.box for line in (*lines, *enlarged_lines) if is_plate(line, first_row)]
-    return np.array(plates).reshape(-1, 4), merge_lines(lines, enlarged_lines)
+    return np.array(plates).reshape(-1, 4), merge_line_detections(lines, enlarged_lines)

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -59,7 +59,7 @@ def model_session(model: str) -> InferenceSession:
 
     path = _model_path(*MODEL_FILES[model])
     if path is None:
-        raise ModelError(f"{MODEL_FILES[model][1]}: no such file of {MODEL_FILES[model][0]}; {INSTALL_REMEDY}")
+        raise ModelFileError(f"{MODEL_FILES[model][1]}: no such file of {MODEL_FILES[model][0]}; {INSTALL_REMEDY}")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _INTRA_OP_THREADS
     options.inter_op_num_threads = 1
@@ -69,7 +69,7 @@ def model_session(model: str) -> InferenceSession:
         content = _free_image_size(path.read_bytes()) if model == FACE_MODEL else path.read_bytes()
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no public root for its errors
-        raise ModelError(f"{path}: not a model that onnxruntime reads; {INSTALL_REMEDY}") from error
+        raise ModelFileError(f"{path}: not a model that onnxruntime reads; {INSTALL_REMEDY}") from error
 
 
 def _model_path(package: str, file: str) -> Path | None:

@@ -84,7 +84,7 @@ def find_text_lines(image: UInt8Array, scale: float = 1.0) -> list[TextLine]:
     ]
 
 
-def merge_lines(lines: Sequence[TextLine], enlarged_lines: Sequence[TextLine]) -> list[TextLine]:
+def merge_line_detections(lines: Sequence[TextLine], enlarged_lines: Sequence[TextLine]) -> list[TextLine]:
     """Merge the text lines of two detections on one image; of overlapping lines the larger one stays."""
     all_lines = [*lines, *enlarged_lines]
     return [all_lines[index] for index in _deduplicate([line.corners for line in all_lines])]

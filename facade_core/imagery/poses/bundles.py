@@ -22,7 +22,7 @@ MAX_DAYS_APART = 400
 FIRST_SQUARE_M = 4096.0
 
 
-def group_bundles(
+def group_panoramas_into_bundles(
     wall: Int32Array, panorama: Int32Array, seen: Float64Array, places: Float64Array, days: Sequence[int | None]
 ) -> list[tuple[int, ...]]:
     """Group panoramas that show the same walls into bundles of two to MAX_BUNDLE_SIZE.

@@ -12,8 +12,8 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.bundle_adjustment import BundleAdjustment
-from facade_core.imagery.poses.shared_walls import PatchMatches, WallAgreement, match_shared_walls
-from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_slope
+from facade_core.imagery.poses.shared_walls import PatchMatches, SurfaceCorrelation, match_patches_between_panoramas
+from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_line_angle
 
 # Pixels of a full turn at which pictures are compared: a texel of 10 cm at 60 m.
 MAX_TURN_PIXELS = 4096
@@ -87,14 +87,14 @@ def refine_jointly(
 ) -> list[JointPose]:
     """Refine the poses of a bundle of panoramas by common walls and ground.
 
-    Runs ROUNDS of `match_shared_walls` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are
+    Runs ROUNDS of `match_patches_between_panoramas` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are
     refined without it, if the joint pose is worse by held-out patches, by its lines or by the agreement of whole walls.
 
     Parameters
     ----------
     scene : scene that contains the surfaces.
     surfaces : charts that more than one panorama may show.
-    images : (H, W, 3) uint8 as in `rectify_view`; consumed one at a time, a downscaled picture of each is kept.
+    images : (H, W, 3) uint8 as in `rectify_chart_from_panorama`; consumed one at a time, a downscaled picture of each is kept.
     priors : poses from single refinement.
 
     Returns
@@ -107,7 +107,7 @@ def refine_jointly(
         lines.append(detect_wall_lines(scene, image, pose))
         downscaled.append(downscale_panorama(image, pose))
     adjustment = BundleAdjustment(scene, start, lines, np.array([_prior_covariance(prior) for prior in alone]))
-    before = match_shared_walls(scene, surfaces, downscaled, start, FIRST_SEARCH_M)
+    before = match_patches_between_panoramas(scene, surfaces, downscaled, start, FIRST_SEARCH_M)
     reasons = [""] * len(start)
     while True:
         change, matches, agreements = _adjust(
@@ -132,7 +132,7 @@ def refine_jointly(
             if reason
             else (_apply_change(prior.pose, change[number]), _rotation(change[number]))
         )
-        tilt = median_slope(lines[number], turn) if len(lines[number]) else float("nan")
+        tilt = median_line_angle(lines[number], turn) if len(lines[number]) else float("nan")
         results.append(JointPose(pose, reason, len(np.unique(matches.chart[is_own])), was, now, tilt))
     return results
 
@@ -163,9 +163,9 @@ def _adjust(
     images: Sequence[UInt8Array],
     start: Sequence[Pose],
     adjustment: BundleAdjustment,
-    before: tuple[PatchMatches, list[WallAgreement]],
+    before: tuple[PatchMatches, list[SurfaceCorrelation]],
     is_included: Sequence[bool],
-) -> tuple[Float64Array, PatchMatches, list[WallAgreement]]:
+) -> tuple[Float64Array, PatchMatches, list[SurfaceCorrelation]]:
     """Changes (n, 6) of the included poses, the matches behind them, and the agreement of walls afterwards."""
     change = np.zeros((len(start), 6))
     usable = np.array(is_included)
@@ -177,7 +177,9 @@ def _adjust(
         change = adjustment.solve(matches, change)
         change[~usable] = 0.0
         poses = [_apply_change(pose, pose_change) for pose, pose_change in zip(start, change, strict=True)]
-        matches, agreements = match_shared_walls(scene, surfaces, images, poses, LATER_SEARCH_M, poses_agree=True)
+        matches, agreements = match_patches_between_panoramas(
+            scene, surfaces, images, poses, LATER_SEARCH_M, poses_agree=True
+        )
         matches = matches.select(np.asarray(usable[matches.panorama].all(axis=1)))
     return change, matches, agreements
 
@@ -187,8 +189,8 @@ def _find_worse(
     change: Float64Array,
     matches: PatchMatches,
     lines: Sequence[WallLines],
-    before: Sequence[WallAgreement],
-    after: Sequence[WallAgreement],
+    before: Sequence[SurfaceCorrelation],
+    after: Sequence[SurfaceCorrelation],
 ) -> dict[int, str]:
     """Panoramas with a worse joint pose, and the reason, by the first test that any of them fails.
 
@@ -242,7 +244,7 @@ def _split_holdout(matches: PatchMatches) -> Int64Array:
 
 
 def _mean_agreement(
-    number: int, before: Sequence[WallAgreement], after: Sequence[WallAgreement]
+    number: int, before: Sequence[SurfaceCorrelation], after: Sequence[SurfaceCorrelation]
 ) -> tuple[float, float]:
     """Mean agreement of a panorama's walls before and after, over the walls that have both."""
     scores = [{(one.panorama, one.chart): one.score for one in of if number in one.panorama} for of in (before, after)]

@@ -14,11 +14,11 @@ from facade_core.imagery.poses.outlines import (
     COARSE_RESOLUTION,
     Gradients,
     OutlineSamples,
-    find_place,
+    coarse_and_fine_gradients,
+    fit_camera_position,
     image_gradients,
     outline_fit,
-    sample_outline,
-    search_gradients,
+    sample_visible_outlines,
 )
 
 # Outlines fit elsewhere from this fit on. By chance they fit up to 0.23, at the true position from 0.35 on.
@@ -63,7 +63,7 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
     min_fit = max(MIN_OTHER_FIT, best_fit + MIN_FIT_GAIN)
     if int((edges.weight > 0).sum()) < MIN_OUTLINE_GROUPS or min_fit > 1:
         return ""
-    pictures = search_gradients(image, pose)
+    pictures = coarse_and_fine_gradients(image, pose)
     picture = pictures[0]
     if pose.view == (0.0, 0.0, 1.0, 1.0):
         mirrored = image_gradients(np.ascontiguousarray(image[:, ::-1]), pose, *COARSE_RESOLUTION)
@@ -77,7 +77,7 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
         turns[int(np.argmax([outline_fit(edges, picture, pose, np.zeros(3), turn_deg) for turn_deg in turns]))]
     )
     turned = replace(pose, heading=(pose.heading + turn) % 360)
-    if (found_fit := find_place(edges, pictures, turned, heading_deg=1.0).fit) >= min_fit:
+    if (found_fit := fit_camera_position(edges, pictures, turned, heading_deg=1.0).fit) >= min_fit:
         difference = (turned.heading - pose.heading + 180) % 360 - 180
         return (
             f"is turned: outlines of buildings fit {found_fit:.2f} at a heading {difference:+.0f} degrees off and "
@@ -86,7 +86,12 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
     moved = _best_grid_pose(edges, image_gradients(image, pose, *GRID_RESOLUTION), pose)
     if (
         moved is not None
-        and (found_fit := find_place(sample_outline(scene, moved), pictures, moved, heading_deg=1.0).fit) >= min_fit
+        and (
+            found_fit := fit_camera_position(
+                sample_visible_outlines(scene, moved), pictures, moved, heading_deg=1.0
+            ).fit
+        )
+        >= min_fit
     ):
         east, north = (camera_position(moved) - camera_position(pose))[:2]
         return (

@@ -99,7 +99,7 @@ class Gradients:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlaceEstimate:
+class CameraPositionEstimate:
     """Position found near a pose.
 
     Attributes
@@ -116,7 +116,7 @@ class PlaceEstimate:
     covariance: Float64Array
 
 
-def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
+def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
     """Sample the edges of walls and roofs that a camera sees against other surfaces or the sky."""
     centre = camera_position(pose)
     ends = _surface_edges(scene, centre)
@@ -254,19 +254,19 @@ def outline_fit(
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
 
 
-def search_gradients(image: UInt8Array, pose: Pose) -> tuple[Gradients, Gradients]:
+def coarse_and_fine_gradients(image: UInt8Array, pose: Pose) -> tuple[Gradients, Gradients]:
     """Compute the gradients of a panorama at the coarse and the fine resolution."""
     return image_gradients(image, pose, *COARSE_RESOLUTION), image_gradients(image, pose, *FINE_RESOLUTION)
 
 
-def find_place(
+def fit_camera_position(
     outline: OutlineSamples,
     pictures: tuple[Gradients, Gradients],
     pose: Pose,
     *,
     heading_deg: float,
     height_is_assumed: bool = False,
-) -> PlaceEstimate:
+) -> CameraPositionEstimate:
     """Fit the camera position near a pose at which mesh outlines match image edges best.
 
     Searches a grid on coarse gradients, then runs simplexes on coarse and fine ones. Positions farther from the pose
@@ -275,7 +275,7 @@ def find_place(
     Parameters
     ----------
     outline : samples of the mesh.
-    pictures : coarse and fine gradients, see `search_gradients`.
+    pictures : coarse and fine gradients, see `coarse_and_fine_gradients`.
     pose : pose to start from.
     heading_deg : expected error of the heading in degrees.
     height_is_assumed : the pose's height is the usual camera height above the ground, or the roofs around have guessed
@@ -304,7 +304,7 @@ def find_place(
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])
-    return PlaceEstimate(
+    return CameraPositionEstimate(
         best[:3],
         turn_deg,
         outline_fit(outline, fine, pose, best[:3], turn_deg),

@@ -14,7 +14,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.scene import Scene
-from facade_core.parsing.segmenter import outside_mask
+from facade_core.parsing.segmenter import facade_surroundings_mask
 
 # Height of hand-held cameras above the ground in metres.
 CAMERA_HEIGHT_M = 1.65
@@ -129,7 +129,7 @@ def _roof_slope(image: UInt8Array, seen: BoolArray, middle: float, camera: Float
         return None
     half = max(2, round(ROOF_COLUMNS_SHARE / 2 * seen.shape[1]))
     part = np.s_[:, max(int(middle) - half, 0) : int(middle) + half]
-    wall = seen[part] & ~outside_mask(image, ~seen)[part]
+    wall = seen[part] & ~facade_surroundings_mask(image, ~seen)[part]
     top = np.argmax(wall, axis=0)
     sky = wall.any(axis=0) & (np.take_along_axis(seen[part], np.maximum(top - 3, 0)[None], 0)[0]) & (top > 3)
     if sky.mean() < MIN_SKY_SHARE:

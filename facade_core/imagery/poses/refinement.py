@@ -14,15 +14,21 @@ from facade_core.imagery.panorama_camera import camera_position, rotate_pose
 from facade_core.imagery.poses.outlines import (
     HORIZONTAL_COST,
     STATED_HEIGHT_COST,
+    CameraPositionEstimate,
     Gradients,
     OutlineSamples,
-    PlaceEstimate,
-    find_place,
+    coarse_and_fine_gradients,
+    fit_camera_position,
     outline_fit,
-    sample_outline,
-    search_gradients,
+    sample_visible_outlines,
 )
-from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_slope, solve_turn
+from facade_core.imagery.poses.wall_lines import (
+    WallLines,
+    detect_wall_lines,
+    line_misfit,
+    median_line_angle,
+    solve_rotation_from_lines,
+)
 
 # Fewer lines do not determine a rotation,
 MIN_LINES = 24
@@ -102,7 +108,7 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
     scene : scene that contains the mesh.
     image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
     pose : stated pose.
-    height_is_assumed : as in `find_place`.
+    height_is_assumed : as in `fit_camera_position`.
 
     Raises
     ------
@@ -121,7 +127,7 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
     if reason:
         reasons.append(reason)
     levelled = rotate_pose(pose, rotation) if not reason else pose
-    outline = sample_outline(scene, levelled)
+    outline = sample_visible_outlines(scene, levelled)
     groups = int((outline.weight > 0).sum())
     refined, fit_before, fit_after, covariance = levelled, float("nan"), float("nan"), None
     if not _is_sufficient(outline):
@@ -131,7 +137,7 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
     else:
         search = _Search(
             scene,
-            search_gradients(image, levelled),
+            coarse_and_fine_gradients(image, levelled),
             levelled,
             HEADING_SIGMA_DEG if reason else LINE_HEADING_SIGMA_DEG,
             height_is_assumed,
@@ -155,8 +161,8 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
     has_lines = len(lines) > 0
     return RefinedPose(
         pose=refined,
-        given_degrees=median_slope(lines, identity) if has_lines else float("nan"),
-        residual_degrees=median_slope(lines, rotation) if has_lines else float("nan"),
+        given_degrees=median_line_angle(lines, identity) if has_lines else float("nan"),
+        residual_degrees=median_line_angle(lines, rotation) if has_lines else float("nan"),
         given_fit=fit_before,
         fit=fit_after,
         moved_m=float(np.linalg.norm(camera_position(refined) - camera_position(pose))),
@@ -178,11 +184,11 @@ class _Search:
     heading_deg: float
     height_is_assumed: bool
 
-    def search_from_height(self, up: float) -> PlaceEstimate | None:
+    def search_from_height(self, up: float) -> CameraPositionEstimate | None:
         """Search from a height above the pose in metres; None if too little is visible there."""
         return self._search_from(np.array([0.0, 0.0, up]), 0.0)
 
-    def search_again(self, place: PlaceEstimate) -> PlaceEstimate:
+    def search_again(self, place: CameraPositionEstimate) -> CameraPositionEstimate:
         """Restart the search from a position while the result fits as well."""
         start = (
             0.0 if self.height_is_assumed else min((0.0, *START_HEIGHTS_M), key=lambda up: abs(place.offset[2] - up))
@@ -196,7 +202,7 @@ class _Search:
             place = found
         return place
 
-    def score(self, place: PlaceEstimate) -> float:
+    def score(self, place: CameraPositionEstimate) -> float:
         """Fit minus a penalty for the distance from the pose; -1 if too far."""
         level, up = float(np.hypot(*place.offset[:2])), abs(float(place.offset[2]))
         if level > MAX_OFFSET_M[0] or up > MAX_OFFSET_M[1]:
@@ -208,12 +214,12 @@ class _Search:
         x, y, z = camera_position(self.pose) + offset
         return replace(rotate_pose(self.pose, _rotation_about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
 
-    def _search_from(self, offset: Float64Array, turn_deg: float) -> PlaceEstimate | None:
+    def _search_from(self, offset: Float64Array, turn_deg: float) -> CameraPositionEstimate | None:
         pose = self.pose_at(offset, turn_deg)
-        edges = sample_outline(self.scene, pose)
+        edges = sample_visible_outlines(self.scene, pose)
         if not _is_sufficient(edges):
             return None
-        found = find_place(
+        found = fit_camera_position(
             edges, self.pictures, pose, heading_deg=self.heading_deg, height_is_assumed=self.height_is_assumed
         )
         return replace(found, offset=offset + found.offset, turn_deg=turn_deg + found.turn_deg)
@@ -232,7 +238,7 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
             identity,
             f"turn as given: {len(lines)} lines on walls in sight, at least {MIN_LINES} long ones are needed",
         )
-    rotation, _ = solve_turn(lines)
+    rotation, _ = solve_rotation_from_lines(lines)
     if _rotation_angle_deg(rotation) > MAX_TURN_DEG:
         return (
             identity,
@@ -241,7 +247,7 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
     if line_misfit(lines, rotation) > (1 - MIN_MISFIT_DECREASE) * line_misfit(lines, identity):
         return (
             identity,
-            f"turn as given: lines on walls are {median_slope(lines, identity):.2f} degrees off and would stay so",
+            f"turn as given: lines on walls are {median_line_angle(lines, identity):.2f} degrees off and would stay so",
         )
     return rotation, ""
 

@@ -24,7 +24,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.bundles import MIN_WALL_SHARE
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 
 # Density at which walls are compared.
 TEXELS_PER_METRE = 10.0
@@ -88,7 +88,7 @@ class GradientImage(NamedTuple):
     seen: BoolArray
 
 
-class WallAgreement(NamedTuple):
+class SurfaceCorrelation(NamedTuple):
     """Correlation, -1 to 1, of one wall or ground surface between two panoramas."""
 
     panorama: tuple[int, int]
@@ -96,7 +96,7 @@ class WallAgreement(NamedTuple):
     score: float
 
 
-def match_shared_walls(
+def match_patches_between_panoramas(
     scene: Scene,
     surfaces: Sequence[int],
     images: Sequence[UInt8Array],
@@ -104,7 +104,7 @@ def match_shared_walls(
     max_offset: float,
     *,
     poses_agree: bool = False,
-) -> tuple[PatchMatches, list[WallAgreement]]:
+) -> tuple[PatchMatches, list[SurfaceCorrelation]]:
     """Match patches of shared walls and ground between panoramas, by gradient correlation.
 
     Uses normalised correlation of gradient magnitudes, which depend less on the exposure than colours. A parabola
@@ -114,7 +114,7 @@ def match_shared_walls(
     ----------
     scene : scene that contains the surfaces.
     surfaces : charts of walls and ground.
-    images : (H, W, 3) uint8 as in `rectify_view`.
+    images : (H, W, 3) uint8 as in `rectify_chart_from_panorama`.
     poses : pose of each image.
     max_offset : largest offset of a surface from its position by the poses, in metres.
     poses_agree : poses agree already; patches of a surface that is not found as a whole are searched at its position.
@@ -137,10 +137,13 @@ def match_shared_walls(
             continue
         side = np.array([placement.width[number], placement.height[number]]) / placement.texels_per_metre[number]
         step = side / shape[::-1]
-        gradients = {p: _gradient_image(rectify_view(scene, number, images[p], poses[p], shape)) for p in sightings}
+        gradients = {
+            p: _gradient_image(rectify_chart_from_panorama(scene, number, images[p], poses[p], shape))
+            for p in sightings
+        }
         for pair in combinations(sorted(sightings), 2):
             one, other = (gradients[p] for p in pair)
-            agreements.append(WallAgreement(pair, number, _gradient_correlation(one, other)))
+            agreements.append(SurfaceCorrelation(pair, number, _gradient_correlation(one, other)))
             shift = _find_shift(one, other, max_offset)
             if shift is None and not poses_agree:
                 continue

@@ -11,8 +11,8 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_to_panorama
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
 # Width in pixels of the scan that finds the walls.
 SCAN_WIDTH = 512
@@ -88,7 +88,7 @@ def detect_wall_lines(scene: Scene, image: UInt8Array, pose: Pose) -> WallLines:
     Parameters
     ----------
     scene : scene that contains the walls.
-    image : (H, W, 3) uint8 as in `rectify_view`.
+    image : (H, W, 3) uint8 as in `rectify_chart_from_panorama`.
     pose : stated pose.
     """
     columns_by_wall = [
@@ -106,7 +106,7 @@ def _largest_walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
     distance, chart = scene.caster.cast(camera_position(pose), rays)
     facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normals()[chart])
     usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(MIN_FACING_DEG)))
-    usable &= is_in_view(project_to_panorama(rays, pose), pose)
+    usable &= is_in_view(project_directions_to_panorama(rays, pose), pose)
     area = np.cos((0.5 - (np.arange(SCAN_WIDTH // 2) + 0.5) / (SCAN_WIDTH // 2)) * np.pi)[:, None] * np.ones(
         (1, SCAN_WIDTH)
     )
@@ -133,7 +133,7 @@ def _lines_on_wall(
         MAX_RASTER_SIDE / extent.max(),
     )
     size = tuple(max(8, round(float(side) * density)) for side in extent)
-    view = rectify_view(scene, chart, image, pose, size)
+    view = rectify_chart_from_panorama(scene, chart, image, pose, size)
     grey = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2GRAY)
     segments = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
     ends = np.zeros((0, 2, 2)) if segments is None else segments.reshape(-1, 2, 2).astype(np.float64) + 0.5
@@ -163,7 +163,7 @@ def _lines_on_wall(
     return plane / np.maximum(size_of, 1e-12)[:, None], axis, wall, np.minimum(size_of, 0.3), np.full(n, chart)
 
 
-def solve_turn(lines: WallLines) -> tuple[Float64Array, Float64Array]:
+def solve_rotation_from_lines(lines: WallLines) -> tuple[Float64Array, Float64Array]:
     """Solve for the world rotation that aligns lines with their axes.
 
     Least squares of the angles between axes and planes, reweighted for a Cauchy error that narrows.
@@ -198,7 +198,7 @@ def line_misfit(lines: WallLines, turn: Float64Array) -> float:
     return float(np.average(angle**2 / (angle**2 + 1.0), weights=lines.weight))
 
 
-def median_slope(lines: WallLines, turn: Float64Array) -> float:
+def median_line_angle(lines: WallLines, turn: Float64Array) -> float:
     """Compute the weighted median of the angles in degrees between lines and axes on the rectified walls."""
     angle = np.abs(lines.slopes(turn))
     order = np.argsort(angle)

@@ -42,7 +42,7 @@ def build_pyramid(image: UInt8Array) -> Pyramid:
 
 
 @njit(cache=True, nogil=True)
-def area_mean(
+def write_parallelogram_mean(
     pixels: UInt8Array,
     levels: Int64Array,
     x: float,

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.types import Box
-from facade_core.parsing.segmenter import outside_mask
+from facade_core.parsing.segmenter import facade_surroundings_mask
 
 # A facade that covers less of its picture is rejected: the picture stays whole.
 MIN_FACADE_SHARE = 0.25
@@ -56,7 +56,7 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None =
     height, width = hidden.shape
     box = None
     if not hidden.all():
-        outside = outside_mask(image, hidden, model=model)
+        outside = facade_surroundings_mask(image, hidden, model=model)
         box = find_facade_box(outside, hidden)
     if box is None:
         return FacadeCrop(image, hidden, np.zeros_like(hidden), (0, 0, width, height), has_facade=False)
@@ -65,7 +65,7 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None =
     return FacadeCrop(image[part], hidden[part], _touching_border(outside[part]), box)
 
 
-def street_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
+def street_below_wall_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
     """Mask the street below the foot of a wall in a posed panorama.
 
     Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts
@@ -84,7 +84,7 @@ def street_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = No
     """
     if hidden.all():
         return np.zeros_like(hidden)
-    street = (outside_mask(image, hidden, model=model) & ~hidden)[::-1]
+    street = (facade_surroundings_mask(image, hidden, model=model) & ~hidden)[::-1]
     is_run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
     length = is_run.sum(axis=0)
     length[(length > MAX_STREET_SHARE * len(street)) | ~(is_run & street).any(axis=0)] = 0

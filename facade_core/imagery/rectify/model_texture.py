@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
+from facade_core.imagery.rectify.area_means import build_pyramid, write_parallelogram_mean
 
 # Tolerance of barycentric coordinates at a triangle's edge, for rounding.
 EDGE_TOLERANCE = 1e-6
@@ -110,7 +110,7 @@ def _rasterise(
                     continue
                 x = px + s * du[0] + w * dv[0]
                 y = py + s * du[1] + w * dv[1]
-                area_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, rgb[r, c])
+                write_parallelogram_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, rgb[r, c])
                 covered[r, c] = True
 
 

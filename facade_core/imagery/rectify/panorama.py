@@ -11,12 +11,22 @@ import shapely
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import ImageError
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_from_world, camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.panorama_camera import (
+    camera_from_world,
+    camera_position,
+    is_in_view,
+    project_directions_to_panorama,
+)
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.imagery.rectify.resampling import ChartRaster, PanoramaLens, compute_footprints, resample_panorama
+from facade_core.imagery.rectify.resampling import (
+    ChartTexelGrid,
+    PanoramaProjection,
+    compute_texel_footprints,
+    resample_panorama,
+)
 
 # At flatter angles a wall's pixels are stretched, and balconies hide windows.
 MIN_FACING_DEG = 12.0
@@ -109,11 +119,11 @@ def nearby_panoramas(scene: Scene, charts: Int32Array, poses: Sequence[Pose]) ->
     max_distance = MAX_SIGHTING_DISTANCE_M + 2 * np.hypot(*scene.charts.size[charts].T)
     places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
     place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=max_distance)
-    grouped = RowIndex(place)
+    grouped = RowsByValue(place)
     return [np.sort(panorama[grouped.rows_with(chart)]) for chart in range(len(charts))]
 
 
-def point_visibility(
+def chart_point_view_quality(
     scene: Scene,
     chart: int,
     poses: Sequence[Pose],
@@ -182,7 +192,7 @@ def _point_views(
         usable = (
             (distance <= max_distance)
             & (sine >= np.sin(np.radians(MIN_FACING_DEG)))
-            & is_in_view(project_to_panorama(rays, pose), pose)
+            & is_in_view(project_directions_to_panorama(rays, pose), pose)
         )
         usable[usable] = _are_points_visible(scene, chart, places[index], rays[usable])
         if usable.any():
@@ -191,7 +201,7 @@ def _point_views(
             yield _PointView(index, usable, resolution, sine[usable])
 
 
-def rectify_view(
+def rectify_chart_from_panorama(
     scene: Scene, chart: int, image: UInt8Array, pose: Pose, size: tuple[int, int], occluded: BoolArray | None = None
 ) -> ChartView:
     """Rectify a chart from a panorama.
@@ -232,15 +242,16 @@ def rectify_view(
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)
     quality = np.empty((rows, columns), np.float32)
-    compute_footprints(
-        ChartRaster(corner, right, down, charts.normals()[chart]),
-        PanoramaLens(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
+    raster = ChartTexelGrid(corner, right, down, charts.normals()[chart])
+    compute_texel_footprints(
+        raster,
+        PanoramaProjection(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
         np.sin(np.radians(MIN_FACING_DEG)),
         footprints,
         seen,
         quality,
     )
-    _clear_hidden(scene, chart, place, corner, right, down, seen)
+    _clear_hidden(scene, chart, place, raster, seen)
     rgb = resample_panorama(image, pose.view, footprints, seen)
     occluded = None if occluded is None else _occluded_texels(occluded, footprints, seen)
     return ChartView(rgb, seen, quality * seen, occluded)
@@ -256,15 +267,7 @@ def _occluded_texels(hidden: BoolArray, footprints: Float32Array, seen: BoolArra
     return cv2.dilate(is_occluded, np.ones((3, 3), np.uint8)).astype(bool) & seen
 
 
-def _clear_hidden(
-    scene: Scene,
-    chart: int,
-    place: Float64Array,
-    corner: Float64Array,
-    right: Float64Array,
-    down: Float64Array,
-    seen: BoolArray,
-) -> None:
+def _clear_hidden(scene: Scene, chart: int, place: Float64Array, raster: ChartTexelGrid, seen: BoolArray) -> None:
     """Clear the seen texels that a surface occludes: coarse rays first, all rays where neighbours disagree."""
     import cv2
 
@@ -274,7 +277,7 @@ def _clear_hidden(
         np.arange(0, columns + COARSE_STEP, COARSE_STEP).clip(max=columns - 1),
     )
     reached = _are_texels_visible(
-        scene, chart, place, corner, right, down, *(at.ravel() for at in np.meshgrid(*step, indexing="ij"))
+        scene, chart, place, raster, *(at.ravel() for at in np.meshgrid(*step, indexing="ij"))
     )
     coarse = reached.reshape(len(step[0]), len(step[1])).astype(np.uint8)
     square = np.ones((2, 2), np.uint8)
@@ -288,23 +291,14 @@ def _clear_hidden(
     seen &= all_visible | is_mixed
     for start in range(0, len(row), MAX_RAYS):
         part = slice(start, start + MAX_RAYS)
-        seen[row[part], column[part]] = _are_texels_visible(
-            scene, chart, place, corner, right, down, row[part], column[part]
-        )
+        seen[row[part], column[part]] = _are_texels_visible(scene, chart, place, raster, row[part], column[part])
 
 
 def _are_texels_visible(
-    scene: Scene,
-    chart: int,
-    place: Float64Array,
-    corner: Float64Array,
-    right: Float64Array,
-    down: Float64Array,
-    row: Int64Array,
-    column: Int64Array,
+    scene: Scene, chart: int, place: Float64Array, raster: ChartTexelGrid, row: Int64Array, column: Int64Array
 ) -> BoolArray:
     """Visibility (k,) bool of the texels at rows and columns (k,)."""
-    rays = corner + (row[:, None] + 0.5) * down + (column[:, None] + 0.5) * right
+    rays = raster.corner + (row[:, None] + 0.5) * raster.down + (column[:, None] + 0.5) * raster.right
     return _are_points_visible(scene, chart, place, rays)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from facade_core.core.numba_cache import njit
-from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
+from facade_core.imagery.rectify.area_means import build_pyramid, write_parallelogram_mean
 
 # Colour distance to the bottom row within which pixels above belong to the same flat mask.
 MASK_TOLERANCE = 12
@@ -18,7 +18,7 @@ MASK_RIM_ROWS = 4
 MASK_TOP_SHARE = 2 / 3
 
 
-class ChartRaster(NamedTuple):
+class ChartTexelGrid(NamedTuple):
     """Texel grid of a chart, relative to the camera.
 
     Attributes
@@ -35,7 +35,7 @@ class ChartRaster(NamedTuple):
     normal: Float64Array
 
 
-class PanoramaLens(NamedTuple):
+class PanoramaProjection(NamedTuple):
     """Projection of a panorama.
 
     Attributes
@@ -67,7 +67,7 @@ def resample_panorama(
     ----------
     image : (H, W, 3) uint8, the part `view` of the full panorama.
     view : left, top, width and height of that part.
-    footprints : (h, w, 6), see `compute_footprints`.
+    footprints : (h, w, 6), see `compute_texel_footprints`.
     seen : (h, w) bool; changed in place.
 
     Returns
@@ -128,9 +128,9 @@ def _mask_top(image: UInt8Array, columns: Int64Array, highest: int, lower: int) 
 
 
 @njit(cache=True, nogil=True)
-def compute_footprints(
-    raster: ChartRaster,
-    lens: PanoramaLens,
+def compute_texel_footprints(
+    raster: ChartTexelGrid,
+    lens: PanoramaProjection,
     grazing: float,
     footprints: Float32Array,
     seen: BoolArray,
@@ -220,4 +220,4 @@ def _resample_texels(
             if y + (abs(ay) + abs(by)) / 2 >= mask[min(int(x), len(mask) - 1)]:
                 seen[r, c] = False
                 continue
-            area_mean(pixels, levels, x, y - upper, ax, ay, bx, by, False, rgb[r, c])
+            write_parallelogram_mean(pixels, levels, x, y - upper, ax, ay, bx, by, False, rgb[r, c])

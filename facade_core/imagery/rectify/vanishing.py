@@ -90,7 +90,7 @@ def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None
     best, best_score = None, 0.0
     for start in _search_cameras(segments, lengths, focal):
         camera = _refine_camera(segments, lengths, pixel, start, expected, ROUND_TOLERANCES_DEG[0])
-        if camera is None or not is_upright(camera.rotation):
+        if camera is None or not is_plausible_camera_rotation(camera.rotation):
             continue
         straight = undistort(segments, camera.distortion)
         yaw = np.radians(camera_angles(camera.rotation)[0])
@@ -101,12 +101,12 @@ def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None
             best, best_score = camera, score
     for tolerance in ROUND_TOLERANCES_DEG[1:]:
         best = best and _refine_camera(segments, lengths, pixel, best, expected, tolerance)
-    if best is None or not is_upright(best.rotation):
+    if best is None or not is_plausible_camera_rotation(best.rotation):
         return None
     return replace(best, family=_assign_families(segments, best, ROUND_TOLERANCES_DEG[-1]))
 
 
-def is_upright(rotation: Float64Array) -> bool:
+def is_plausible_camera_rotation(rotation: Float64Array) -> bool:
     """Return True if yaw, pitch and roll of a rotation (3, 3) are plausible before a facade."""
     return all(
         abs(turn) <= most
@@ -155,7 +155,7 @@ def _search_cameras(segments: Float64Array, lengths: Float64Array, focal: float 
                 right = _horizontal_directions(down, yaws[k : k + 1])[0]
                 rotation = np.column_stack([right, down, np.cross(right, down)])
                 best, best_score = FacadeCamera(rotation, length, 0.0, np.empty(0, np.int8)), score[k]
-        if best is not None and is_upright(best.rotation):
+        if best is not None and is_plausible_camera_rotation(best.rotation):
             cameras.append(best)
     return cameras
 

@@ -11,7 +11,7 @@ from facade_core.geometry.daylight import (
     MAX_BACK_FACE_SHARE,
     RAY_LIFT_M,
     RAY_SHIFT_M,
-    fill_hidden_places,
+    fill_daylight_inside_buildings,
     hemisphere_directions,
 )
 from facade_core.geometry.scene import Scene
@@ -70,7 +70,7 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[Float32Array, Flo
     hidden = behind.mean(axis=1) > MAX_BACK_FACE_SHARE
     grid = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
     for share in light:
-        fill_hidden_places(share, hidden, *grid)
+        fill_daylight_inside_buildings(share, hidden, *grid)
     skylight, bounce = (share.reshape(rows, columns) / TYPICAL_SKY_SHARE for share in light)
     total = skylight + bounce * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
     exposure = MAX_AMBIENT_LIGHT / (total + MAX_AMBIENT_LIGHT - 1)

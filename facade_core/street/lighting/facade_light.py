@@ -11,7 +11,7 @@ from facade_core.core.types import Sun
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sun_in_chart_frame
-from facade_core.street.materials.relief import cast_shadows
+from facade_core.street.materials.relief import relief_shadow_share
 from facade_core.street.materials.stains import stain_tones
 
 
@@ -47,7 +47,7 @@ def relight_facade(
     density = float(scene.placement.texels_per_metre[chart])
     towards, shadow_brightness = sun_in_chart_frame(scene.charts, chart, sun)
     if towards[2] > 0 and light.any():  # a wall that the sun is behind has no relief that it shines on
-        light = light * (1 - is_synthesised * cast_shadows(colour, labels, density, towards, shadow_brightness))
+        light = light * (1 - is_synthesised * relief_shadow_share(colour, labels, density, towards, shadow_brightness))
     origin, along, down = (getattr(scene.charts, name)[chart] for name in ("origin", "axis_u", "axis_v"))
     tones = stain_tones(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
     skylight, bounce = ambient_light(scene, chart, sun)

@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, IntArray, UInt8Array
 from facade_core.facade.texture.label_expansion import choose_sources
-from facade_core.facade.texture.mosaic import paint_sources
+from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
 from facade_core.facade.texture.translations import correlate_masked
 
@@ -127,7 +127,7 @@ def _copy_parts(
     chosen = np.full(hidden.shape, -1)
     chosen[cells[:, 0], cells[:, 1]] = choose_sources(offers, edges, _seam_costs(small, clear, cells, moves), SEAM_COST)
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
-    return paint_sources(image, known, chosen, maps, factor, CONTEXT_M / step)
+    return fill_from_chosen_sources(image, known, chosen, maps, factor, CONTEXT_M / step)
 
 
 def _reduce_to_cells(

@@ -8,10 +8,10 @@ from copy import copy
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int16Array, Int64Array, IntArray, UInt8Array
-from facade_core.core.types import Finish, Ground, Street
+from facade_core.core.types import BuildingFinish, MappedGround, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.carriageways import assume_ways
+from facade_core.geometry.ground.carriageways import assume_street_ways
 from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
@@ -19,12 +19,12 @@ from facade_core.street.materials import field_kernels as kernels
 from facade_core.street.materials.field_kernels import (
     NO_OVERRIDE,
     ChartMaterials,
-    FieldArrays,
+    MaterialFieldArrays,
     MaterialOverride,
     SurfaceMaterial,
 )
 from facade_core.street.materials.grain import GrainKind, GrainTables
-from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.procedural import (
     BRICK_PALETTE,
     METAL_FIXTURE_PALETTE,
@@ -41,7 +41,7 @@ from facade_core.street.materials.roofs import (
 )
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import daylight_grey
-from facade_core.street.propagation.sampling import DaylightGrid
+from facade_core.street.propagation.sampling import DaylightGrids
 
 # Vertical component of a roof's normal, 15 degrees, above which tiles would leak.
 MAX_TILED_COSINE = 0.966
@@ -125,7 +125,7 @@ class MaterialField:
         *,
         seed: int,
         roof_material: TiledMaterial | None = None,
-        ground: Ground | None = None,
+        ground: MappedGround | None = None,
         grains: GrainTables | None = None,
     ) -> None:
         """Build the field of a scene.
@@ -140,15 +140,15 @@ class MaterialField:
         grains : grain examples; None loads the shipped ones.
         """
         self._scene = scene
-        self._ground = GroundTiles(ground or Ground(assume_ways(streets)), scene.charts)
+        self._ground = GroundTiles(ground or MappedGround(assume_street_ways(streets)), scene.charts)
         self._step = 1 / scene.placement.texels_per_metre
         grey = TiledMaterial(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
-        self.arrays = FieldArrays(
+        self.arrays = MaterialFieldArrays(
             _build_surfaces(scene, seed, has_roof_picture=roof_material is not None),
             NO_OVERRIDE,
             self._ground.build_arrays([]),
             (roof_material or grey).mip_levels,
-            grains or load_shipped_grains(),
+            grains or load_shipped_grain_tables(),
             seed,
         )
 
@@ -204,7 +204,7 @@ class MaterialField:
         """
         out = np.empty((len(chart), 3), np.uint8)
         order, rows = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
-        kernels.colour_points(order, rows, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
+        kernels.compute_point_colours(order, rows, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
         return out
 
     def texel_colours(self, chart: int, rows: Int64Array, columns: Int64Array) -> UInt8Array:
@@ -278,13 +278,13 @@ class MaterialField:
         step, count = float(self._step[chart]), len(rows)
         points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
         every = np.arange(count), np.full(count, chart), points, np.full(count, step)
-        kernels.colour_points(*every, *self._kernel_arguments([chart]), out)
+        kernels.compute_point_colours(*every, *self._kernel_arguments([chart]), out)
 
-    def _kernel_arguments(self, charts: Sequence[int] | IntArray) -> tuple[FieldArrays, DaylightGrid]:
+    def _kernel_arguments(self, charts: Sequence[int] | IntArray) -> tuple[MaterialFieldArrays, DaylightGrids]:
         """Return the arrays and the light for some charts."""
         daylight = self._scene.daylight
         daylight.compute(charts)
-        lights = DaylightGrid(daylight.start, daylight.columns, daylight.rows, daylight.light)
+        lights = DaylightGrids(daylight.start, daylight.columns, daylight.rows, daylight.light)
         return self.arrays._replace(ground=self._ground.build_arrays(charts)), lights
 
 
@@ -315,7 +315,7 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     roof &= ~steep
     number = scene.building_hashes[charts.building]
     chart_material[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SurfaceMaterial.SHEET_METAL
-    level, draw = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
+    level, draw = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.hash_uniform_array(number, seed + 83)
     chart_material[level & (draw < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = SurfaceMaterial.ROOF_GRAVEL
     chart_material[level & (draw < FLAT_FELT_SHARE)] = SurfaceMaterial.FELT
     if has_roof_picture:
@@ -371,16 +371,18 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     for material, example in MATERIAL_GRAINS.items():
         examples[chart_material == material] = example
     rendered = (chart_material == SurfaceMaterial.PLASTER) & (
-        kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE
+        kernels.hash_uniform_array(number, seed + 73) < ROUGH_PLASTER_SHARE
     )
     examples[rendered] = GrainKind.PLASTER_ROUGH
-    mossy = np.where(normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.draw_uniform(number, seed + 79), 0.0)
+    mossy = np.where(
+        normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.hash_uniform_array(number, seed + 79), 0.0
+    )
     return ChartMaterials(
         *frames, start, chart_material, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy
     )
 
 
-def _stated_roof_material(finish: Finish) -> int:
+def _stated_roof_material(finish: BuildingFinish) -> int:
     """Return the stated material of a roof, -1 if none is stated.
 
     A colour that no tile has means sheet metal.

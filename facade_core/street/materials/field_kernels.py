@@ -23,14 +23,14 @@ from facade_core.street.materials.procedural import (
     GLASS_COLOUR,
     MORTAR_COLOUR,
     REFLECTED_SKY_COLOUR,
-    add_weather,
+    add_rain_weathering,
     brick_tone,
+    door_boards_tone,
     frame_share,
     glass_reflection,
     metal_fixture_colour,
     plaster_tone,
     soffit_tone,
-    wood_tone,
 )
 from facade_core.street.materials.roofs import (
     MOSS_COLOUR,
@@ -42,7 +42,7 @@ from facade_core.street.materials.roofs import (
     slate_tone,
 )
 from facade_core.street.materials.tiled_material import MipLevels, sample_mip_levels
-from facade_core.street.propagation.sampling import DaylightGrid, interpolate_light
+from facade_core.street.propagation.sampling import DaylightGrids, interpolate_light
 
 
 class SurfaceMaterial(IntEnum):
@@ -124,7 +124,7 @@ class MaterialOverride(NamedTuple):
 NO_OVERRIDE = MaterialOverride(np.zeros(0, np.int64), 0, 0, np.zeros(3))
 
 
-class FieldArrays(NamedTuple):
+class MaterialFieldArrays(NamedTuple):
     """Inputs of the material field's kernels, except the light.
 
     Attributes
@@ -146,13 +146,13 @@ class FieldArrays(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def colour_points(
+def compute_point_colours(
     order: Int64Array,
     chart: Int64Array,
     places: Float64Array,
     footprint: Float64Array,
-    field: FieldArrays,
-    lights: DaylightGrid,
+    field: MaterialFieldArrays,
+    lights: DaylightGrids,
     out: UInt8Array,
 ) -> None:
     """Compute the colours of points, into `out`.
@@ -202,7 +202,7 @@ def _lower_bound(numbers: Int64Array, number: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _colour_batch(
-    c: int, points: Float64Array, side: Float64Array, field: FieldArrays, lights: DaylightGrid, out: UInt8Array
+    c: int, points: Float64Array, side: Float64Array, field: MaterialFieldArrays, lights: DaylightGrids, out: UInt8Array
 ) -> None:
     """Compute colours (n, 3) of points (3, n) of one chart.
 
@@ -277,9 +277,9 @@ def _colour_batch(
             brick_tone(x, y, north, side, seed, other, tone)
         for k in range(n):
             east[k] = y[k] - start[1]
-        add_weather(x, y, north, east, side, seed, tone)
+        add_rain_weathering(x, y, north, east, side, seed, tone)
     elif material == SurfaceMaterial.BOARDS:
-        wood_tone(x, y, side, seed, tone)
+        door_boards_tone(x, y, side, seed, tone)
         x, y = y, x  # the example has horizontal boards
     elif material == SurfaceMaterial.METAL_FIXTURE:
         for k in range(n):
@@ -322,7 +322,7 @@ def pick_palette_colours(palette: Float64Array, number: Int64Array, seed: int) -
 
 
 @njit(cache=True)
-def draw_uniform(number: Int64Array, seed: int) -> Float64Array:
+def hash_uniform_array(number: Int64Array, seed: int) -> Float64Array:
     """Hash each number (n,) to a uniform number in 0..1."""
     out = np.empty(len(number))
     for i in range(len(number)):

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import ndimage, special
 
 from facade_core.core.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
-from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_bits, hash_row
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_random_bits
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import MATERIALS
 
@@ -117,7 +117,7 @@ class GrainTables(NamedTuple):
     colour: Float64Array
 
 
-class Grain(NamedTuple):
+class WeightedGrain(NamedTuple):
     """Grain example of a material with the weight of its tone.
 
     Attributes
@@ -164,7 +164,7 @@ def learn_grain(picture: UInt8Array, width: float, *, structure: float | None = 
     return GrainExample(tile, table, width, colour, slope)
 
 
-def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
+def build_grain_tables(kinds: Sequence[WeightedGrain]) -> GrainTables:
     """Build the kernel tables of grains. A shared example is stored once."""
     examples = {id(grain.example): grain.example for grain in kinds}
     values, first, bits, tables, start = [], [], [], [], 0
@@ -271,7 +271,7 @@ def add_grain(
                 ci, cj, w = i + flip, j + 1 - flip, w1
             else:
                 ci, cj, w = i + 1 - flip, j + flip, w2
-            h = hash_bits(np.uint64(ci) * COLUMN_FACTOR + hash_row(np.float64(cj), row_seed))
+            h = hash_to_random_bits(np.uint64(ci) * COLUMN_FACTOR + hash_cell_row(np.float64(cj), row_seed))
             right = np.float64(np.int64(h & np.uint64(0xFFFF))) * (1.0 / 65536.0)
             down = np.float64(np.int64((h >> np.uint64(16)) & np.uint64(0xFFFF))) * (1.0 / 65536.0)
             px = np.int64(np.floor((u + right) * length)) & mask

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.street.materials.grain import (
     DEFAULT_EXAMPLES,
     EXAMPLE_NAMES,
     TILE_PIXELS,
-    Grain,
     GrainExample,
     GrainTables,
+    WeightedGrain,
     build_grain_tables,
 )
 
@@ -57,24 +57,24 @@ def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
     try:
         content, record = path.read_bytes(), json.loads(record_path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ModelError(f"{error.filename}: cannot be read ({error.strerror}); {_REMEDY}") from error
+        raise ModelFileError(f"{error.filename}: cannot be read ({error.strerror}); {_REMEDY}") from error
     except ValueError as error:
-        raise ModelError(f"{record_path}: not valid JSON ({error}); {_REMEDY}") from error
+        raise ModelFileError(f"{record_path}: not valid JSON ({error}); {_REMEDY}") from error
     if (
         not isinstance(record, dict)
         or record.get("format") != EXAMPLE_FORMAT
         or record.get("names") != list(EXAMPLE_NAMES)
     ):
-        raise ModelError(f"{record_path}: of another version; {_REMEDY}")
+        raise ModelFileError(f"{record_path}: of another version; {_REMEDY}")
     if record.get("sha256") != hashlib.sha256(content).hexdigest():
-        raise ModelError(f"{path}: checksum differs from {record_path.name}; {_REMEDY}")
+        raise ModelFileError(f"{path}: checksum differs from {record_path.name}; {_REMEDY}")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {field: file[field] for field in GrainExample._fields}
     except (ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ModelError(f"{path}: holds no examples ({error}); {_REMEDY}") from error
+        raise ModelFileError(f"{path}: holds no examples ({error}); {_REMEDY}") from error
     if arrays["tile"].shape != (len(EXAMPLE_NAMES), TILE_PIXELS, TILE_PIXELS):
-        raise ModelError(f"{path}: of another version; {_REMEDY}")
+        raise ModelFileError(f"{path}: of another version; {_REMEDY}")
     return {
         name: GrainExample(*(arrays[field][k] for field in GrainExample._fields))
         for k, name in enumerate(EXAMPLE_NAMES)
@@ -82,18 +82,18 @@ def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
 
 
 @lru_cache(maxsize=1)
-def load_shipped_grains() -> GrainTables:
+def load_shipped_grain_tables() -> GrainTables:
     """Return the kernel tables of the shipped examples."""
-    return load_grains({})
+    return load_grain_tables({})
 
 
-def load_grains(block_examples: Mapping[str, GrainExample]) -> GrainTables:
+def load_grain_tables(block_examples: Mapping[str, GrainExample]) -> GrainTables:
     """Return the kernel tables with a block's own examples, by name, in place of shipped ones."""
     examples = load_examples()
-    defaults = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
+    defaults = {name: WeightedGrain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
     return build_grain_tables(
         [
-            Grain(block_examples[name], uses_colour=True) if name in block_examples else grain
+            WeightedGrain(block_examples[name], uses_colour=True) if name in block_examples else grain
             for name, grain in defaults.items()
         ]
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
-from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
 from facade_core.geometry.ground.shapes import CELLS_PER_SIDE, EDGE_REACH_M, LOOKUP_CELL_M, GroundTileArrays
@@ -335,9 +335,9 @@ def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) ->
         for column in range(left, right + 1):
             density = hash_to_uniform(
                 np.uint64(column // LEAF_PATCH_CELLS) * COLUMN_FACTOR
-                + hash_row(row // LEAF_PATCH_CELLS, row_seed + np.uint64(1))
+                + hash_cell_row(row // LEAF_PATCH_CELLS, row_seed + np.uint64(1))
             )
-            h = np.uint64(column) * COLUMN_FACTOR + hash_row(row, row_seed)
+            h = np.uint64(column) * COLUMN_FACTOR + hash_cell_row(row, row_seed)
             if hash_to_uniform(h) > MAX_LEAF_SHARE * near * density * density:
                 continue
             u, v, turn = (

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
+from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 
 
@@ -40,7 +40,7 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
         _smoothstep_integral(0.5 * below, below),
     )
     v0, v1, v2 = above - rise, rise + below - fall, fall
-    a0, b0 = np.uint64(np.int64(x0)) * COLUMN_FACTOR, hash_row(y0, seed)
+    a0, b0 = np.uint64(np.int64(x0)) * COLUMN_FACTOR, hash_cell_row(y0, seed)
     a1, b1 = a0 + COLUMN_FACTOR, b0 + ROW_FACTOR
     a2, b2 = a1 + COLUMN_FACTOR, b1 + ROW_FACTOR
     total = v0 * (u0 * hash_to_uniform(a0 + b0) + u1 * hash_to_uniform(a1 + b0) + u2 * hash_to_uniform(a2 + b0))
@@ -66,7 +66,7 @@ def stripe_share(position: float, wide: float, first: float, width: float) -> fl
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def running_bond_share(
+def running_bond_stone_share(
     column: float, row: float, wide: float, high: float, joint: float, across: float, down: float
 ) -> float:
     """Return the share of a footprint on the stones of a running bond, off its joints.
@@ -115,7 +115,7 @@ def add_noise(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_tones(
+def add_piece_tones(
     x: Float64Array,
     y: Float64Array,
     side: Float64Array,
@@ -150,8 +150,8 @@ def add_tones(
         next_share = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
         next_share_below = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
         a, b = (
-            np.uint64(np.int64(x0)) * COLUMN_FACTOR + hash_row(y0, row_seed),
-            np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_row(y0 + 1, row_seed),
+            np.uint64(np.int64(x0)) * COLUMN_FACTOR + hash_cell_row(y0, row_seed),
+            np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_cell_row(y0 + 1, row_seed),
         )
         upper = (1 - next_share) * hash_to_uniform(a) + next_share * hash_to_uniform(a + COLUMN_FACTOR)
         tone = (1 - lower) * upper + lower * (

@@ -14,7 +14,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SURFACES
 from facade_core.street.materials.grain import GrainKind, GrainTables, add_grain
-from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
+from facade_core.street.materials.patterns import add_noise, add_piece_tones, running_bond_stone_share, stripe_share
 
 # Muted Nordic plasters.
 PLASTER_PALETTE = np.array(
@@ -127,16 +127,16 @@ def paving_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int,
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
         add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
-    add_tones(x, y, side, SLAB_M, 14, seed + 11, out)
+    add_piece_tones(x, y, side, SLAB_M, 14, seed + 11, out)
     across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        clear = running_bond_share(column, row, wide, high, 0.04, across, down)
+        clear = running_bond_stone_share(column, row, wide, high, 0.04, across, down)
         out[k] *= 0.86 + 0.14 * clear
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_weather(
+def add_rain_weathering(
     x: Float64Array,
     y: Float64Array,
     above: Float64Array,
@@ -222,11 +222,11 @@ def brick_tone(
     out : (n,) output tones.
     """
     plaster_tone(x, y, above, side, seed, out)
-    add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
+    add_piece_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
     across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        mortar[k] = 1 - running_bond_share(column, row, wide, high, JOINT_M, across, down)
+        mortar[k] = 1 - running_bond_stone_share(column, row, wide, high, JOINT_M, across, down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -274,12 +274,12 @@ def frame_share(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wood_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
+def door_boards_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Write tones of a door of upright boards, 0.12 m wide."""
     for k in range(len(x)):
         out[k] = 1 - 0.35 * stripe_share(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
     add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
-    add_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
+    add_piece_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -327,11 +327,11 @@ def setts_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, 
     out[:] = 140
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
     add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
-    add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
+    add_piece_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
     right, up = 1 / SETT_M[0], 1 / SETT_M[1]
     for k in range(len(x)):
         column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
-        out[k] *= 0.68 + 0.32 * running_bond_share(column, row, wide, high, 0.024, right, up)
+        out[k] *= 0.68 + 0.32 * running_bond_stone_share(column, row, wide, high, 0.024, right, up)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

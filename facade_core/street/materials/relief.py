@@ -53,7 +53,7 @@ def relief_depth(labels: UInt8Array, density: float) -> Float32Array:
     return depth
 
 
-def cast_shadows(
+def relief_shadow_share(
     colour: UInt8Array, labels: UInt8Array, density: float, towards: Float64Array, dark: float
 ) -> Float32Array:
     """Compute the share of sunlight that a facade's relief blocks, (h, w) float32 in 0..1.

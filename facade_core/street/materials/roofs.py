@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_cell_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
-from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
+from facade_core.street.materials.patterns import add_noise, add_piece_tones, running_bond_stone_share, stripe_share
 
 # Muted Nordic roofs: sheet metal, clay, slate, bitumen felt and gravel.
 SHEET_METAL_PALETTE = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
@@ -68,7 +68,7 @@ def roof_tile_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: i
         square = min(wide * wide, 1.0)
         wave *= (1 - square) * (1 - 0.6449 * square + 0.19 * square * square)
         out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * stripe_share(row, high, 0.86, 0.14)
-    add_tones(x, y, side, TILE_M, 0.10, seed + 23, out)
+    add_piece_tones(x, y, side, TILE_M, 0.10, seed + 23, out)
     add_noise(x, y, side, (0.8, 0.8), 0.04, seed + 29, out)
     add_noise(x, y, side, (5.0, 5.0), 0.04, seed + 30, out)
 
@@ -79,11 +79,11 @@ def slate_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, 
     out[:] = 1.0
     add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
     add_noise(x, y, side, (6.0, 6.0), 0.06, seed + 92, out)
-    add_tones(x, y, side, SLATE_M, 0.34, seed + 93, out)
+    add_piece_tones(x, y, side, SLATE_M, 0.34, seed + 93, out)
     across, down = 1 / SLATE_M[0], 1 / SLATE_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        clear = running_bond_share(column, row, wide, high, SLATE_GAP_M, across, down)
+        clear = running_bond_stone_share(column, row, wide, high, SLATE_GAP_M, across, down)
         out[k] *= (0.62 + 0.38 * clear) * (1 - 0.2 * stripe_share(row, high, 0.9, 0.1))
 
 
@@ -93,12 +93,12 @@ def felt_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, o
     out[:] = 1.0
     add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
     add_noise(x, y, side, (6.0, 6.0), 0.05, seed + 96, out)
-    add_tones(y, x, side, (FELT_M[1], FELT_M[0]), 0.11, seed + 101, out)
-    add_patches(x, y, side, seed + 102, out)
+    add_piece_tones(y, x, side, (FELT_M[1], FELT_M[0]), 0.11, seed + 101, out)
+    add_repair_patches(x, y, side, seed + 102, out)
     add_pool_stains(x, y, side, seed + 105, out)
     across, down = 1 / FELT_M[1], 1 / FELT_M[0]
     for k in range(len(x)):
-        clear = running_bond_share(
+        clear = running_bond_stone_share(
             y[k] * across, x[k] * down, side[k] * across, side[k] * down, FELT_LAP_M, across, down
         )
         out[k] *= 0.84 + 0.16 * clear
@@ -114,7 +114,7 @@ def roof_gravel_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_patches(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
+def add_repair_patches(x: Float64Array, y: Float64Array, side: Float64Array, seed: int, out: Float64Array) -> None:
     """Add tones of repaired patches, -0.12..0.12: at most one rectangle per cell, well inside it.
 
     Patches fade with the footprint until half a cell, so that no footprint reaches a neighbouring cell's patch.
@@ -123,7 +123,7 @@ def add_patches(x: Float64Array, y: Float64Array, side: Float64Array, seed: int,
     for k in range(len(x)):
         u, v = x[k] / PATCH_CELL_M, y[k] / PATCH_CELL_M
         column, row = np.floor(u), np.floor(v)
-        h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_row(row, row_seed)
+        h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_cell_row(row, row_seed)
         has_patch = np.float64(hash_to_uniform(h) < PATCH_SHARE)
         wide, long = 0.12 + 0.3 * hash_to_uniform(h + np.uint64(1)), 0.1 + 0.25 * hash_to_uniform(h + np.uint64(2))
         left, low = (

@@ -29,7 +29,7 @@ MIN_WALL_SHARE = 0.99
 MIN_PLACES = 150
 
 
-def wall_deviations(grey: UInt8Array, wall: BoolArray, density: float) -> tuple[float, ...] | None:
+def wall_brightness_deviations(grey: UInt8Array, wall: BoolArray, density: float) -> tuple[float, ...] | None:
     """Compute the relative variation of plain wall in each band.
 
     It is half the span from the 16th to the 84th percentile.
@@ -102,7 +102,7 @@ def stain_tones(
     for number, (cell, weight) in enumerate(
         zip(
             NOISE_CELLS_M,
-            stain_weights(wall_deviations(grey, labels == FacadeClass.WALL, density)).tolist(),
+            stain_weights(wall_brightness_deviations(grey, labels == FacadeClass.WALL, density)).tolist(),
             strict=True,
         )
     ):

@@ -19,7 +19,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.geometry.equirectangular import upright_rotation
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.visible_tiles import VISIBLE_TILE_TEXELS, FacingCharts, mark_visible_tiles
+from facade_core.geometry.visible_tiles import VISIBLE_TILE_TEXELS, FacingCharts, mark_visible_texel_tiles
 from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, is_fallback_view
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
@@ -48,7 +48,7 @@ class TranslatedPanorama(NamedTuple):
     surface: Int32Array
 
 
-def propagate(
+def propagate_panorama(
     scene: Scene,
     buffer: TexelBuffer,
     viewpoint: Viewpoint,
@@ -147,7 +147,7 @@ def _facing_charts(
         buffer.layout.offset[visible],
     )
     surface, camera = np.where(charts_seen >= 0, charts.surface[charts_seen], -1), upright_rotation(viewpoint.forward)
-    return facing, surface, camera, mark_visible_tiles(charts_seen, surface, place, camera, facing)
+    return facing, surface, camera, mark_visible_texel_tiles(charts_seen, surface, place, camera, facing)
 
 
 @njit(cache=True, inline="always", error_model="numpy")

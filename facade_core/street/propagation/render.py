@@ -12,7 +12,13 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import GATE_SPACINGS
-from facade_core.street.propagation.sampling import ChartTexels, DaylightGrid, PanoramaPixels, ViewGate, shade_pixels
+from facade_core.street.propagation.sampling import (
+    ChartTexelFrames,
+    DaylightGrids,
+    PanoramaPixels,
+    ViewGate,
+    colour_panorama_pixels,
+)
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Soft daylight: a hemisphere of sky plus a low sun from the south-west.
@@ -23,7 +29,7 @@ OUT_OF_RANGE_GREY = 160
 
 
 @dataclass(frozen=True)
-class Panorama:
+class RenderedPanorama:
     """Rendered panorama of a viewpoint.
 
     Attributes
@@ -61,7 +67,7 @@ def daylight_grey(normals: Float64Array) -> Float64Array:
     return grey
 
 
-def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
+def render_panorama(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> RenderedPanorama:
     """Render a viewpoint with the texels of a buffer.
 
     Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with
@@ -92,7 +98,7 @@ def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[np.isfinite(depth) & (chart == MISS)] = OUT_OF_RANGE_GREY
     textured = np.zeros((height, width), bool)
-    sheets = ChartTexels(
+    sheets = ChartTexelFrames(
         charts.origin,
         charts.axis_u,
         charts.axis_v,
@@ -103,10 +109,10 @@ def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[
         placement.height,
         255 * daylight_grey(normal),
     )
-    lights = DaylightGrid(daylight.start, daylight.columns, daylight.rows, daylight.light)
+    lights = DaylightGrids(daylight.start, daylight.columns, daylight.rows, daylight.light)
     pixels = PanoramaPixels(rays, depth, chart)
     gate = ViewGate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
     texels = (buffer.colour, buffer.provenance, buffer.state.views)
-    shade_pixels(pixels, viewpoint.position, sheets, lights, *texels, gate, rgb, textured)
+    colour_panorama_pixels(pixels, viewpoint.position, sheets, lights, *texels, gate, rgb, textured)
     points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
-    return Panorama(viewpoint, rgb, textured, depth, chart, points)
+    return RenderedPanorama(viewpoint, rgb, textured, depth, chart, points)

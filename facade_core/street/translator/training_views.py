@@ -12,8 +12,8 @@ from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import daylight_grey, render
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import daylight_grey, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Widths of the panoramas: windows in one are as large as those of a nearer facade in the other.
@@ -94,8 +94,8 @@ def render_sequence(
     caster = RayCaster(furniture) if furniture else None
     renderings = []
     for viewpoint in viewpoints:
-        panorama = render(scene, plain, viewpoint, size)
-        known = render(scene, textured, viewpoint, size).textured
+        panorama = render_panorama(scene, plain, viewpoint, size)
+        known = render_panorama(scene, textured, viewpoint, size).textured
         grey = panorama.rgb[..., 0].copy()
         if caster and furniture:
             rays = scene.cast_panorama(viewpoint, width)[0]
@@ -104,7 +104,7 @@ def render_sequence(
             light = 255 * daylight_grey(_triangle_normals(furniture))
             grey[in_front] = light[body[in_front]]
             known[in_front] = False
-        propagate(scene, textured, viewpoint, panorama.rgb, charts_seen=panorama.chart)
+        propagate_panorama(scene, textured, viewpoint, panorama.rgb, charts_seen=panorama.chart)
         renderings.append(TrainingRendering(grey, known))
     return renderings
 
@@ -128,7 +128,7 @@ def _triangle_normals(mesh: Mesh) -> Float64Array:
     return unit_normals
 
 
-def crop_rendering(
+def random_rendering_crop(
     renderings: Sequence[TrainingRendering], size: tuple[int, int], rng: np.random.Generator
 ) -> TrainingCrop:
     """Take a random crop of a random rendering at one of PANORAMA_WIDTHS, possibly mirrored.
@@ -153,7 +153,9 @@ def crop_rendering(
     return _cut_crop(np.repeat(grey[..., None], 3, 2), known, size, rng)
 
 
-def crop_panorama(panoramas: Sequence[UInt8Array], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
+def random_panorama_crop(
+    panoramas: Sequence[UInt8Array], size: tuple[int, int], rng: np.random.Generator
+) -> TrainingCrop:
     """Take a random crop of a random panorama: rotated, mirrored, in varied light.
 
     Parameters
@@ -172,7 +174,7 @@ def crop_panorama(panoramas: Sequence[UInt8Array], size: tuple[int, int], rng: n
     return TrainingCrop(np.clip(crop.image * light, 0, 255).astype(np.uint8), crop.textured, crop.place)
 
 
-def crop_pair(
+def random_pair_crop(
     pairs: Sequence[TrainingPair], size: tuple[int, int], rng: np.random.Generator
 ) -> tuple[TrainingCrop, UInt8Array, BoolArray]:
     """Take a random crop of a random pair at one of PANORAMA_WIDTHS, possibly mirrored.

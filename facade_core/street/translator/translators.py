@@ -8,13 +8,13 @@ from typing import Protocol
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, UInt8Array
-from facade_core.core.types import Ground, Street
+from facade_core.core.types import MappedGround, Street
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.tiled_material import TiledMaterial
-from facade_core.street.propagation.render import Panorama
+from facade_core.street.propagation.render import RenderedPanorama
 
 # Lower bound of the cosine of incidence, for footprints near the horizon.
 MIN_VIEW_COSINE = 0.02
@@ -23,7 +23,7 @@ MIN_VIEW_COSINE = 0.02
 class Translator(Protocol):
     """Interface of all translators."""
 
-    def translate(self, panorama: Panorama) -> UInt8Array:
+    def translate(self, panorama: RenderedPanorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""
         ...
 
@@ -41,7 +41,7 @@ class MaterialFieldTranslator:
         *,
         seed: int,
         roof_material: TiledMaterial | None = None,
-        ground: Ground | None = None,
+        ground: MappedGround | None = None,
         grains: GrainTables | None = None,
     ) -> None:
         self._normal = scene.charts.normals()
@@ -49,7 +49,7 @@ class MaterialFieldTranslator:
             scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains
         )
 
-    def translate(self, panorama: Panorama) -> UInt8Array:
+    def translate(self, panorama: RenderedPanorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""
         rgb = panorama.rgb.copy()
         bare = (panorama.chart != MISS) & ~panorama.textured

@@ -29,7 +29,7 @@ class SubmittedUnit(Protocol[R_co]):
 
 
 @dataclass(eq=False)
-class UnitCopy:
+class UnitSubmission:
     """One submission of a unit to Dask.
 
     Attributes
@@ -47,7 +47,7 @@ class UnitCopy:
 
 
 @dataclass(eq=False)
-class UnitAttempt(Generic[R_co]):
+class ClusterUnit(Generic[R_co]):
     """A unit on a cluster, with all its submissions and the bytes that it declares.
 
     Attributes
@@ -59,7 +59,7 @@ class UnitAttempt(Generic[R_co]):
     call: tuple[Callable[..., R_co], *tuple[object, ...]]
     memory: int
     lease: str | None
-    copies: dict[str, UnitCopy] = field(default_factory=dict)
+    copies: dict[str, UnitSubmission] = field(default_factory=dict)
     deaths: int = 0
     alone: bool = False
     answer: Answer[Future[tuple[float, R_co]] | None] = field(default_factory=Answer)

@@ -19,10 +19,16 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from uuid import uuid4
 
 from facade_core.core.errors import FacadeError, MachineError
-from tasks.engine.compute.attempts import SubmittedUnit, UnitAttempt, UnitCopy, fetch_result
+from tasks.engine.compute.attempts import ClusterUnit, SubmittedUnit, UnitSubmission, fetch_result
 from tasks.engine.compute.deadlines import Deadlines
-from tasks.engine.compute.leases import ForgetCall, Lease, Leases
-from tasks.engine.compute.scheduler_view import SchedulerView, Worker, WorkerRegistry, poll_scheduler, restart_workers
+from tasks.engine.compute.leases import ForgetCall, WorkerLease, WorkerLeases
+from tasks.engine.compute.scheduler_view import (
+    SchedulerView,
+    WorkerRegistry,
+    WorkerState,
+    poll_scheduler,
+    restart_workers,
+)
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
 from tasks.engine.compute.worker_setup import run_timed_unit
 
@@ -81,8 +87,8 @@ class Cluster:
         self._look, self._timeouts = poll, timeouts
         self._changed = threading.Condition()  # holds for all that follows
         self._registry = WorkerRegistry(poll(client, timeouts.answer), timeouts)
-        self._units: set[UnitAttempt[object]] = set()
-        self._leases, self._names = Leases(), itertools.count(1)
+        self._units: set[ClusterUnit[object]] = set()
+        self._leases, self._names = WorkerLeases(), itertools.count(1)
         self._forget_calls: list[Future[tuple[float, object]]] = []
         self._over: FacadeError | None = None
         self._suspects = threading.Lock()
@@ -110,10 +116,10 @@ class Cluster:
 
     def submit(
         self, function: Callable[..., R], *args: object, memory: int = 0, worker: str | None = None
-    ) -> UnitAttempt[R]:
+    ) -> ClusterUnit[R]:
         """Submit a unit that takes `memory` bytes; if `worker` is a lease, to the worker that keeps its state."""
         with self._changed:
-            unit = UnitAttempt(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
+            unit = ClusterUnit(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
             self._begin(unit)
         return unit
 
@@ -123,7 +129,7 @@ class Cluster:
         A result leaves the cluster with the last reference to its unit.
         """
         # a cluster submits no other units than attempts
-        waiting = {unit.answer: unit for unit in cast(Iterable[UnitAttempt[R]], started)}
+        waiting = {unit.answer: unit for unit in cast(Iterable[ClusterUnit[R]], started)}
         suspects = []
         del started
         for answer in as_completed(list(waiting)):
@@ -137,7 +143,7 @@ class Cluster:
             del unit
         yield from suspects
 
-    def result(self, unit: UnitAttempt[R]) -> R:
+    def result(self, unit: ClusterUnit[R]) -> R:
         """Wait for the result of a unit; submit the unit again if its workers died."""
         with ExitStack() as alone:
             while True:
@@ -170,7 +176,7 @@ class Cluster:
         ----------
         forget : function with its arguments that is called on every worker that the lease leaves.
         """
-        name, lease = f"lease {next(self._names)}", Lease("", memory, forget)
+        name, lease = f"lease {next(self._names)}", WorkerLease("", memory, forget)
         with self._changed:
             self._check()
             while not self._leases.take(name, lease, self._registry.usable):
@@ -190,13 +196,13 @@ class Cluster:
         if self._over is not None:
             raise type(self._over)(*self._over.args)
 
-    def _begin(self, unit: UnitAttempt[object]) -> None:
+    def _begin(self, unit: ClusterUnit[object]) -> None:
         self._check()
         unit.deaths = 0
         self._units.add(unit)
         self._place(unit)
 
-    def _place(self, unit: UnitAttempt[object]) -> bool:
+    def _place(self, unit: ClusterUnit[object]) -> bool:
         """Submit a unit to Dask; False if no worker has room until a later poll."""
         usable = self._registry.usable
         places = None if len(usable) == len(self._registry.view.workers) else frozenset(usable)
@@ -210,7 +216,7 @@ class Cluster:
         future = self._submit_call(unit.call, places, unit.stage)
         if future is None:
             return False
-        unit.copies[str(future.key)] = UnitCopy(future, places)
+        unit.copies[str(future.key)] = UnitSubmission(future, places)
         future.add_done_callback(lambda ended: self._finish_copy(unit, ended))
         return True
 
@@ -226,14 +232,14 @@ class Cluster:
             self._end(cluster_gone_error(), error)
             return None
 
-    def _move_lease(self, name: str, lease: Lease, usable: dict[str, Worker]) -> bool:
-        left = Lease(lease.address, lease.memory, lease.forget)
+    def _move_lease(self, name: str, lease: WorkerLease, usable: dict[str, WorkerState]) -> bool:
+        left = WorkerLease(lease.address, lease.memory, lease.forget)
         moved = self._leases.move(name, usable)
         if moved:
             self._forget(left)
         return moved
 
-    def _forget(self, lease: Lease) -> None:
+    def _forget(self, lease: WorkerLease) -> None:
         """Remove the state of a lease from its worker, now or when that worker wakes."""
         self._forget_calls = [future for future in self._forget_calls if not future.done()]
         if lease.forget and lease.address in self._registry.view.workers and self._over is None:
@@ -242,7 +248,7 @@ class Cluster:
 
     def _settle(
         self,
-        unit: UnitAttempt[object],
+        unit: ClusterUnit[object],
         answer: Future[tuple[float, object]] | None = None,
         error: FacadeError | None = None,
     ) -> None:
@@ -269,7 +275,7 @@ class Cluster:
                 unit.answer.set_exception(type(error)(*error.args))
             self._changed.notify_all()
 
-    def _finish_copy(self, unit: UnitAttempt[object], future: Future[tuple[float, object]]) -> None:
+    def _finish_copy(self, unit: ClusterUnit[object], future: Future[tuple[float, object]]) -> None:
         """Handle the end of a copy; called by Dask in a thread of its own, without locks."""
         from distributed import KilledWorker
 
@@ -322,7 +328,7 @@ class Cluster:
         for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
             self._reconsider(unit, awake)
 
-    def _reconsider(self, unit: UnitAttempt[object], awake: float) -> None:
+    def _reconsider(self, unit: ClusterUnit[object], awake: float) -> None:
         """Submit a unit again if its workers are gone or silent; try it elsewhere too if it is overdue."""
         usable = self._registry.usable
         limit = self._deadlines.limit(unit.stage)
@@ -352,7 +358,7 @@ class Cluster:
         elif all(copy.overdue for copy in unit.copies.values()):
             self._handle_overdue(unit, limit)
 
-    def _handle_overdue(self, unit: UnitAttempt[object], limit: float) -> None:
+    def _handle_overdue(self, unit: ClusterUnit[object], limit: float) -> None:
         longest = max(copy.running_seconds for copy in unit.copies.values())
         if len(unit.copies) == 1 and longest < 2 * limit:
             if self._place(unit):

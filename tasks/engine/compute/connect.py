@@ -27,8 +27,8 @@ from tasks.engine.compute.worker_setup import (
     environment_versions,
     inspect_worker,
     limit_threads,
-    plugin_removal,
     run_unit,
+    worker_plugin_remover,
     worker_setup_plugin,
 )
 
@@ -320,5 +320,5 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
             )
     client.subscribe_topic(LOG_TOPIC, lambda event: log.warning("%s", event[1]))
     name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
-    client.register_plugin(plugin_removal(client.id, name), name=name)
+    client.register_plugin(worker_plugin_remover(client.id, name), name=name)
     client.register_plugin(worker_setup_plugin(wanted), name=name)

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.connect import Compute
-from tasks.engine.context import current_worker
+from tasks.engine.context import current_worker_name
 
 log = logging.getLogger(__name__)
 
@@ -44,4 +44,8 @@ def _timed_call(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) 
     """Call a function, and return its result with the worker and the duration."""
     start = time.time()
     found = function(items)
-    return found, {"worker": current_worker(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}
+    return found, {
+        "worker": current_worker_name(),
+        "started": start,
+        "seconds": {"cast": round(time.time() - start, 4)},
+    }

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from tasks.engine.compute.scheduler_view import Worker
+from tasks.engine.compute.scheduler_view import WorkerState
 
 # A function and its arguments.
 ForgetCall = tuple[Callable[..., object], *tuple[object, ...]]
 
 
 @dataclass
-class Lease:
+class WorkerLease:
     """A thread and `memory` bytes of the worker at `address`; `forget`, with its arguments, releases its state."""
 
     address: str
@@ -20,16 +20,16 @@ class Lease:
     forget: ForgetCall | None = None
 
 
-class Leases:
+class WorkerLeases:
     """The leases of a run. Not thread-safe: the owner locks."""
 
     def __init__(self) -> None:
-        self._held: dict[str, Lease] = {}
+        self._held: dict[str, WorkerLease] = {}
 
-    def __getitem__(self, name: str) -> Lease:
+    def __getitem__(self, name: str) -> WorkerLease:
         return self._held[name]
 
-    def take(self, name: str, lease: Lease, workers: Mapping[str, Worker]) -> bool:
+    def take(self, name: str, lease: WorkerLease, workers: Mapping[str, WorkerState]) -> bool:
         """Place a lease on the least loaded of the workers that have room for it; False where none has.
 
         A worker has room if it has a thread without a lease, and memory for the lease next to the states that it keeps. A
@@ -41,7 +41,7 @@ class Leases:
             self._held[name] = lease
         return bool(free)
 
-    def move(self, name: str, workers: Mapping[str, Worker]) -> bool:
+    def move(self, name: str, workers: Mapping[str, WorkerState]) -> bool:
         """Place a lease again whose worker is gone; False if it has to wait for room."""
         lease = self._held.pop(name)
         if self.take(name, lease, workers):
@@ -49,11 +49,11 @@ class Leases:
         self._held[name] = lease
         return False
 
-    def end(self, name: str) -> Lease:
+    def end(self, name: str) -> WorkerLease:
         """Remove a lease and return it."""
         return self._held.pop(name)
 
-    def _fits(self, memory: int, address: str, worker: Worker) -> bool:
+    def _fits(self, memory: int, address: str, worker: WorkerState) -> bool:
         leases, held, _ = self._load(address)
         return leases < worker.threads and (not leases or held + memory <= worker.share)
 

@@ -26,7 +26,7 @@ QueryAnswer = tuple[dict[str, WorkerFields], dict[str, str], list[str]]
 
 
 @dataclass(frozen=True)
-class Worker:
+class WorkerState:
     """State of a Dask worker at one poll.
 
     Attributes
@@ -63,7 +63,7 @@ class SchedulerView:
     executing : keys of running units.
     """
 
-    workers: dict[str, Worker] = field(default_factory=dict)
+    workers: dict[str, WorkerState] = field(default_factory=dict)
     assigned: dict[str, str] = field(default_factory=dict)
     executing: frozenset[str] = frozenset()
 
@@ -92,7 +92,7 @@ class WorkerRegistry:
         return self._patience.worker_silence - self._patience.worker_start
 
     @property
-    def usable(self) -> dict[str, Worker]:
+    def usable(self) -> dict[str, WorkerState]:
         """Return the workers that may receive units, by address."""
         limit = self._patience.worker_silence
         heard = {address for address, seconds in self._silent.items() if seconds < limit} - self.stuck
@@ -115,10 +115,12 @@ def poll_scheduler(client: Client, timeout: float) -> SchedulerView:
     """Poll a scheduler. Raises TimeoutError if it does not answer in time, OSError if it is gone."""
     answer: QueryAnswer = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
     workers, given, executing = answer
-    return SchedulerView({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
+    return SchedulerView(
+        {address: WorkerState(*fields) for address, fields in workers.items()}, given, frozenset(executing)
+    )
 
 
-def restart_workers(client: Client, workers: dict[str, Worker]) -> None:
+def restart_workers(client: Client, workers: dict[str, WorkerState]) -> None:
     """Restart workers, by address, that are busy with a unit that nobody waits for."""
     for address, worker in workers.items():
         fate = "started anew" if worker.nanny else "given up; start it anew"

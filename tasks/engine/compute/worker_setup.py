@@ -115,7 +115,7 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> WorkerPlugin:
     return Prepared()
 
 
-def plugin_removal(client: str, name: str) -> SchedulerPlugin:
+def worker_plugin_remover(client: str, name: str) -> SchedulerPlugin:
     """Return a scheduler plugin that removes the worker plugin `name` when a client leaves.
 
     Otherwise newer workers that join after the run would close.
@@ -135,7 +135,7 @@ def plugin_removal(client: str, name: str) -> SchedulerPlugin:
 
 def environment_versions() -> dict[str, str]:
     """Return the environment of this process: versions of Python, of libraries and of the code of all stages."""
-    from tasks.engine.stage import code_stages
+    from tasks.engine.stage import code_stage_names
     from tasks.engine.stage_code import code_version
 
     versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
@@ -144,7 +144,7 @@ def environment_versions() -> dict[str, str]:
             versions[library] = version(library)
         except PackageNotFoundError:
             versions[library] = "none"
-    return versions | {"Streetloom": code_version(code_stages())}
+    return versions | {"Streetloom": code_version(code_stage_names())}
 
 
 def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | None:

@@ -21,11 +21,11 @@ from facade_core.core.arrays import BoolArray
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.chart_packing import PreviousPlacement
+from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, all_stages, read_journals
+from tasks.engine.stage import Records, ReingestContext, all_stages, read_journals
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class LastIngest:
     plan: Plan
 
     @property
-    def places(self) -> PreviousPlacement:
+    def places(self) -> PreviousChartPlacements:
         """Return the chart ids and atlas places of the last ingest."""
-        return PreviousPlacement(self.plan.ids, self.plan.scene.placement)
+        return PreviousChartPlacements(self.plan.ids, self.plan.scene.placement)
 
 
-def store_settings(run: Run) -> dict[str, object]:
+def store_compatibility_settings(run: Run) -> dict[str, object]:
     """Return the settings in which stores must agree for units to be carried over."""
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
@@ -50,7 +50,7 @@ def store_settings(run: Run) -> dict[str, object]:
     }
 
 
-def restart_reason(run: Run, group: StoreGroup) -> str | None:
+def fresh_ingest_reason(run: Run, group: StoreGroup) -> str | None:
     """Return why nothing of a store can be taken over, in words; None for an empty store."""
     if "key" not in group.attrs:
         return None
@@ -58,7 +58,7 @@ def restart_reason(run: Run, group: StoreGroup) -> str | None:
     if (
         not isinstance(held, dict)
         or read_format(group) != STORE_FORMAT
-        or held.get("pages") != store_settings(run)["pages"]
+        or held.get("pages") != store_compatibility_settings(run)["pages"]
     ):
         return "another version of Streetloom made the store"
     changed = []
@@ -80,19 +80,19 @@ def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | 
     try:
         group = open_root(session)
         held = group.attrs["made_for"]
-        if any(held.get(name) != wanted for name, wanted in store_settings(run).items()):
+        if any(held.get(name) != wanted for name, wanted in store_compatibility_settings(run).items()):
             return None
         return LastIngest(group, read_plan(session))
     except (KeyError, FileNotFoundError, StoreError):
         return None
 
 
-def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
+def adapt_store_to_plan(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
     """Carry the arrays and records of the last ingest over to a new plan, in place.
 
     Charts that are gone, moved or written by other stages are cleared. Records move to the new indices of their units.
     """
-    change = Change(
+    change = ReingestContext(
         run,
         block,
         before=last.plan,
@@ -129,7 +129,7 @@ def has_all_stages(group: StoreGroup) -> bool:
     )
 
 
-def delete_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
+def delete_unit_results(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
     """Delete the records of pending units, and clear the charts that they wrote.
 
     Parameters

@@ -36,6 +36,6 @@ def read_newest_journal(store: StoreLocation, stage: str) -> list[Record | None]
     return read_journal(open_root(session), stage)
 
 
-def newest_group(run: Run) -> StoreGroup:
+def open_newest_root(run: Run) -> StoreGroup:
     """Open the newest snapshot of a run's store for reading."""
     return open_root(open_repository(run.store).readonly_session(BRANCH))

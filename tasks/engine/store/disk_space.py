@@ -17,7 +17,7 @@ RESERVED_BYTES = 50_000_000
 STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 
-def store_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
+def required_block_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
     """Estimate the least bytes of a block, published and, unless in a bucket, in its store."""
     texels = int(plan.texel_counts().sum())
     if not stored:

@@ -21,14 +21,14 @@ from facade_core.atlas.integrity import (
 from facade_core.atlas.journal import clear_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_root_of_any_format
 from facade_core.atlas.stored_files import FOLDERS
-from facade_core.core.errors import FormatError
+from facade_core.core.errors import StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Stage, StoreContents, all_stages, read_journals
+from tasks.engine.stage import IntegrityInputs, Stage, all_stages, read_journals
 from tasks.engine.store.digests import find_differing_units
-from tasks.engine.store.unreadable import empty_unreadable_chunks, units_of_charts
+from tasks.engine.store.unreadable import empty_unreadable_chunks, units_writing_charts
 
 # Folders of the store that units restore, with those of stages and of files; all else is the plan.
 PAGE_FOLDERS = ("atlas", "facade_maps", "journal")
@@ -48,7 +48,7 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {}
     for stage in all_stages():
         if stage.find_lost is not None:
-            found[stage.stage] = stage.find_lost(StoreContents(session, group, records, found))
+            found[stage.stage] = stage.find_lost(IntegrityInputs(session, group, records, found))
     for stage in all_stages():
         if stage.files is not None:
             lost = set(found.get(stage.stage, ()))
@@ -60,12 +60,12 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
     return {name: units for name, units in found.items() if units}
 
 
-def mark_suspect(out: Folder) -> None:
+def mark_store_suspect(out: Folder) -> None:
     """Request a complete check of the store by the next run."""
     (out / SUSPECT).touch()
 
 
-def is_suspect(out: Folder) -> bool:
+def is_store_marked_suspect(out: Folder) -> bool:
     """Report whether a complete check of the store was requested."""
     return (out / SUSPECT).is_file()
 
@@ -79,7 +79,7 @@ def repair_store(run: Run) -> list[str]:
     """
     if not run.store.is_dir():
         return []
-    said = _repair(run, thorough=is_suspect(run.folder))
+    said = _repair(run, thorough=is_store_marked_suspect(run.folder))
     (run.folder / SUSPECT).unlink(missing_ok=True)
     return said
 
@@ -100,7 +100,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
         return said
     try:
         group = open_root(session)
-    except FormatError:  # the ingest begins it anew
+    except StoreFormatError:  # the ingest begins it anew
         return said
     if group.attrs.get("block", run.block) != run.block:
         return said
@@ -142,7 +142,7 @@ def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> 
         if stage.unit_charts is not None and due.get(stage.stage):
             written = stage.unit_charts(plan)
             charts += [chart for unit in sorted(due[stage.stage]) for chart in written[unit]]
-    writers = units_of_charts(plan, charts)
+    writers = units_writing_charts(plan, charts)
     for stage in all_stages():
         if stage.follows_base_layer:
             due.setdefault(stage.stage, set()).update(writers[stage.stage])

@@ -7,10 +7,10 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from catalogs.published.file_list import find_damage
+from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_FILE_NAME
-from catalogs.published.snapshot import find_current_snapshot, snapshot_at
+from catalogs.published.snapshot import find_current_snapshot, snapshot_folder
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.integrity import DAMAGE_ERRORS, has_all_files
 from facade_core.atlas.journal import Record
@@ -18,12 +18,12 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.zarr_types import StoreGroup
-from tasks.engine.outcome import list_rejected_pictures
+from tasks.engine.outcome import list_units_with_rejections
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
-from tasks.engine.stage_code import join_code_versions, stage_code
+from tasks.engine.stage_code import join_code_versions, stage_code_digest
 from tasks.engine.store.carry_over import has_all_stages
-from tasks.engine.store.integrity import find_lost_units, is_suspect
+from tasks.engine.store.integrity import find_lost_units, is_store_marked_suspect
 from tasks.engine.unit_key import split_key
 
 # In a run's folder: the path of its block file, from there where it lies within.
@@ -35,7 +35,7 @@ def explain_unpublished(out: Folder, snapshot: str) -> str | None:
     found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
         return "it is not published yet"
-    if fault := find_damage(found.folder):
+    if fault := find_snapshot_damage(found.folder):
         return f"published/{snapshot}: {fault}"
     try:
         json.loads((out / CATALOG).read_text(encoding="utf-8"))
@@ -44,7 +44,7 @@ def explain_unpublished(out: Folder, snapshot: str) -> str | None:
     return None
 
 
-def record_source(out: Folder, source: Path) -> None:
+def record_run_block_file(out: Folder, source: Path) -> None:
     """Record the block file of a run in its folder.
 
     A file within the folder, or within its city's, is recorded relative to it, so that a copy of the folder stays valid.
@@ -58,7 +58,7 @@ def record_source(out: Folder, source: Path) -> None:
         (out / SOURCE).write_text(f"{noted}\n")
 
 
-def read_source(out: Folder) -> Path | None:
+def read_run_block_file(out: Folder) -> Path | None:
     """Read the block file of the last run in a folder; None if it is not recorded."""
     noted = _read_source(out)
     if noted is None or not isinstance(out, Path):
@@ -93,21 +93,21 @@ def completion_summary(run: Run) -> JsonObject | None:
             return None
         if group.attrs.get("key") != run.key or explain_unpublished(run.folder, session.snapshot_id):
             return None
-        if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
+        if group.attrs.get("published_by") != stage_code_digest("publish") or not has_all_stages(group):
             return None
         journals = read_journals(group)
         for stage, codes in _recorded_codes(journals).items():
-            if codes != [stage_code(stage, neural=run.texture.translator == "neural")]:
+            if codes != [stage_code_digest(stage, neural=run.texture.translator == "neural")]:
                 return None
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
             return None
-        if is_suspect(run.folder) or find_lost_units(session) or not has_all_files(repository, run.store):
+        if is_store_marked_suspect(run.folder) or find_lost_units(session) or not has_all_files(repository, run.store):
             return None
     except (StoreError, *DAMAGE_ERRORS):
         return None
-    summary = snapshot_at(run.folder, session.snapshot_id).read_outcome()
-    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *list_rejected_pictures(records)]
+    summary = snapshot_folder(run.folder, session.snapshot_id).read_run_summary()
+    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *list_units_with_rejections(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
 

@@ -36,7 +36,7 @@ def empty_unreadable_chunks(
             due[owner.stage].add(int(name.partition("/")[0]))
         elif folder not in FOLDERS:
             writers = [stage for stage, arrays in STAGE_ARRAYS.items() if path in (array.path for array in arrays)]
-            for stage, found in units_of_charts(plan, _charts_in_chunks(plan, chunks)).items():
+            for stage, found in units_writing_charts(plan, _charts_in_chunks(plan, chunks)).items():
                 due[stage].update(found if stage in writers else ())
         _empty_chunks(group, path, array, chunks)
     for owner in all_stages() if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
@@ -48,7 +48,7 @@ def empty_unreadable_chunks(
     return {one.stage: due[one.stage] for one in all_stages() if due[one.stage]}
 
 
-def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
+def units_writing_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
     """Return the units that write on some charts, by stage."""
     chosen = set(charts)
     return {

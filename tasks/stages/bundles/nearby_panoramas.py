@@ -15,7 +15,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
-from tasks.stages.bundles.refined_poses import read_refined_poses, select_pose
+from tasks.stages.bundles.refined_poses import pose_from_record, read_bundled_pose_records
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -28,7 +28,7 @@ MAX_PIECE_M = 32.0
 
 
 @dataclass(frozen=True)
-class NearbyPanoramas:
+class UsablePanoramaIndex:
     """Spatial index of the usable panoramas of a block."""
 
     panoramas: tuple[SurfacePanorama, ...]
@@ -52,7 +52,7 @@ class NearbyPanoramas:
 
         return tuple(self.panoramas[i] for i in sorted(sorted(found.tolist(), key=away)[:MAX_PANORAMAS_PER_SURFACE]))
 
-    def for_building(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[SurfacePanorama, ...]]:
+    def select_by_chart(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[SurfacePanorama, ...]]:
         """Select the panoramas of each chart of a building; a short building shares them."""
         corners = charts.points_at_shares(np.array(some), CORNER_SHARES)[..., :2].reshape(-1, 2)
         if np.ptp(corners, axis=0).max() <= MAX_PIECE_M:
@@ -81,21 +81,21 @@ class NearbyPanoramas:
         return np.array([(one.pose.x, one.pose.y, one.pose.z) for one in self.panoramas]).reshape(-1, 3)
 
 
-def find_panoramas(
+def index_usable_panoramas(
     block: Block, plan: Plan, group: StoreGroup, usable: Callable[[PoseRecord | None], bool]
-) -> NearbyPanoramas:
+) -> UsablePanoramaIndex:
     """Index the panoramas with a usable record, with refined poses and exposure factors."""
-    records = read_refined_poses(group)
+    records = read_bundled_pose_records(group)
     squares = [_squares(record) for record in records]
     gains = exposure_factors(squares)
     taken = tuple(
-        SurfacePanorama(panorama.path, select_pose(pose, record), tuple(gain), own)
+        SurfacePanorama(panorama.path, pose_from_record(pose, record), tuple(gain), own)
         for panorama, pose, record, gain, own in zip(
             block.panoramas, plan.poses, records, gains.tolist(), squares, strict=True
         )
         if usable(record)
     )
-    return NearbyPanoramas(
+    return UsablePanoramaIndex(
         taken, shapely.STRtree(shapely.points(np.array([(t.pose.x, t.pose.y) for t in taken]).reshape(-1, 2)))
     )
 

@@ -7,7 +7,7 @@ from typing import TypedDict
 from facade_core.atlas.journal import Record
 
 
-class BundleFields(TypedDict, total=False):
+class PoseFieldsFromBundle(TypedDict, total=False):
     """Fields of a panorama's pose record that its bundle replaces."""
 
     shared: int
@@ -32,7 +32,7 @@ class BundledPose(TypedDict):
     """
 
     alone: list[float]
-    found: BundleFields
+    found: PoseFieldsFromBundle
 
 
 class BundleRecord(Record, total=False):

@@ -11,33 +11,33 @@ import shapely
 
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
-from catalogs.readers.pictures.poses import parse_day
+from catalogs.readers.pictures.poses import parse_iso_date
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
-from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_bundles
+from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_panoramas_into_bundles
 from facade_core.imagery.poses.joint_refinement import MAX_TURN_PIXELS, PriorPose
-from facade_core.plan.plan import Plan, Sightings
+from facade_core.plan.plan import FacadeSightings, Plan
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, match_by_name
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import ForecastInputs, ReingestContext, Stage, StageForecast, match_units_by_name
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.bundles.refined_poses import select_pose
+from tasks.stages.bundles.refined_poses import pose_from_record
 from tasks.stages.bundles.worker import BundleMember, process_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
 
 # Bytes kept of each panorama of a bundle.
 SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 
-def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `bundles`: one for each bundle, without rejected panoramas."""
     records = read_journal(group, "poses", PoseRecord)
     units = []
@@ -55,10 +55,10 @@ def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 def panorama_bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
     """Return the panoramas that are refined together, by the block and the given poses."""
-    days = [_day_number(parse_day(panorama.captured)) for panorama in block.panoramas]
+    days = [_day_number(parse_iso_date(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
     seen = _street_sightings(plan)
-    return group_bundles(seen.facade, seen.panorama, seen.seen, places, days)
+    return group_panoramas_into_bundles(seen.facade, seen.panorama, seen.seen, places, days)
 
 
 def bundle_members(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
@@ -71,17 +71,17 @@ def bundle_names(plan: Plan, block: Block) -> list[str]:
     return [block.panoramas[bundle[0]].path.name for bundle in panorama_bundles(plan, block)]
 
 
-def _street_sightings(plan: Plan) -> Sightings:
+def _street_sightings(plan: Plan) -> FacadeSightings:
     """Return the sightings of facades on streets."""
     seen = plan.sightings
     kept = plan.facades.role[seen.facade] == WallRole.STREET
-    return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
+    return FacadeSightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
 
 
 def _panorama_estimate(record: PoseRecord, plan: Plan, panorama: int) -> PriorPose:
     """Return the pose of a panorama refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
-    return PriorPose(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
+    return PriorPose(pose_from_record(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
 def _bundle_charts(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
@@ -101,8 +101,8 @@ def _day_number(day: str | None) -> int | None:
     return date.fromisoformat(day).toordinal() if day else None
 
 
-def _match_previous(change: Change) -> dict[int, int]:
-    return match_by_name(change.records["bundles"], bundle_names(change.after, change.block))
+def _match_previous(change: ReingestContext) -> dict[int, int]:
+    return match_units_by_name(change.records["bundles"], bundle_names(change.after, change.block))
 
 
 def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: Sequence[int]) -> str:
@@ -116,17 +116,17 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: 
         else []
     )
     return join_key_parts(
-        stage_code("bundles"),
+        stage_code_digest("bundles"),
         settings=run.texture.texels_per_metre,
-        pose=[pose_parts(one.given) for one in members],
-        panoramas=[[one.path.name, file_digest(one.path), *estimate_parts(one.alone)] for one in members],
+        pose=[pose_key_parts(one.given) for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), *prior_pose_key_parts(one.alone)] for one in members],
         geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
 
-def estimate_parts(one: PriorPose) -> list[object]:
+def prior_pose_key_parts(one: PriorPose) -> list[object]:
     """Return the key parts of a prior pose: the pose and its covariance."""
-    return [pose_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
+    return [pose_key_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 
 def bundle_memory(paths: Sequence[Path]) -> int:
@@ -149,7 +149,7 @@ BUNDLES = Stage(
     "panorama bundle",
     count=lambda block, plan: len(panorama_bundles(plan, block)),
     match_previous=_match_previous,
-    units=bundle_units,
+    units=list_bundle_units,
     function=process_bundle,
     reads=("poses",),
     forecast=_forecast,

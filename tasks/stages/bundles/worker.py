@@ -13,13 +13,13 @@ from icechunk import ForkSession
 from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.exposure import sample_ground
+from facade_core.imagery.cameras.exposure import sample_ground_colours
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.bundles.record import BundledPose, BundleFields, BundleRecord
+from tasks.stages.bundles.record import BundledPose, BundleRecord, PoseFieldsFromBundle
 from tasks.stages.shared.images import read_panorama
 
 
@@ -43,7 +43,7 @@ def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
     start = time.time()
     (unit,) = units
     members, surfaces = unit.arguments
-    scene = plan_of_run(run).scene
+    scene = load_run_plan(run).scene
     together: dict[str, BundledPose] = {}
     if len(members) > 1:
         images = (read_panorama(one.path) for one in members)
@@ -57,16 +57,16 @@ def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
         "key": unit.key,
         "status": "done",
         "together": together,
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},
     }
     return fork, {unit.index: record}
 
 
-def _refined_fields(scene: Scene, one: BundleMember, found: JointPose) -> BundleFields:
+def _refined_fields(scene: Scene, one: BundleMember, found: JointPose) -> PoseFieldsFromBundle:
     """Return the fields of a panorama's record that the bundle replaces; without a new pose how far the others are off."""
-    told: BundleFields = {
+    told: PoseFieldsFromBundle = {
         "shared": found.surfaces,
         "apart_before_m": _round_finite(found.distance_before),
         "apart_m": _round_finite(found.distance_after),
@@ -74,7 +74,7 @@ def _refined_fields(scene: Scene, one: BundleMember, found: JointPose) -> Bundle
     }
     if found.reason:
         return told
-    ground = sample_ground(scene, read_panorama(one.path), found.pose)
+    ground = sample_ground_colours(scene, read_panorama(one.path), found.pose)
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
         "pose": _pose_values(found.pose),

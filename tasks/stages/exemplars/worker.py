@@ -15,13 +15,13 @@ from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.occlusion_overlay import draw_crop
+from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
-from facade_core.imagery.detect.detection import detect_on_image, detectors_available
+from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
-from tasks.engine.context import current_worker
+from tasks.engine.context import current_worker_name
 from tasks.engine.run import Run
 from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
 from tasks.engine.unit import UnitGroup
@@ -44,7 +44,7 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data_mask(picture.rgb)
-    private = detect_on_image(picture.rgb).private_mask(hidden.shape)
+    private = detect_faces_plates_text(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     seed = unit_seed(run, unit.name, EXEMPLAR_SEED)
     prepared = prepare_exemplar(
@@ -86,7 +86,7 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
         "look": style_descriptor(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
@@ -100,7 +100,7 @@ def _draw_preview(run: Run, given: UInt8Array, private: BoolArray, prepared: Exe
     shown[y0:y1, x0:x1] = apply_privacy(
         prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel
     )
-    return draw_crop(shown, prepared.occluded, prepared.box)
+    return draw_crop_preview(shown, prepared.occluded, prepared.box)
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[UInt8Array, UInt8Array, float]:

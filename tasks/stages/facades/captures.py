@@ -7,7 +7,7 @@ from datetime import date
 from typing import NamedTuple
 
 from catalogs.block.reader import Block
-from catalogs.readers.pictures.poses import parse_day
+from catalogs.readers.pictures.poses import parse_iso_date
 from facade_core.plan.plan import Plan
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
@@ -18,7 +18,7 @@ MAX_EARLIER_PANORAMAS = 2
 MIN_DAYS_BETWEEN_CAPTURES = 30
 
 
-class Captures(NamedTuple):
+class PanoramasByCapture(NamedTuple):
     """Panoramas of a facade by capture, best first.
 
     Attributes
@@ -31,7 +31,7 @@ class Captures(NamedTuple):
     before: tuple[int, ...]
 
 
-def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
+def split_panoramas_by_capture(shown: Sequence[int], days: Mapping[int, str]) -> PanoramasByCapture:
     """Split the panoramas of a facade into captures.
 
     Parameters
@@ -47,12 +47,13 @@ def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
         capture[one], last = number, day
     newest = [one for one in shown if capture.get(one, 0) == 0]
     before = [one for one in shown if capture.get(one, 0) == 1]
-    return Captures(tuple(newest[:MAX_PANORAMAS]), tuple(before[:MAX_EARLIER_PANORAMAS]))
+    return PanoramasByCapture(tuple(newest[:MAX_PANORAMAS]), tuple(before[:MAX_EARLIER_PANORAMAS]))
 
 
-def facade_captures(plan: Plan, block: Block) -> list[Captures]:
+def facade_panoramas_by_capture(plan: Plan, block: Block) -> list[PanoramasByCapture]:
     """Split the panoramas of each facade by capture."""
-    days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
+    days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_iso_date(one.captured))}
     return [
-        split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))
+        split_panoramas_by_capture(plan.sightings.panoramas_showing(facade).tolist(), days)
+        for facade in range(len(plan.facades))
     ]

@@ -15,18 +15,18 @@ from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
-from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_panorama
+from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import detect_changes
-from facade_core.imagery.rectify.crop import crop_to_facade, street_mask
+from facade_core.imagery.rectify.crop import crop_to_facade, street_below_wall_mask
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.no_data import no_data_mask
-from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.imagery.rectify.photo import Rectified, rectify
-from facade_core.parsing.occluders import occluder_mask
+from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import collect_rejections
+from tasks.engine.outcome import collect_input_errors
 from tasks.stages.shared.images import capture_date, focal_length, read_bounded_picture, read_panorama, read_textures
 
 if TYPE_CHECKING:
@@ -71,12 +71,12 @@ class FacadeEvidence:
     clean: bool = False
     outside: BoolArray | None = None
     captured: str | None = None
-    seen: Detections = field(default_factory=Detections)
+    seen: FacesPlatesAndText = field(default_factory=FacesPlatesAndText)
     fit: PhotoFit | None = None
-    before: EarlierCapture | None = None
+    before: ChangeSinceCapture | None = None
 
 
-class EarlierCapture(NamedTuple):
+class ChangeSinceCapture(NamedTuple):
     """Change of a facade since an earlier capture.
 
     Attributes
@@ -125,7 +125,7 @@ class FacadePhoto(NamedTuple):
     image: UInt8Array
     hidden: BoolArray
     outside: BoolArray
-    seen: Detections
+    seen: FacesPlatesAndText
     fit: PhotoFit
 
 
@@ -192,7 +192,7 @@ def _fuse_panoramas(
         now, then = (as_chart_view(fuse_views(of)) for of in (views, [one.view for one in earlier]))
         told = detect_changes(now, then, float(plan.scene.placement.texels_per_metre[chart]))
         share = None if told.changed_share is None else round(told.changed_share, 4)
-        before = EarlierCapture(share, round(told.compared_share, 4), _latest_day(earlier))
+        before = ChangeSinceCapture(share, round(told.compared_share, 4), _latest_day(earlier))
         if share is not None:
             picture = _shrink(then) if share >= PICTURED else None
             before = before._replace(
@@ -206,7 +206,7 @@ def _fuse_panoramas(
     fused = fuse_views(views)
     if (fused.seen & ~fused.occluded).mean() < MIN_SHOWN_SHARE:
         return None
-    _, masked = occluder_mask(fused.occluded)
+    _, masked = clean_occluder_mask(fused.occluded)
     hidden = _widen(~fused.seen) | fused.occluded
     in_front = float(fused.occluded.mean())
     taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
@@ -217,7 +217,7 @@ def _fuse_panoramas(
         ", ".join(one.name for one in taken),
         masked,
         in_front,
-        outside=street_mask(fused.rgb, hidden, model=parser),
+        outside=street_below_wall_mask(fused.rgb, hidden, model=parser),
         captured=_latest_day(newest),
         before=before,
     )
@@ -251,7 +251,7 @@ def _dated_views(
     """Return the views of a facade in some panoramas, without unusable ones."""
     found = []
     for path, pose in pictures:
-        with collect_rejections(refused):
+        with collect_input_errors(refused):
             view = _view_of_panorama(plan, chart, path, pose, size, parser)
             found.append(_DatedView(view, path.name, imagery.captured.get(path) or capture_date(path)))
     return found
@@ -278,7 +278,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
         for mask in (cut.hidden, cut.outside)
     )
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
-    seen = detect_on_image(cut.image).rescale(across, down)
+    seen = detect_faces_plates_text(cut.image).rescale(across, down)
     fit = PhotoFit(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
     return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
 
@@ -307,22 +307,24 @@ def _view_of_panorama(
     image = read_panorama(path)
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
-    view = rectify_view(plan.scene, chart, image, pose, size, private)
+    view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private)
     if not view.seen.any():
         return view
     alpha = np.where(view.seen, 255, 0).astype(np.uint8)
-    in_front, _ = occluder_mask(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
+    in_front, _ = clean_occluder_mask(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 
-def _panorama_detections(path: Path, pose: Pose) -> Detections:
+def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:
     """Return faces, plates and text on a panorama; its facades share them."""
     state = path.stat()
     return _cached_detections(path, state.st_size, state.st_mtime_ns, pose.view)
 
 
 @lru_cache(maxsize=64)
-def _cached_detections(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Detections:
+def _cached_detections(
+    path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]
+) -> FacesPlatesAndText:
     return detect_on_panorama(read_panorama(path), view)
 
 

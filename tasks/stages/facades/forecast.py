@@ -9,17 +9,17 @@ from tasks.engine.pending_reasons import REASONS
 from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import split_key
 from tasks.stages.bundles.stage import bundle_members
-from tasks.stages.facades.captures import facade_captures
+from tasks.stages.facades.captures import facade_panoramas_by_capture
 from tasks.stages.facades.record import FacadeRecord
 
 
-def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def forecast_pending_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the facades that become pending once panoramas and exemplars are done again."""
     plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
     records = read_journal(inputs.group, "facades", FacadeRecord)
     poses = {*inputs.pending["poses"], *bundle_members(plan, block, sorted(inputs.pending["bundles"]))}
     sources = {unit.name for unit in inputs.units["exemplars"] if unit.index in exemplars}
-    shown = [(*of.newest, *of.before) for of in facade_captures(plan, block)] if poses else []
+    shown = [(*of.newest, *of.before) for of in facade_panoramas_by_capture(plan, block)] if poses else []
     found = {}
     for facade, record in enumerate(records):
         reason = own.get(facade)

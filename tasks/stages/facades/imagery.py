@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from facade_core.core.types import AS_FOUND, FacadeCorrection, Pose
+from facade_core.core.types import AS_FOUND, FacadeCorrections, Pose
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class FacadeImagery:
     textured: bool = False
     exemplar: tuple[int, str] | None = None
     shops: bool = True
-    corrected: FacadeCorrection = AS_FOUND
+    corrected: FacadeCorrections = AS_FOUND
     entrances: tuple[float, ...] = ()
 
     def sources(self) -> tuple[str, ...]:

@@ -9,18 +9,18 @@ from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import unit_key
 from facade_core.core.types import AS_FOUND
 from facade_core.geometry.walls import MAX_JOINT_M
-from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.key_parts import (
     bounding_box,
-    model_parts,
+    model_key_parts,
     object_digests_between,
-    own_texture_parts,
-    pose_parts,
+    own_texture_key_parts,
+    pose_key_parts,
 )
 
 
@@ -53,7 +53,7 @@ def facade_keys(
         int(table.role[facade]),
     ]
     house += [bool(table.raised[facade]), int(table.house[facade])]
-    house += [turns_corner(plan.scene.charts, table, facade), has_back_door(table, facade)]
+    house += [is_corner_facade(plan.scene.charts, table, facade), has_back_door(table, facade)]
     parts: dict[str, object] = {
         "entrances": [float(table.along[facade]), *imagery.entrances] if imagery.entrances else [],
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
@@ -67,13 +67,13 @@ def facade_keys(
         if source in ("photo", "panoramas"):
             parts["privacy"] = run.privacy
         if source in ("photo", "panoramas", "own"):
-            parts |= model_parts(run.models)
+            parts |= model_key_parts(run.models)
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":
             parts["panoramas"], earlier = (
                 [
-                    [path.name, file_digest(path), pose_parts(pose), *filter(None, [imagery.captured.get(path)])]
+                    [path.name, file_digest(path), pose_key_parts(pose), *filter(None, [imagery.captured.get(path)])]
                     for path, pose in pictures
                 ]
                 for pictures in (imagery.panoramas, imagery.earlier)
@@ -84,17 +84,17 @@ def facade_keys(
                 object_digests_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)
             ]
         elif source == "own":
-            parts["own"] = own_texture_parts(plan, [chart], textures)
+            parts["own"] = own_texture_key_parts(plan, [chart], textures)
         elif imagery.exemplar is not None:
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
             parts["beside"] = [house, plan.scene_objects.digests_in_box(low - MAX_JOINT_M, high + MAX_JOINT_M)]
         else:
             parts["walls"] = run.texture.walls
-        keys.append(join_key_parts(stage_code("facades"), **parts))
+        keys.append(join_key_parts(stage_code_digest("facades"), **parts))
     return tuple(keys)
 
 
-def add_colour_part(key: str, pictured: Sequence[str]) -> str:
+def add_wall_colour_to_key(key: str, pictured: Sequence[str]) -> str:
     """Extend a facade's key by the keys of pictured facades that give its wall colour."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

@@ -89,7 +89,7 @@ class FacadeRecord(Record, total=False):
     layout_score: float | None
 
 
-def facade_files(unit: int, record: Record) -> dict[str, str]:
+def facade_file_digests(unit: int, record: Record) -> dict[str, str]:
     """Return the stored files of a facade that is done, path -> digest."""
     facade = cast(FacadeRecord, record)
     files = {facade["variation_file"]: facade["variation_digest"]} if "variation_file" in facade else {}

@@ -11,38 +11,38 @@ import shapely
 
 from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_table
-from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files
+from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files_except
 from facade_core.core.arrays import Int64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.walls import LEVEL_TOLERANCE_M
-from facade_core.plan.exemplar_inputs import walls_from_outlines
-from facade_core.plan.exemplar_style import ExemplarLibrary, StyleTargets, choose_exemplars
+from facade_core.plan.exemplar_inputs import target_walls_from_outlines
+from facade_core.plan.exemplar_style import ExemplarLibrary, ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record
+from tasks.engine.stage import IntegrityInputs, Records, ReingestContext, Stage, is_done_record
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
-from tasks.stages.bundles.refined_poses import is_rejected, read_refined_poses, select_pose
+from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record, read_bundled_pose_records
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.captures import facade_captures
-from tasks.stages.facades.forecast import forecast_facades
+from tasks.stages.facades.captures import facade_panoramas_by_capture
+from tasks.stages.facades.forecast import forecast_pending_facades
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.keys import add_colour_part, facade_keys
-from tasks.stages.facades.record import FacadeRecord, facade_files
+from tasks.stages.facades.keys import add_wall_colour_to_key, facade_keys
+from tasks.stages.facades.record import FacadeRecord, facade_file_digests
 from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.facade_corrections import match_corrections
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
     PICTURE_PIXEL,
-    decoded_pixels,
-    decoding_bytes,
-    detection_bytes,
+    bounded_pixel_count,
+    detector_memory,
+    peak_decoding_bytes,
 )
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
@@ -51,9 +51,9 @@ MAX_SHOP_DISTANCE_M = 15.0
 _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
-def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `facades`, with keys by refined poses and prepared exemplars."""
-    imagery = facade_imagery(run, block, plan, group)
+    imagery = select_imagery_per_facade(run, block, plan, group)
     exemplars = {
         i: r["key"]
         for i, r in enumerate(read_journal(group, "exemplars", ExemplarRecord))
@@ -69,7 +69,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
         *first, last = keys[index]
         if pictures.exemplar is not None:
             # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
-            last = add_colour_part(last, [keys[other][-2] for other in beside])
+            last = add_wall_colour_to_key(last, [keys[other][-2] for other in beside])
         units.append(
             Unit(
                 index,
@@ -103,22 +103,22 @@ def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[t
     return [tuple(other for other in pictured.get(house, ()) if other != facade) for facade, house in enumerate(houses)]
 
 
-def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
+def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
     """Return the pictures and the chosen exemplar of every facade."""
-    captures = facade_captures(plan, block)
-    poses = read_refined_poses(group)
+    captures = facade_panoramas_by_capture(plan, block)
+    poses = read_bundled_pose_records(group)
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
-    shops = facade_shops(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
+    shops = facade_shop_flags(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     exemplars = _facade_exemplars(run, block, plan, group, shops)
-    entrances = facade_entrances(plan, block.entrances)
+    entrances = facade_entrance_positions(plan, block.entrances)
     corrections, _ = match_corrections(plan, block.corrections, block.crs)
     textured = plan.textured[plan.facades.chart].tolist()
 
     def posed(panoramas: Sequence[int]) -> tuple[tuple[Path, Pose], ...]:
         return tuple(
-            (block.panoramas[p].path, select_pose(plan.poses[p], poses[p]))
+            (block.panoramas[p].path, pose_from_record(plan.poses[p], poses[p]))
             for p in panoramas
-            if not is_rejected(poses[p])
+            if not is_rejected_panorama(poses[p])
         )
 
     found = []
@@ -127,7 +127,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         corrected = corrections.get(i, AS_FOUND)
         found.append(
             FacadeImagery(
-                photo=block.photos.get(name, block.photos.get(file_stem(name))),
+                photo=block.photos.get(name, block.photos.get(safe_file_stem(name))),
                 rectified=block.photos_rectified,
                 panoramas=newest,
                 earlier=earlier,
@@ -149,7 +149,7 @@ def _facade_exemplars(
     if run.texture.walls != "exemplar":
         return {}
     records = read_journal(group, "exemplars", ExemplarRecord)
-    chosen = choose_facade_exemplars(plan, records, exemplar_walls(plan, block, shops), seed=run.seed)
+    chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=run.seed)
     return chosen | _corrected_exemplars(plan, block, records) if chosen else {}
 
 
@@ -164,7 +164,7 @@ def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | No
     return found
 
 
-def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
+def facade_entrance_positions(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
     """Return the positions of mapped entrances along each facade's wall, metres."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
@@ -179,7 +179,7 @@ def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[
     return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
 
 
-def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> Int64Array:
+def facade_shop_flags(plan: Plan, places: Sequence[tuple[float, float]] | None) -> Int64Array:
     """Return for each facade whether a map has a shop at its building.
 
     Returns
@@ -202,7 +202,7 @@ def _shops_of_part(plan: Plan, part: CityPart) -> Int64Array:
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
-def exemplar_walls(plan: Plan, block: Block, shops: Int64Array) -> StyleTargets:
+def exemplar_choice_walls(plan: Plan, block: Block, shops: Int64Array) -> ExemplarTargetWalls:
     """Return the walls by which exemplars are chosen.
 
     They are the facades of the block; of a part of a city the outlines of all buildings on which the choice depends.
@@ -210,12 +210,12 @@ def exemplar_walls(plan: Plan, block: Block, shops: Int64Array) -> StyleTargets:
     if block.part is not None:
         own = set(block.part.buildings)
         buildings = [*(building for building in block.buildings if building.id in own), *block.part.distant_buildings]
-        return walls_from_outlines(buildings, block.part.front_streets, block.part.shop_flags, block.storey)
+        return target_walls_from_outlines(buildings, block.part.front_streets, block.part.shop_flags, block.storey)
     facades = plan.facades
     # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
     seen = facades.seen > 0
     told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
-    return StyleTargets(
+    return ExemplarTargetWalls(
         facades.width[told],
         facades.height[told],
         facades.floors[told],
@@ -227,7 +227,7 @@ def exemplar_walls(plan: Plan, block: Block, shops: Int64Array) -> StyleTargets:
 
 
 def choose_facade_exemplars(
-    plan: Plan, records: Sequence[ExemplarRecord | None], walls: StyleTargets, *, seed: int
+    plan: Plan, records: Sequence[ExemplarRecord | None], walls: ExemplarTargetWalls, *, seed: int
 ) -> dict[int, tuple[int, str]]:
     """Choose an exemplar for every facade, by its building among the walls.
 
@@ -265,7 +265,7 @@ def _street_numbers(streets: Sequence[Street]) -> Int64Array:
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
-def _match_previous(change: Change) -> dict[int, int]:
+def _match_previous(change: ReingestContext) -> dict[int, int]:
     """Match facades with the same name on a chart that stays; the charts of others stay no longer."""
     before, after = change.before.facades, change.after.facades
     at = dict(zip(before.id, range(len(before)), strict=True))
@@ -280,7 +280,7 @@ def _match_previous(change: Change) -> dict[int, int]:
     return again
 
 
-def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Keep facades that are known by name and stand on another chart now as stale: they are pending."""
     names = change.after.facades.id
     keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
@@ -290,7 +290,7 @@ def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Rec
     # delete files without a record: of removed facades, or of facades without variations now
     told = {path for index, record in enumerate(records) for path in FACADES.unit_files(index, record)}
     for folder in (HIERARCHIES, EARLIER):
-        delete_stored_files(
+        delete_stored_files_except(
             change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
         )
     return records
@@ -300,12 +300,12 @@ def facade_memory(texels: int, imagery: FacadeImagery) -> int:
     """Return the bytes that texturing a facade takes at most."""
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
     tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
-    kept = max(decoded_pixels(pictures) for pictures in tried)
-    least = LIBRARY_BYTES + (detection_bytes() if kept else 0)
-    return least + max(texels * FACADE_TEXEL, *map(decoding_bytes, tried)) + kept * PICTURE_PIXEL
+    kept = max(bounded_pixel_count(pictures) for pictures in tried)
+    least = LIBRARY_BYTES + (detector_memory() if kept else 0)
+    return least + max(texels * FACADE_TEXEL, *map(peak_decoding_bytes, tried)) + kept * PICTURE_PIXEL
 
 
-def _find_lost(store: StoreContents) -> list[int]:
+def _find_lost(store: IntegrityInputs) -> list[int]:
     """Find facades that are done in every texel, and of whose chart a chunk is not listed."""
     records = cast(Sequence[FacadeRecord | None], store.records["facades"])
     complete = [i for i, r in enumerate(records) if is_done_record(r) and r and r.get("provenance", [1])[0] == 0]
@@ -321,7 +321,7 @@ FACADES = Stage(
     "facade",
     count=lambda block, plan: len(plan.facades),
     match_previous=_match_previous,
-    units=facade_units,
+    units=list_facade_units,
     function=process_facades,
     reads=("poses", "bundles", "exemplars"),
     writes_base_layer=True,
@@ -330,6 +330,6 @@ FACADES = Stage(
     unit_charts=lambda plan: plan.facades.chart[:, None].tolist(),
     unit_names=lambda plan: plan.facades.id,
     find_lost=_find_lost,
-    forecast=forecast_facades,
-    files=facade_files,
+    forecast=forecast_pending_facades,
+    files=facade_file_digests,
 )

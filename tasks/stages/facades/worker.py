@@ -15,7 +15,12 @@ from icechunk import ForkSession
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import digest_stored_file, earlier_path, hierarchy_path, write_stored_file
+from facade_core.atlas.stored_files import (
+    digest_stored_file,
+    earlier_picture_path,
+    variation_hierarchy_path,
+    write_stored_file,
+)
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
@@ -27,8 +32,8 @@ from facade_core.facade.exemplar import count_columns
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
-from facade_core.facade.texture.ground_floor import replace_shops
-from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
+from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
@@ -37,25 +42,31 @@ from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
-from tasks.engine.context import current_worker, plan_of_run
-from tasks.engine.outcome import collect_rejections, describe_rejections, error_reason, failure_record, is_machine_fault
+from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.outcome import (
+    collect_input_errors,
+    error_reason,
+    failure_record,
+    is_machine_fault,
+    rejection_record_fields,
+)
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.exemplars.worker import read_exemplar
-from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, read_evidence
+from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoFit, read_evidence
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
 
 
-# The classes that are counted, and what `facade_core.parsing.confidence.FacadeFigures` has, as the catalogue names them.
+# The classes that are counted, and what `facade_core.parsing.confidence.FacadeStatistics` has, as the catalogue names them.
 _COUNT_NAMES = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _ESTIMATED = ("window_to_wall", "windows", "floors")
 
 # Exemplars taken apart, by number and whether with shops, and their metres per texel.
-Styles = dict[tuple[int, bool], tuple[ExemplarStyle, float]]
+Styles = dict[tuple[int, bool], tuple[ExemplarAnalysis, float]]
 
 
 class _TexturedFacade(NamedTuple):
@@ -80,7 +91,7 @@ class _TexturedFacade(NamedTuple):
     captured: str | None = None
     shop_names: str | None = None
     fit: PhotoFit | None = None
-    before: EarlierCapture | None = None
+    before: ChangeSinceCapture | None = None
 
 
 def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -92,7 +103,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     other facades of the building with pictures.
     """
     start = time.time()
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     group = open_root(fork)
     prepared = time.time()
     records: dict[int, Record] = {}
@@ -102,7 +113,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     def done(unit: Unit, make: Callable[[], _TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
-        about: dict[str, object] = {"worker": current_worker(), "started": start}
+        about: dict[str, object] = {"worker": current_worker_name(), "started": start}
         try:
             made = make()
         except Exception as error:
@@ -113,7 +124,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
             if made is None:
                 start = prepared = time.time()
                 return False
-            about |= describe_rejections(refused, _describe_source(unit.arguments[0], made.depth, made.source))
+            about |= rejection_record_fields(refused, _describe_source(unit.arguments[0], made.depth, made.source))
             stages = made.facade.seconds if made.facade is not None else {}
             seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
             about |= _write_facade(run, plan, group, unit, made, seconds)
@@ -159,7 +170,7 @@ def _write_facade(
         seconds = seconds | {"write": time.time() - begun}
         about |= _summarize(result) | {"digests": digests}
         if result.hierarchy is not None:
-            about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
+            about["variation_file"] = variation_hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
             about["variation_digest"] = digest_stored_file(result.hierarchy.to_bytes())
         if imagery.sources()[made.depth] in ("photo", "panoramas"):
             about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
@@ -172,7 +183,7 @@ def _write_facade(
     return about
 
 
-def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, object]:
+def _write_change(group: StoreGroup, plan: Plan, facade: int, before: ChangeSinceCapture) -> dict[str, object]:
     """Return the fields of a record on a change, and store the picture of the facade before."""
     from PIL import Image
 
@@ -186,7 +197,7 @@ def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCap
     if before.picture is not None:
         file = BytesIO()
         Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
-        path = earlier_path(int(plan.ids[plan.facades.chart[facade]]))
+        path = earlier_picture_path(int(plan.ids[plan.facades.chart[facade]]))
         write_stored_file(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
         told |= {"before_file": path, "before_digest": digest_stored_file(file.getvalue())}
     return told
@@ -219,7 +230,7 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
     said = imagery.corrected
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
-        with collect_rejections(refused):
+        with collect_input_errors(refused):
             evidence = read_evidence(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
                 try:
@@ -297,13 +308,13 @@ def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
     return facade if elements is None else replace_elements(facade, elements)
 
 
-def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarStyle, float]:
+def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarAnalysis, float]:
     """Return a dissected exemplar, with or without its shops, and its metres per texel."""
     if (index, shops) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
         if not shops:
-            image, labels = replace_shops(image, labels)
-        styles[index, shops] = extract_style(image, labels), metres_per_texel
+            image, labels = replace_shops_by_windows(image, labels)
+        styles[index, shops] = analyse_exemplar(image, labels), metres_per_texel
     return styles[index, shops]
 
 
@@ -334,7 +345,7 @@ def _write_rasters(
             "facade_maps/occluded": result.occluded.reshape(-1),
             "facade_maps/confidence": confidence.reshape(-1),
         }
-        path = hierarchy_path(int(plan.ids[chart]))
+        path = variation_hierarchy_path(int(plan.ids[chart]))
         write_stored_file(group, path, result.hierarchy.to_bytes(), f"variations of {plan.facades.id[facade]}")
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)

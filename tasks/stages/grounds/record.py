@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tasks.stages.shared.camera_record import CameraRecord
+from tasks.stages.shared.camera_record import PanoramaSurfaceRecord
 
 
-class GroundRecord(CameraRecord, total=False):
+class GroundRecord(PanoramaSurfaceRecord, total=False):
     """Record of a piece of ground."""

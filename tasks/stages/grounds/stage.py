@@ -12,23 +12,23 @@ from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage, match_by_name
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import ReingestContext, Stage, match_units_by_name
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.bundles.nearby_panoramas import find_panoramas
+from tasks.stages.bundles.nearby_panoramas import index_usable_panoramas
 from tasks.stages.grounds.worker import process_ground
 from tasks.stages.poses.record import PoseRecord
-from tasks.stages.shared.camera_forecast import forecast_after_poses
-from tasks.stages.shared.key_parts import panorama_parts
+from tasks.stages.shared.camera_forecast import forecast_units_after_poses
+from tasks.stages.shared.key_parts import panorama_key_parts
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
     GROUND_TEXEL,
     LIBRARY_BYTES,
     VIEW_TEXEL,
-    decoded_pixels,
-    detection_bytes,
+    bounded_pixel_count,
+    detector_memory,
 )
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -36,16 +36,16 @@ from tasks.stages.shared.surface_panorama import SurfacePanorama
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
 
 
-def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `grounds`: pieces of ground near panoramas."""
     charts = plan.ground_near_cameras()
     if not len(charts):
         return []
-    cameras = find_panoramas(block, plan, group, _is_over_ground)
+    cameras = index_usable_panoramas(block, plan, group, _is_over_ground)
     corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
     texels = plan.texel_counts()
     units = []
-    for index, (chart, name) in enumerate(zip(charts.tolist(), ground_names(plan), strict=True)):
+    for index, (chart, name) in enumerate(zip(charts.tolist(), ground_piece_names(plan), strict=True)):
         taken = cameras.near(corners[index], GROUND_REACH_M)
         key = ground_key(run, plan, chart, taken)
         memory = ground_memory(int(texels[chart]), [one.path for one in taken])
@@ -53,7 +53,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     return units
 
 
-def ground_names(plan: Plan) -> list[str]:
+def ground_piece_names(plan: Plan) -> list[str]:
     """Return the names of the pieces of ground that panoramas may show."""
     return [_name(number) for number in plan.ids[plan.ground_near_cameras()].tolist()]
 
@@ -67,10 +67,10 @@ def _is_over_ground(record: PoseRecord | None) -> bool:
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
 
 
-def _match_previous(change: Change) -> dict[int, int]:
+def _match_previous(change: ReingestContext) -> dict[int, int]:
     """Match pieces that stay in place, without pieces that moved or that no panorama shows any more."""
-    names, charts = ground_names(change.after), change.after.ground_near_cameras().tolist()
-    same = match_by_name(change.records["grounds"], names)
+    names, charts = ground_piece_names(change.after), change.after.ground_near_cameras().tolist()
+    same = match_units_by_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}
     shown = set(names)
     of_chart = {_name(number): chart for chart, number in enumerate(change.after.ids.tolist())}
@@ -83,18 +83,18 @@ def _match_previous(change: Change) -> dict[int, int]:
 def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama]) -> str:
     """Return the key of a piece of ground and the panoramas near it."""
     return join_key_parts(
-        stage_code("grounds"),
+        stage_code_digest("grounds"),
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",
-        **panorama_parts(plan, {one: [chart] for one in taken}),
+        **panorama_key_parts(plan, {one: [chart] for one in taken}),
     )
 
 
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
     """Return the memory of a piece of ground of so many texels, from some panoramas."""
-    kept = decoded_pixels(pictures)
+    kept = bounded_pixel_count(pictures)
     return (
-        LIBRARY_BYTES + detection_bytes() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
+        LIBRARY_BYTES + detector_memory() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
     )
 
 
@@ -103,12 +103,12 @@ GROUNDS = Stage(
     "photographed surface",
     count=lambda block, plan: len(plan.ground_near_cameras()),
     match_previous=_match_previous,
-    units=ground_units,
+    units=list_ground_units,
     function=process_ground,
     reads=("poses", "bundles"),
     writes_base_layer=True,
-    forecast=partial(forecast_after_poses, "grounds"),
+    forecast=partial(forecast_units_after_poses, "grounds"),
     unit_charts=lambda plan: plan.ground_near_cameras()[:, None].tolist(),
-    unit_names=ground_names,
+    unit_names=ground_piece_names,
     find_lost=lambda store: find_units_without_base_layer(store.session, store.records["grounds"]),
 )

@@ -11,12 +11,12 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
-from tasks.engine.context import current_worker, plan_of_run
-from tasks.engine.outcome import describe_rejections
+from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.outcome import rejection_record_fields
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.grounds.record import GroundRecord
-from tasks.stages.shared.panorama_cameras import open_cameras, write_views
+from tasks.stages.shared.panorama_cameras import open_cameras, write_chart_views
 
 
 def process_ground(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -24,21 +24,21 @@ def process_ground(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
     start = time.time()
     (unit,) = units
     chart, taken = unit.arguments
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     refused: list[Exception] = []
     cameras, used = open_cameras(taken, mask_ground_occluders, refused)
     read = time.time()
     found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
-    digests, told = write_views(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
+    digests, told = write_chart_views(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
     record: GroundRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
         "digests": digests,
         "cameras": told,
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"read": round(read - start, 4), "ground": round(time.time() - read, 4)},
     }
-    record |= cast(GroundRecord, describe_rejections(refused, "without it"))
+    record |= cast(GroundRecord, rejection_record_fields(refused, "without it"))
     return fork, {unit.index: record}

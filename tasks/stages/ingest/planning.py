@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from catalogs.block.digest import geometry_digest
-from facade_core.geometry.chart_packing import PreviousPlacement
+from catalogs.block.digest import plan_input_digest
+from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
-from facade_core.plan.identity import ParallelMap, map_in_process
-from facade_core.plan.ingest import IngestSettings, ingest, place_poses, replace_panoramas
+from facade_core.plan.identity import ParallelMap, map_in_this_process
+from facade_core.plan.ingest import IngestSettings, build_plan, fill_pose_heights, replace_panoramas
 from facade_core.plan.plan import Plan
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
-def make_plan(block: Block, last: PreviousPlacement | None = None, each: ParallelMap = map_in_process) -> Plan:
+def make_plan(
+    block: Block, last: PreviousChartPlacements | None = None, each: ParallelMap = map_in_this_process
+) -> Plan:
     """Make the plan of a block by its settings.
 
     Parameters
@@ -28,7 +30,7 @@ def make_plan(block: Block, last: PreviousPlacement | None = None, each: Paralle
     each : maps a function over items; it may cast rays on workers.
     """
     texture = block.texture
-    plan = ingest(
+    plan = build_plan(
         block.buildings,
         block.streets,
         IngestSettings(
@@ -51,16 +53,16 @@ def make_plan(block: Block, last: PreviousPlacement | None = None, each: Paralle
     return plan if block.aerial is None else mark_aerial_roofs(plan, block.aerial)
 
 
-def plan_key(block: Block) -> str:
+def plan_reuse_key(block: Block) -> str:
     """Return the digest of a plan's inputs without panoramas; if equal, the plan is reused."""
-    return f"{geometry_digest(block)} {stage_code('ingest')}"
+    return f"{plan_input_digest(block)} {stage_code_digest('ingest')}"
 
 
-def update_plan(block: Block, plan: Plan) -> Plan:
+def update_plan_panoramas(block: Block, plan: Plan) -> Plan:
     """Return the last ingest's plan with the panoramas placed again."""
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
-        poses = place_poses(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)
+        poses = fill_pose_heights(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)
     return replace_panoramas(plan, poses, _panorama_sizes(block))
 
 

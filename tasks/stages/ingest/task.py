@@ -14,39 +14,39 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.store import BRANCH, commit, create_root, open_repository, open_root_of_any_format, read_format
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.streets import wave_predecessors
+from facade_core.geometry.streets import street_predecessors
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FACADE_TEXELS, MIN_FACADE_WIDTH_M
-from facade_core.plan.identity import ParallelMap, map_in_process
+from facade_core.plan.identity import ParallelMap, map_in_this_process
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
-from tasks.engine.outline import Outline
+from tasks.engine.outline import PlanSummary
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.carry_over import (
-    carry_over,
+    adapt_store_to_plan,
+    fresh_ingest_reason,
     has_all_stages,
     read_last_ingest,
-    restart_reason,
-    store_settings,
+    store_compatibility_settings,
     unit_counts,
 )
-from tasks.engine.store.disk_space import require_disk_space, store_bytes
-from tasks.stages.ingest.planning import make_plan, plan_key, update_plan
-from tasks.stages.shared.facade_corrections import facades_by_place, match_corrections
+from tasks.engine.store.disk_space import require_disk_space, required_block_bytes
+from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
+from tasks.stages.shared.facade_corrections import map_changed_facade_ids, match_corrections
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
-def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> Outline:
+def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process) -> PlanSummary:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
     Arrays are empty, or keep what remains valid of an earlier ingest.
@@ -67,24 +67,30 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
         plan = read_plan(session)
     else:
         last = read_last_ingest(run, repository)
-        standing = plan_key(block)
+        standing = plan_reuse_key(block)
         same = last is not None and root.attrs.get("plan") == standing
-        plan = update_plan(block, last.plan) if last and same else make_plan(block, last.places if last else None, each)
-        require_disk_space(run.local, store_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder))
+        plan = (
+            update_plan_panoramas(block, last.plan)
+            if last and same
+            else make_plan(block, last.places if last else None, each)
+        )
+        require_disk_space(
+            run.local, required_block_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder)
+        )
         if last is None:
-            anew = restart_reason(run, root)
+            anew = fresh_ingest_reason(run, root)
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
-        set_aside += [("building", "all buildings", reason) for reason in missing_facade_reasons(plan)]
+        set_aside += [("building", "all buildings", reason) for reason in explain_missing_street_facades(plan)]
         set_aside += [("photo", unit, reason) for unit, reason in find_stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,
             key=run.key,
             plan=standing,
-            made_for=store_settings(run),
-            ingested_by=stage_code("ingest"),
-            published_by=stage_code("publish"),
+            made_for=store_compatibility_settings(run),
+            ingested_by=stage_code_digest("ingest"),
+            published_by=stage_code_digest("publish"),
             crs=run.crs,
             seed=run.seed,
             translator=run.texture.translator,
@@ -95,7 +101,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
             notes=_notes(block, plan),
             set_aside=set_aside,
             corrected=sorted(block.corrections.select_kinds(BUILDING_CORRECTION_KINDS)),
-            known_by_place={**block.corrections.new_ids, **facades_by_place(plan, block.corrections, block.crs)},
+            known_by_place={**block.corrections.new_ids, **map_changed_facade_ids(plan, block.corrections, block.crs)},
             ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)
@@ -108,13 +114,13 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
                 panorama_width=run.texture.panorama_width,
             )
         else:
-            carry_over(root, last, run, block, plan)
+            adapt_store_to_plan(root, last, run, block, plan)
         commit(session, f"ingest {run.block}")
     report_progress("ingest", 1)
     return replace(_outline(plan, root, skipped), anew=anew)
 
 
-def missing_facade_reasons(plan: Plan) -> list[str]:
+def explain_missing_street_facades(plan: Plan) -> list[str]:
     """Explain in one line why no facade is on a street; empty list if one is."""
     if (plan.facades.role == WallRole.STREET).any():
         return []
@@ -156,18 +162,18 @@ def _unused_corrections(block: Block, plan: Plan) -> list[str]:
     ]
 
 
-def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
-    per_street = np.bincount(plan.street_of_viewpoints, minlength=len(plan.wave)).tolist()
+def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> PlanSummary:
+    per_street = np.bincount(plan.viewpoint_streets, minlength=len(plan.wave)).tolist()
     waves: list[list[int]] = [[] for _ in range(int(plan.wave.max(initial=-1)) + 1)]
     for street, wave in enumerate(plan.wave.tolist()):
         if per_street[street]:
             waves[wave].append(street)
-    return Outline(
+    return PlanSummary(
         streets=tuple(street.name or street.id for street in plan.streets),
         waves=tuple(map(tuple, waves)),
         after=_street_predecessors(plan),
         viewpoints=tuple(per_street),
-        windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
+        windows=tuple((read, written) for read, written in plan.street_texel_counts().tolist()),
         set_aside=tuple(map(tuple, root.attrs["set_aside"])),
         ingested=float(root.attrs["ingested"]),
         skipped=skipped,
@@ -182,13 +188,13 @@ def _street_predecessors(plan: Plan) -> tuple[tuple[int, ...], ...]:
     chunk = np.unique(first, axis=0, return_inverse=True)[1].reshape(-1)
     street, chart = plan.street_charts.T
     reads = np.column_stack([street, chunk[chart]])
-    return tuple(tuple(found.tolist()) for found in wave_predecessors(plan.wave, reads, reads[plan.writable[chart]]))
+    return tuple(tuple(found.tolist()) for found in street_predecessors(plan.wave, reads, reads[plan.writable[chart]]))
 
 
 def find_stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
     """Find photos whose name is no facade's id, as (file name, reason with the nearest id)."""
     strays = []
-    for name in sorted(set(photos) - set(facades) - set(map(file_stem, facades))):
+    for name in sorted(set(photos) - set(facades) - set(map(safe_file_stem, facades))):
         near = get_close_matches(name, facades, n=1, cutoff=0.6)
         hint = f"the nearest is {near[0]}; " if near else "ids are in `streetloom query`; "
         strays.append((photos[name].name, f"no facade has the id {name}; {hint}rename or remove the photo"))

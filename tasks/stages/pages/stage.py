@@ -7,17 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.journal import latest_chart_digests, read_journal
 from facade_core.atlas.stored_files import PAGES as FOLDER
-from facade_core.atlas.stored_files import delete_stored_files
+from facade_core.atlas.stored_files import delete_stored_files_except
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, match_by_name
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import Records, ReingestContext, Stage, match_units_by_name
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.pages.record import page_files
+from tasks.stages.pages.record import page_file_digests
 from tasks.stages.pages.worker import process_page
 from tasks.stages.shared.key_parts import all_hex_chart_ids
 from tasks.stages.shared.memory import LIBRARY_BYTES
@@ -26,9 +26,9 @@ from tasks.stages.shared.memory import LIBRARY_BYTES
 PAGE_TEXEL = 40
 
 
-def page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `pages`: one for each page of the atlas."""
-    digests = latest_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
     memory = page_memory(plan.scene.spec.page**2)
     names = _page_names(plan)
     return [Unit(i, names[i], (key,), memory=memory) for i, key in enumerate(page_keys(plan, digests))]
@@ -38,9 +38,9 @@ def _page_names(plan: Plan) -> list[str]:
     return [f"{page:04}" for page in range(plan.scene.spec.pages)]
 
 
-def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Delete the files of pages that are gone; the others keep their names."""
-    delete_stored_files(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
+    delete_stored_files_except(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
     return records
 
 
@@ -60,7 +60,7 @@ def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
     by_page: list[list[int]] = [[] for _ in range(spec.pages)]
     for chart in np.flatnonzero(plan.in_core).tolist():
         by_page[placement.page[chart]].append(chart)
-    code, names = stage_code("pages"), all_hex_chart_ids(plan)
+    code, names = stage_code_digest("pages"), all_hex_chart_ids(plan)
     place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
     return [
         join_key_parts(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page
@@ -71,12 +71,12 @@ PAGES = Stage(
     "pages",
     "page",
     count=lambda block, plan: plan.scene.spec.pages,
-    match_previous=lambda change: match_by_name(change.records["pages"], _page_names(change.after)),
-    units=page_units,
+    match_previous=lambda change: match_units_by_name(change.records["pages"], _page_names(change.after)),
+    units=list_page_units,
     function=process_page,
     reads=("surfaces",),
     in_every_block=True,
     relocate=_relocate,
     derived_only=True,
-    files=page_files,
+    files=page_file_digests,
 )

@@ -8,7 +8,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.stored_files import picture_path
 
 
-class PictureRecord(Record, total=False):
+class ReportPictureRecord(Record, total=False):
     """Record of a view, or of the pictures of a facade.
 
     Attributes
@@ -27,7 +27,7 @@ class PictureRecord(Record, total=False):
     unread: bool
 
 
-def picture_files(unit: int, record: Record) -> dict[str, str]:
+def picture_file_digests(unit: int, record: Record) -> dict[str, str]:
     """Return the stored file of a picture that is done, path -> digest."""
-    picture = cast(PictureRecord, record)
+    picture = cast(ReportPictureRecord, record)
     return {picture_path(picture["file"]): picture["digest"]} if "file" in picture else {}

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import Record, latest_digests, read_journal
+from facade_core.atlas.journal import Record, latest_chart_digests, read_journal
 from facade_core.atlas.stored_files import PICTURES as FOLDER
-from facade_core.atlas.stored_files import delete_stored_files
+from facade_core.atlas.stored_files import delete_stored_files_except
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.views import (
@@ -24,12 +24,12 @@ from facade_core.export.pictures.views import (
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import Records, ReingestContext, Stage
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.record import FacadeRecord
-from tasks.stages.pictures.record import picture_files
+from tasks.stages.pictures.record import picture_file_digests
 from tasks.stages.pictures.worker import process_pictures
 from tasks.stages.shared.key_parts import all_hex_chart_ids
 from tasks.stages.shared.memory import DECODED_PIXEL, LIBRARY_BYTES
@@ -45,9 +45,9 @@ MAX_STAGED_PER_STREET = 16
 FACADES_PER_GROUP = 8
 
 
-def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `pictures`: the views, then each facade's pictures."""
-    digests = latest_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)
@@ -57,7 +57,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             zip(view_names(plan), views, view_keys(plan, views, digests), strict=True)
         )
     ]
-    texels, staged = plan.texel_counts(), facades_with_stages(plan, records)
+    texels, staged = plan.texel_counts(), facades_with_stage_pictures(plan, records)
     files = _file_names(plan)[len(views) :]
     for number, (facade, file) in enumerate(zip(select_pictured_facades(plan).tolist(), files, strict=True)):
         units.append(
@@ -73,7 +73,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     return units
 
 
-def facades_with_stages(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
+def facades_with_stage_pictures(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
     """Return the facades that are drawn stage by stage: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()
@@ -94,14 +94,14 @@ def _file_names(plan: Plan) -> list[str]:
     ]
 
 
-def _match_previous(change: Change) -> dict[int, int]:
+def _match_previous(change: ReingestContext) -> dict[int, int]:
     at = {file: unit for unit, file in enumerate(_file_names(change.before)[: len(change.records["pictures"])])}
     return {unit: at[file] for unit, file in enumerate(_file_names(change.after)) if file in at}
 
 
-def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Delete the files of facades that are gone; the others keep their names."""
-    delete_stored_files(change.group, FOLDER, set(_file_names(change.after)))
+    delete_stored_files_except(change.group, FOLDER, set(_file_names(change.after)))
     return records
 
 
@@ -124,7 +124,11 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
     """
     charts = plan.scene.charts
     corners = charts.points_at_shares(np.arange(len(charts)), CORNER_SHARES)
-    code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], all_hex_chart_ids(plan)
+    code, drawn, names = (
+        stage_code_digest("pictures"),
+        [stage_code_digest("pages"), stage_code_digest("tiles")],
+        all_hex_chart_ids(plan),
+    )
     keys = []
     for camera in cameras:
         sight = np.flatnonzero(camera.may_show(corners))
@@ -149,7 +153,7 @@ def facade_pictures_key(record: Record | None, staged: bool) -> str:
     staged : whether every stage is drawn, or the texture alone.
     """
     made = [record["key"], record["status"], record.get("digests")] if record else None
-    return join_key_parts(stage_code("pictures"), settings=staged, facade=made)
+    return join_key_parts(stage_code_digest("pictures"), settings=staged, facade=made)
 
 
 PICTURES = Stage(
@@ -157,11 +161,11 @@ PICTURES = Stage(
     "picture",
     count=lambda block, plan: len(_file_names(plan)),
     match_previous=_match_previous,
-    units=picture_units,
+    units=list_picture_units,
     function=process_pictures,
     reads=("facades", "surfaces", "pages", "tiles"),
     in_every_block=True,
     relocate=_relocate,
     derived_only=True,
-    files=picture_files,
+    files=picture_file_digests,
 )

@@ -15,7 +15,7 @@ from facade_core.atlas.journal import Record, read_journal, read_records
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
     digest_stored_file,
-    page_path,
+    page_picture_path,
     picture_path,
     read_stored_file,
     read_verified_array,
@@ -32,13 +32,13 @@ from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.outcome import failure_record, is_machine_fault, is_store_fault
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pages.record import PageRecord
-from tasks.stages.pictures.record import PictureRecord
+from tasks.stages.pictures.record import ReportPictureRecord
 from tasks.stages.tiles.record import TileRecord
 
 R = TypeVar("R", bound=Record)
@@ -55,7 +55,7 @@ def process_pictures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
     A picture that cannot be drawn, also from an unreadable store, is recorded as failed: the block is published without it.
     Unit arguments: of a view its name and camera; of a facade its file name, its index, and whether all stages are drawn.
     """
-    plan, group = plan_of_run(run), open_root(fork)
+    plan, group = load_run_plan(run), open_root(fork)
     records: dict[int, Record] = {}
     for unit in units:
         start = time.time()
@@ -66,17 +66,21 @@ def process_pictures(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
         except Exception as error:
             if is_machine_fault(error) and not is_store_fault(error):
                 raise
-            about = cast(PictureRecord, failure_record(unit.name, unit.key, error))
+            about = cast(ReportPictureRecord, failure_record(unit.name, unit.key, error))
             about["unread"] = is_store_fault(error)
         else:
             about = {"unit": unit.name, "key": unit.key, "status": "done"}
             about |= drawn | _write_file(group, unit, data)
-        about |= {"worker": current_worker(), "started": start, "seconds": {"pictures": round(time.time() - start, 4)}}
+        about |= {
+            "worker": current_worker_name(),
+            "started": start,
+            "seconds": {"pictures": round(time.time() - start, 4)},
+        }
         records[unit.index] = about
     return fork, records
 
 
-def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
+def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, ReportPictureRecord]:
     """Draw a view as JPEG from the pages that it shows, or from coarse rasters of tiles if these are too many."""
     _, camera = unit.arguments
     picture = cast_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
@@ -88,7 +92,7 @@ def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Pictur
     return encode_image(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
 
 
-def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
+def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, ReportPictureRecord]:
     """Draw the stages of a facade, or its texture alone, as consecutive WebP files; nothing if it has none."""
     _, facade, staged = unit.arguments
     (made,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
@@ -103,7 +107,7 @@ def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Pict
     return joined.getvalue(), {"pictures": listed}  # type: ignore[typeddict-item]
 
 
-def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
+def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> ReportPictureRecord:
     """Write the file of a unit; a facade without pictures has none."""
     name = unit.arguments[0]
     path = picture_path(name)
@@ -122,7 +126,7 @@ def _read_page_rasters(plan: Plan, group: StoreGroup, charts: Int32Array) -> Ite
     place = plan.scene.placement
     pages = np.unique(place.page[charts])
     for page, record in zip(pages.tolist(), read_records(group, "pages", pages, PageRecord), strict=True):
-        data = read_stored_file(group, page_path(page), _require_done(record, f"page {page:04}")["digest"])
+        data = read_stored_file(group, page_picture_path(page), _require_done(record, f"page {page:04}")["digest"])
         with Image.open(BytesIO(data)) as image:
             colour = np.asarray(image.convert("RGB"))
         yield {

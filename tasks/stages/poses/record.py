@@ -32,7 +32,7 @@ class PoseRecord(Record, total=False):
     squares: list[list[int]]
 
 
-class RefinedPoseRecord(PoseRecord, total=False):
+class BundledPoseRecord(PoseRecord, total=False):
     """Record of a panorama with the result of its bundle.
 
     Attributes

@@ -13,28 +13,28 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.poses.outlines import MAX_OUTLINE_DISTANCE_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage, match_by_key_or_name
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import ReingestContext, Stage, match_units_by_key_or_name
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.poses.worker import process_pose
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
-from tasks.stages.shared.memory import LIBRARY_BYTES, decoded_pixels, decoding_bytes
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
+from tasks.stages.shared.memory import LIBRARY_BYTES, bounded_pixel_count, peak_decoding_bytes
 
 # Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24
 
 
-def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `poses`: one for each panorama."""
     units = []
-    for i, (panorama, carried) in enumerate(zip(block.panoramas, carries_heights(block), strict=True)):
+    for i, (panorama, carried) in enumerate(zip(block.panoramas, ground_height_preferred_flags(block), strict=True)):
         key = pose_key(run, plan, i, panorama.path, carried)
         units.append(Unit(i, panorama.path.name, (key,), (panorama.path, carried), pose_memory(panorama.path)))
     return units
 
 
-def carries_heights(block: Block) -> list[bool]:
+def ground_height_preferred_flags(block: Block) -> list[bool]:
     """Return for each panorama whether height over ground is trusted more than the roofs.
 
     That holds without a stated height, and near a roof whose height is a guess.
@@ -47,9 +47,9 @@ def carries_heights(block: Block) -> list[bool]:
     return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
-def _match_previous(change: Change) -> dict[int, int]:
-    units = pose_units(change.run, change.block, change.after, change.group)
-    return match_by_key_or_name(change.records["poses"], units)
+def _match_previous(change: ReingestContext) -> dict[int, int]:
+    units = list_pose_units(change.run, change.block, change.after, change.group)
+    return match_units_by_key_or_name(change.records["poses"], units)
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
@@ -57,17 +57,17 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
     return join_key_parts(
-        stage_code("poses"),
+        stage_code_digest("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
-        pose=[*pose_parts(pose), carried],
+        pose=[*pose_key_parts(pose), carried],
         geometry=plan.scene_objects.digests_in_box(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
     )
 
 
 def pose_memory(path: Path) -> int:
     """Return the bytes that refining a pose takes at most."""
-    return LIBRARY_BYTES + decoding_bytes([path]) + decoded_pixels([path]) * POSE_PIXEL
+    return LIBRARY_BYTES + peak_decoding_bytes([path]) + bounded_pixel_count([path]) * POSE_PIXEL
 
 
 POSES = Stage(
@@ -75,6 +75,6 @@ POSES = Stage(
     "panorama",
     count=lambda block, plan: len(block.panoramas),
     match_previous=_match_previous,
-    units=pose_units,
+    units=list_pose_units,
     function=process_pose,
 )

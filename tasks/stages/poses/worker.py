@@ -10,12 +10,12 @@ from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
-from facade_core.imagery.cameras.exposure import sample_ground
+from facade_core.imagery.cameras.exposure import sample_ground_colours
 from facade_core.imagery.poses.misplaced import explain_misplacement
-from facade_core.imagery.poses.outlines import sample_outline
+from facade_core.imagery.poses.outlines import sample_visible_outlines
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.poses.record import PoseRecord
@@ -35,7 +35,7 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
     start = time.time()
     (unit,) = units
     path, carried = unit.arguments
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     picture, given = read_panorama(path), plan.poses[unit.index]
     if given.view == (0.0, 0.0, 1.0, 1.0):
         check_full_panorama(picture)
@@ -43,9 +43,9 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
     pose = found.pose
     if not found.fit >= MIN_TRUSTED_FIT:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0
-        if why := explain_misplacement(plan.scene, picture, pose, sample_outline(plan.scene, pose), fitting):
+        if why := explain_misplacement(plan.scene, picture, pose, sample_visible_outlines(plan.scene, pose), fitting):
             raise ImageError(why)
-    ground = sample_ground(plan.scene, picture, pose)
+    ground = sample_ground_colours(plan.scene, picture, pose)
     record: PoseRecord = {
         "unit": unit.name,
         "key": unit.key,
@@ -60,7 +60,7 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
         "squares": ground.squares,
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},
     }

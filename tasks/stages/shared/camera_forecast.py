@@ -8,7 +8,7 @@ from tasks.engine.pending_reasons import REASONS
 from tasks.engine.stage import ForecastInputs, StageForecast
 
 
-def forecast_after_poses(stage: str, inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def forecast_units_after_poses(stage: str, inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Forecast a stage that uses panoramas: all units are pending once a pose changes."""
     if inputs.pending["poses"] or inputs.pending["bundles"]:
         return StageForecast(dict.fromkeys((unit.index for unit in inputs.units[stage]), REASONS["panoramas"]))

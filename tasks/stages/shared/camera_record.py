@@ -5,7 +5,7 @@ from __future__ import annotations
 from facade_core.atlas.journal import Record
 
 
-class CameraRecord(Record, total=False):
+class PanoramaSurfaceRecord(Record, total=False):
     """Record of ground or walls from panoramas.
 
     Attributes

@@ -9,7 +9,7 @@ import shapely
 
 from catalogs.block.corrections import FACADE_CORRECTION_KINDS, Corrections
 from catalogs.crs import LONLAT, coordinate_transform
-from facade_core.core.types import FacadeCorrection
+from facade_core.core.types import FacadeCorrections
 from facade_core.plan.plan import Plan
 
 if TYPE_CHECKING:
@@ -24,20 +24,24 @@ _FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 def match_corrections(
     plan: Plan, corrections: Corrections, crs: CRS | str
-) -> tuple[dict[int, FacadeCorrection], list[str]]:
+) -> tuple[dict[int, FacadeCorrections], list[str]]:
     """Return the corrections of each facade of a plan, by index, and the ids without a facade.
 
     A facade whose id changed is matched by its place and width.
     """
-    said = corrections.rename_targets(facades_by_place(plan, corrections, crs)).select_kinds(FACADE_CORRECTION_KINDS)
+    said = corrections.rename_targets(map_changed_facade_ids(plan, corrections, crs)).select_kinds(
+        FACADE_CORRECTION_KINDS
+    )
     at = {name: index for index, name in enumerate(plan.facades.id)}
     found = {
-        at[id]: FacadeCorrection(**{what: one.value for what, one in of.items()}) for id, of in said.items() if id in at
+        at[id]: FacadeCorrections(**{what: one.value for what, one in of.items()})
+        for id, of in said.items()
+        if id in at
     }
     return found, [id for id in said if id not in at]
 
 
-def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> dict[str, str]:
+def map_changed_facade_ids(plan: Plan, corrections: Corrections, crs: CRS | str) -> dict[str, str]:
     """Map the recorded id of each corrected facade whose id changed to its present id."""
     facades, known = plan.facades, set(plan.facades.id)
     said = corrections.select_kinds(FACADE_CORRECTION_KINDS)

@@ -15,7 +15,7 @@ from catalogs.readers.pictures.folders import label_map_path
 from facade_core.core.arrays import BoolArray, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
-from tasks.engine.outcome import collect_rejections
+from tasks.engine.outcome import collect_input_errors
 
 # Of a frame of 35 mm film, 36 x 24 mm.
 DIAGONAL_35MM = math.hypot(36, 24)
@@ -61,8 +61,8 @@ def read_textures(paths: Sequence[Path], used: IntArray, refused: list[Exception
     """
     found = {}
     for index in np.unique(used[used >= 0]).tolist():
-        with collect_rejections(refused):
-            found[index] = read_image(paths[index])[0]
+        with collect_input_errors(refused):
+            found[index] = read_image_and_mask(paths[index])[0]
     return found
 
 
@@ -74,10 +74,10 @@ def read_panorama(path: Path) -> UInt8Array:
 
 @lru_cache(maxsize=2)
 def _read_panorama(path: Path, size: int, modified: int) -> UInt8Array:
-    return read_image(path)[0]
+    return read_image_and_mask(path)[0]
 
 
-def read_image(path: Path) -> tuple[UInt8Array, BoolArray]:
+def read_image_and_mask(path: Path) -> tuple[UInt8Array, BoolArray]:
     """Read an image file as RGB (h, w, 3) uint8, and its hidden part (h, w) bool."""
     picture = read_bounded_picture(path)
     return picture.rgb, picture.hidden

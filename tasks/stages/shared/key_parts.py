@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.block.digest import model_digests
+from catalogs.block.digest import model_file_digests
 from catalogs.file_digest import file_digest
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import ModelFiles, Pose
+from facade_core.core.types import Pose, TrainedModelFiles
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -30,19 +30,19 @@ def material_digests(run: Run) -> list[object]:
     return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
 
 
-def model_parts(models: ModelFiles) -> dict[str, object]:
+def model_key_parts(models: TrainedModelFiles) -> dict[str, object]:
     """Return the key part of a block's own models, if it has some."""
-    return {"models": model_digests(models)} if models.files else {}
+    return {"models": model_file_digests(models)} if models.files else {}
 
 
-def panorama_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, object]:
+def panorama_key_parts(plan: Plan, charts_of: Mapping[SurfacePanorama, Sequence[int]]) -> dict[str, object]:
     """Return the key parts of panoramas: the pictures, the charts taken from each, and the objects between."""
     return {
         "panoramas": [
             [
                 one.path.name,
                 file_digest(one.path),
-                pose_parts(one.pose),
+                pose_key_parts(one.pose),
                 list(one.factor),
                 one.squares,
                 hex_chart_ids(plan, charts),
@@ -58,7 +58,7 @@ def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
     return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
-def pose_parts(pose: Pose) -> list[object]:
+def pose_key_parts(pose: Pose) -> list[object]:
     """Return the key part of a pose: place, angles and view."""
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
@@ -78,7 +78,7 @@ def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[Float64Array, Float
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[object]:
+def own_texture_key_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[object]:
     """Return the key part of the textures that some charts carry: the place of each corner on its picture."""
     mesh = plan.scene.mesh
     found: list[object] = []

@@ -9,16 +9,16 @@ from typing import cast
 
 import numpy as np
 
-from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.core.errors import InputError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.overhead_view import AerialSampler as Sampler
-from facade_core.geometry.overhead_view import roofs_seen_from_above
+from facade_core.geometry.overhead_view import upward_roof_mask
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainTables, learn_grain
-from facade_core.street.materials.grain_file import load_grains
+from facade_core.street.materials.grain_file import load_grain_tables
 from facade_core.street.materials.tiled_material import TiledMaterial
 from tasks.engine.run import Run
 from tasks.stages.shared.images import read_bounded_picture
@@ -27,10 +27,10 @@ from tasks.stages.shared.images import read_bounded_picture
 SAMPLES_PER_SIDE = 8
 
 
-def mark_aerial_roofs(plan: Plan, aerial: Aerial) -> Plan:
+def mark_aerial_roofs(plan: Plan, aerial: Orthophoto) -> Plan:
     """Return the plan with the roofs that the aerial picture shows marked as textured."""
     scene, charts = plan.scene, plan.scene.charts
-    roofs = np.flatnonzero(roofs_seen_from_above(scene) & plan.in_core)
+    roofs = np.flatnonzero(upward_roof_mask(scene) & plan.in_core)
     share = (np.stack(np.meshgrid(*[np.arange(SAMPLES_PER_SIDE)] * 2), axis=-1).reshape(-1, 2) + 0.5) / SAMPLES_PER_SIDE
     points = charts.points_at_shares(roofs, share)
     inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))
@@ -54,11 +54,11 @@ def material_field(
     roofs : picture of the roof material and its metres per pixel, if given.
     pictures : pictures of other materials.
     """
-    laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), own_grains(pictures)
+    laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), grain_tables_from_pictures(pictures)
     return MaterialField(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
 
 
-def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
+def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     """Build grain tables with grains learnt from a block's pictures; None without any."""
     examples = {}
     for name, path, metres in pictures:
@@ -66,7 +66,7 @@ def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
             examples[name] = learn_grain(read_bounded_picture(path).rgb, metres)
         except InputError as error:
             raise InputError(f"texture.materials: {path}: {error}") from error
-    return load_grains(examples) if examples else None
+    return load_grain_tables(examples) if examples else None
 
 
 def read_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:

@@ -32,17 +32,17 @@ VIEW_TEXEL = 30
 CAMERA_PIXEL = 8
 
 
-def detection_bytes() -> int:
+def detector_memory() -> int:
     """Return the bytes of the optional detectors; 0 if they are not installed."""
     return DETECTION_BYTES if detectors_available() else 0
 
 
-def decoded_pixels(pictures: Iterable[Path]) -> int:
+def bounded_pixel_count(pictures: Iterable[Path]) -> int:
     """Count the pixels of pictures as held in memory, each at most MAX_PIXELS."""
     return sum(min(count, MAX_PIXELS) for count in map(_picture_pixels, pictures))
 
 
-def decoding_bytes(pictures: Iterable[Path]) -> int:
+def peak_decoding_bytes(pictures: Iterable[Path]) -> int:
     """Return the bytes of the largest picture while it is decoded and reduced; 0 if none is reduced."""
     largest = max(map(_picture_pixels, pictures), default=0)
     return largest * DECODED_PIXEL if largest > MAX_PIXELS else 0

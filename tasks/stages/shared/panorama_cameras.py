@@ -14,12 +14,12 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import collect_rejections
+from tasks.engine.outcome import collect_input_errors
 from tasks.stages.shared.images import read_panorama
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -40,7 +40,7 @@ def open_cameras(
 
 def open_camera(one: SurfacePanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
     """Open a panorama as a camera; None if that fails, with the error appended to `refused`."""
-    with collect_rejections(refused):
+    with collect_input_errors(refused):
         image = read_panorama(one.path)
         return PanoramaCamera(
             image, one.pose, _occluder_bits(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)
@@ -48,11 +48,11 @@ def open_camera(one: SurfacePanorama, hides: Hides, refused: list[Exception]) ->
     return None
 
 
-def collect_views(
+def collect_chart_views(
     taken: Mapping[int, Sequence[SurfacePanorama]],
     opened: Callable[[SurfacePanorama], PanoramaCamera | None],
-    show: Callable[[int, Sequence[PanoramaCamera]], CameraView | None],
-) -> tuple[dict[int, CameraView], dict[int, list[SurfacePanorama]]]:
+    show: Callable[[int, Sequence[PanoramaCamera]], FusedCameraView | None],
+) -> tuple[dict[int, FusedCameraView], dict[int, list[SurfacePanorama]]]:
     """Collect the views of charts, each from its own panoramas; returns also the panoramas that opened.
 
     At most the panoramas of one chart are open at a time: charts with the same panoramas follow each other.
@@ -72,8 +72,8 @@ def collect_views(
     return found, used
 
 
-def write_views(
-    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[SurfacePanorama]]
+def write_chart_views(
+    group: StoreGroup, plan: Plan, found: Mapping[int, FusedCameraView], used: Mapping[int, Sequence[SurfacePanorama]]
 ) -> tuple[dict[str, str], list[tuple[str, float, float]]]:
     """Write the views of charts to the base layer.
 

@@ -10,12 +10,12 @@ from facade_core.atlas.journal import read_journal
 from facade_core.core.arrays import IntArray
 from tasks.engine.pending_reasons import NEW, NOT_DONE, READS_AGAIN, REASONS, STREETS_CHANGED, VIEW_CHANGED
 from tasks.engine.stage import ForecastInputs, StageForecast
-from tasks.engine.unit_key import differing_parts
+from tasks.engine.unit_key import diff_key_parts
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
 
 
-def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+def forecast_pending_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the streets that are pending, and note later ones that may follow."""
     run, plan, group, rewritten = inputs.run, inputs.plan, inputs.group, inputs.rewritten
     records = read_journal(group, "streets")
@@ -35,7 +35,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
         record = records[street]
         if record is None:
             pending[street] = NEW
-        elif "views" in (changed := differing_parts(record["key"], key)):
+        elif "views" in (changed := diff_key_parts(record["key"], key)):
             pending[street] = VIEW_CHANGED
         elif part := next((part for part in ("settings", "code") if part in changed), None):
             pending[street] = REASONS[part]
@@ -56,7 +56,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
     return StageForecast(pending, sum(map(len, inputs.outline.waves)), note)
 
 
-def forecast_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
+def forecast_pending_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
     """Find the viewpoints that see rewritten base-layer charts, outside pending streets.
 
     Returns None for the neural translator: its viewpoints are counted with their streets.
@@ -64,6 +64,6 @@ def forecast_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) -> Stage
     if inputs.run.texture.translator == "neural":
         return None
     plan, streets = inputs.plan, inputs.pending["streets"]
-    shown = np.unique(plan.views_of_charts(np.array(inputs.rewritten, np.int64))[:, 0])
+    shown = np.unique(plan.select_view_rows(np.array(inputs.rewritten, np.int64))[:, 0])
     pending = {int(v): READS_AGAIN for v in shown if plan.viewpoints[v].street not in streets}
     return StageForecast(pending, sum(inputs.outline.viewpoints))

@@ -11,18 +11,18 @@ from facade_core.atlas.integrity import list_chunks
 from facade_core.atlas.journal import read_journal, unit_key
 from facade_core.atlas.rasters import picture_digest
 from facade_core.atlas.store import open_table
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import is_done
+from tasks.engine.outcome import is_done_for_keys
 from tasks.engine.run import Run
-from tasks.engine.stage import StoreContents, is_done_record
+from tasks.engine.stage import IntegrityInputs, is_done_record
 from tasks.engine.store.digests import sample_evenly
 from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.record import StreetRecord, ViewpointRecord
 
 
-def find_lost_viewpoints(store: StoreContents) -> list[int]:
+def find_lost_viewpoints(store: IntegrityInputs) -> list[int]:
     """Find viewpoints that are done and whose panorama is not listed. A black one has no chunk: its record says so."""
     listed = {chunk[0] for chunk in list_chunks(store.session, "panoramas/rgb")}
     black = ""
@@ -36,10 +36,10 @@ def find_lost_viewpoints(store: StoreContents) -> list[int]:
     return found
 
 
-def find_lost_streets(store: StoreContents) -> list[int]:
+def find_lost_streets(store: IntegrityInputs) -> list[int]:
     """Find streets that are done and blend a viewpoint that is lost or replaced; none of a material field."""
     street_of = open_table(store.session, "viewpoints").street.values
-    viewpoints_of, lost = RowIndex(street_of), set(store.lost["viewpoints"])
+    viewpoints_of, lost = RowsByValue(street_of), set(store.lost["viewpoints"])
     held = [
         None if i in lost or not is_done_record(record) else record
         for i, record in enumerate(store.records["viewpoints"])
@@ -57,7 +57,9 @@ def find_lost_streets(store: StoreContents) -> list[int]:
 def confirm_lost_streets(run: Run, plan: Plan, group: StoreGroup, units: Sequence[int]) -> list[int]:
     """Return the lost streets that are done by their present key: the others are pending anyway."""
     records = read_journal(group, "streets")
-    return [street for street in units if is_done(records[street], street_keys(run, plan, group, street).street)]
+    return [
+        street for street in units if is_done_for_keys(records[street], street_keys(run, plan, group, street).street)
+    ]
 
 
 def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) -> dict[str, list[int]]:
@@ -75,7 +77,7 @@ def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) 
     return {"viewpoints": viewpoints, "streets": [plan.viewpoints[viewpoint].street for viewpoint in viewpoints]}
 
 
-def list_written_charts(plan: Plan) -> list[list[int]]:
+def charts_written_by_street(plan: Plan) -> list[list[int]]:
     """Return the charts that each street writes."""
     written: list[list[int]] = [[] for _ in plan.streets]
     for street, chart in plan.street_charts[plan.writable[plan.street_charts[:, 1]]].tolist():

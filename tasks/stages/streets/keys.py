@@ -13,12 +13,12 @@ from typing import cast
 import numpy as np
 
 from catalogs.file_digest import file_digest
-from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
+from facade_core.atlas.journal import Record, latest_chart_digests, read_records, unit_key
 from facade_core.core.arrays import Int32Array, Int64Array, IntArray
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
 from tasks.stages.streets.record import ViewpointRecord
@@ -64,11 +64,11 @@ def street_keys(
 
     viewpoints = plan.street_viewpoints(street)
     blends = run.texture.translator == "neural"
-    code, settings = stage_code("streets", neural=blends), _settings(run, plan)
+    code, settings = stage_code_digest("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
     seeds = _base_layer_records(plan, records, charts)
     shown = _camera_records(plan, records, charts)
-    known = latest_digests(seeds + shown, [])
+    known = latest_chart_digests(seeds + shown, [])
     names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
     visible = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
     earlier, passed = _earlier_views(plan, records, street, charts)
@@ -133,8 +133,8 @@ def _earlier_views(
 
     Also returns the digest of each such viewpoint's shared pixels, None if it is not done.
     """
-    pairs = plan.views_of_charts(charts[plan.writable[charts]])
-    pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
+    pairs = plan.select_view_rows(charts[plan.writable[charts]])
+    pairs = pairs[plan.wave[plan.viewpoint_streets[pairs[:, 0]]] < plan.wave[street]]
     viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
     earlier = cast(list[ViewpointRecord | None], records("viewpoints", viewpoints))
     return pairs, {
@@ -152,7 +152,7 @@ def _base_layer_keys(plan: Plan, seeds: Sequence[Record | None], charts: Int64Ar
 
 def _charts_of_later_streets(plan: Plan, street: int, charts: Int64Array) -> list[list[str]]:
     """Return the charts of the street that later waves write, by street: charts that they give up are this street's again."""
-    pairs = plan.streets_of_charts(charts[plan.writable[charts]])
+    pairs = plan.select_street_chart_pairs(charts[plan.writable[charts]])
     found: dict[int, set[str]] = {}
     for other, chart in pairs[plan.wave[pairs[:, 0]] > plan.wave[street]].tolist():
         found.setdefault(other, set()).add(f"{plan.ids[chart]:016x}")

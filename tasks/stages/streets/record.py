@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from facade_core.atlas.journal import Record, WaveRecord
+from facade_core.atlas.journal import Record, StreetWaveRecord
 
 
 class ViewpointRecord(Record, total=False):
@@ -43,7 +43,7 @@ class StreetResult(TypedDict):
     seconds: dict[str, float]
 
 
-class StreetRecord(WaveRecord, total=False):
+class StreetRecord(StreetWaveRecord, total=False):
     """Record of a street.
 
     Attributes

@@ -6,19 +6,19 @@ from collections.abc import Mapping
 from typing import cast
 
 from facade_core.atlas.journal import Record
-from tasks.engine.stage import Change, Records, Stage
-from tasks.stages.streets.forecast import forecast_streets, forecast_viewpoints
+from tasks.engine.stage import Records, ReingestContext, Stage
+from tasks.stages.streets.forecast import forecast_pending_streets, forecast_pending_viewpoints
 from tasks.stages.streets.integrity import (
+    charts_written_by_street,
     confirm_lost_streets,
     find_differing_panoramas,
     find_lost_streets,
     find_lost_viewpoints,
-    list_written_charts,
     viewpoint_names,
 )
 
 
-def _match_streets(change: Change) -> dict[int, int]:
+def _match_streets(change: ReingestContext) -> dict[int, int]:
     """Match streets with the same line, else the same id."""
     before, after = change.before.streets, change.after.streets
     lines = {street.line.wkb: i for i, street in reversed(list(enumerate(before)))}
@@ -33,7 +33,7 @@ def _match_streets(change: Change) -> dict[int, int]:
     return again
 
 
-def _relocate_streets(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate_streets(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Update the names and waves of streets."""
     plan = change.after
     return [
@@ -42,7 +42,7 @@ def _relocate_streets(change: Change, again: Mapping[int, int], records: Records
     ]
 
 
-def _match_viewpoints(change: Change) -> dict[int, int]:
+def _match_viewpoints(change: ReingestContext) -> dict[int, int]:
     """Match viewpoints by their number along their street; none if the panorama width changed."""
     if change.last["panoramas/rgb"].shape[2] != change.run.texture.panorama_width:
         return {}
@@ -55,7 +55,7 @@ def _match_viewpoints(change: Change) -> dict[int, int]:
     }
 
 
-def _relocate_viewpoints(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate_viewpoints(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Update the names of viewpoints, and move their panoramas."""
     plan = change.after
     for new, old in again.items():
@@ -80,7 +80,7 @@ VIEWPOINTS = Stage(
     unit_names=viewpoint_names,
     find_lost=find_lost_viewpoints,
     find_differing=find_differing_panoramas,
-    forecast=forecast_viewpoints,
+    forecast=forecast_pending_viewpoints,
 )
 STREETS = Stage(
     "streets",
@@ -89,9 +89,9 @@ STREETS = Stage(
     match_previous=_match_streets,
     relocate=_relocate_streets,
     follows_base_layer=True,
-    unit_charts=list_written_charts,
+    unit_charts=charts_written_by_street,
     unit_names=lambda plan: [street.id for street in plan.streets],
     find_lost=find_lost_streets,
     confirm_lost=confirm_lost_streets,
-    forecast=forecast_streets,
+    forecast=forecast_pending_streets,
 )

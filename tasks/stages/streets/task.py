@@ -14,24 +14,31 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.arrays import STAGE_ARRAYS, clear_rasters
-from facade_core.atlas.journal import clear_record, latest_digests, read_journal, read_records
+from facade_core.atlas.journal import clear_record, latest_chart_digests, read_journal, read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
 from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
-from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failure_record, is_done, is_machine_fault, log_units, machine_error
+from tasks.engine.context import load_run_plan
+from tasks.engine.outcome import (
+    UnitOutcomeCounts,
+    failure_record,
+    is_done_for_keys,
+    is_machine_fault,
+    log_units,
+    machine_error,
+)
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
-from tasks.engine.store.carry_over import delete_units
+from tasks.engine.store.carry_over import delete_unit_results
 from tasks.engine.store.commits import commit_units, fork_store
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.record import StreetRecord, ViewpointRecord
-from tasks.stages.streets.redo import street_chunks
-from tasks.stages.streets.tags import street_tag
-from tasks.stages.streets.worker import forget_street, process_street, process_viewpoints
+from tasks.stages.streets.redo import street_read_write_chunks
+from tasks.stages.streets.tags import street_commit_tag
+from tasks.stages.streets.worker import forget_street, process_viewpoints, write_street_texels
 
 
 def record_partial_run(run: Run, partial: bool) -> None:
@@ -43,7 +50,9 @@ def record_partial_run(run: Run, partial: bool) -> None:
         commit(session, "streets were left out" if partial else "no street is left out")
 
 
-def find_finished_streets(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]) -> dict[int, Outcome]:
+def find_finished_streets(
+    run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]
+) -> dict[int, UnitOutcomeCounts]:
     """Find the streets without pending work, with their outcomes, in one pass over the journals.
 
     A street that waits for one with pending work is not among them. Only for translators that return a material field.
@@ -57,44 +66,44 @@ def find_finished_streets(run: Run, streets: Sequence[int], after: Sequence[Sequ
     records = read_journal(group, "streets")
     if run.texture.translator == "neural" or not any(records[street] for street in streets):
         return {}
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     journals = {stage: read_journal(group, stage) for stage in (*BASE_LAYER_STAGES, "viewpoints")}
-    found: dict[int, Outcome] = {}
+    found: dict[int, UnitOutcomeCounts] = {}
     chosen = set(streets)
     for street in streets:
         if not chosen.intersection(after[street]) <= found.keys():
             continue
         keys = street_keys(run, plan, group, street, journals)
         held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.street_viewpoints(street)]
-        if is_done(records[street], keys.street) and all(map(is_done, held, keys.viewpoints)):
-            found[street] = Outcome(skipped=len(held) + 1)
+        if is_done_for_keys(records[street], keys.street) and all(map(is_done_for_keys, held, keys.viewpoints)):
+            found[street] = UnitOutcomeCounts(skipped=len(held) + 1)
             report_progress("viewpoints", earlier=len(held))
     return found
 
 
 @task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
-def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
+def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> UnitOutcomeCounts:
     """Texture the pending viewpoints of a street, about a second of work per commit, then its texels in one tagged commit.
 
     One worker keeps the street's state of `memory` bytes; if it is lost, another rebuilds the state from the panoramas.
     """
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     group = open_root(session)
     wave, name = int(plan.wave[street]), plan.streets[street].id
     own = [v.id for v in plan.street_viewpoints(street)]
-    reads, writes = street_chunks(plan, street)
+    reads, writes = street_read_write_chunks(plan, street)
     found = street_keys(run, plan, group, street)
     street_key, keys = found.street, found.viewpoints
     held = read_records(group, "viewpoints", np.array(own, np.int64))
-    due = [k for k in range(len(own)) if not is_done(held[k], keys[k])]
-    done = is_done(read_records(group, "streets", np.array([street]))[0], street_key)
-    outcome = Outcome(skipped=len(own) - len(due) + done)
+    due = [k for k in range(len(own)) if not is_done_for_keys(held[k], keys[k])]
+    done = is_done_for_keys(read_records(group, "streets", np.array([street]))[0], street_key)
+    outcome = UnitOutcomeCounts(skipped=len(own) - len(due) + done)
     report_progress("viewpoints", earlier=len(own) - len(due))
     if done and not due:
         return outcome
     # who reads them later must not take them for what this street shows now
-    delete_units(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
+    delete_unit_results(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
     at = ""
     commits: list[float] = []
     try:
@@ -124,7 +133,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             at = "end of the street"
             session, fork = fork_store(run.store)
             fork, result = compute.submit(
-                process_street, run, fork, street, len(own), street_key, worker=worker
+                write_street_texels, run, fork, street, len(own), street_key, worker=worker
             ).result()
             own_fields = {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
             record = cast(StreetRecord, {**result, **own_fields, "chain": found.chain})
@@ -142,11 +151,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         failed["reason"] = f"{at}: {failed['reason']}" if at else failed["reason"]
         failed = cast(StreetRecord, {**failed, "wave": wave, "digests": {}})
         commit_units(session, fork, "streets", {street: failed}, f"street {name} failed")
-        clear_failed_street(run, plan, street)
+        clear_failed_street_texels(run, plan, street)
         log_units("streets", [failed])
         return outcome.add([failed])
     log_units("streets", [record])
-    _tag_snapshot(run, street_tag(record), snapshot)
+    _tag_snapshot(run, street_commit_tag(record), snapshot)
     return outcome.add([record])
 
 
@@ -189,7 +198,7 @@ def _tag_snapshot(run: Run, tag: str, snapshot: str) -> None:
             return
 
 
-def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
+def clear_failed_street_texels(run: Run, plan: Plan, street: int) -> None:
     """Clear the texels of a failed street that match no digest of another street.
 
     Streets that wrote there earlier are pending again, as their texels were overwritten.
@@ -198,12 +207,12 @@ def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
     group, placement = open_root(session), plan.scene.placement
     charts = plan.charts_of_street(street)
     charts = charts[plan.writable[charts]]
-    others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
+    others = np.setdiff1d(plan.select_street_chart_pairs(charts)[:, 0], [street])
     records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
     rasters = TexelLayout.of_charts(placement, charts)
     colour, views = (read_rasters(group[array.path], placement, rasters) for array in STAGE_ARRAYS["streets"])
     known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
-    known |= latest_digests([], list(records.values()))
+    known |= latest_chart_digests([], list(records.values()))
     found = chart_digests(colour, views, placement, rasters, plan.ids)
     stale = {name for name, digest in found.items() if digest != known[name]}
     if not stale:

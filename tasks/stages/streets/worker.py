@@ -21,20 +21,20 @@ from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
-from facade_core.street.propagation.propagate import mark_first_visible, propagate
-from facade_core.street.propagation.render import render
+from facade_core.street.propagation.propagate import mark_first_visible, propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
-from tasks.stages.shared.materials import own_grains, roof_material
+from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
 from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
 
 @dataclass(frozen=True)
-class StreetContext:
+class StreetWorkerContext:
     """Plan and translator that a worker keeps between the units of a run.
 
     Attributes
@@ -50,16 +50,19 @@ class StreetContext:
 
 
 @lru_cache(maxsize=2)
-def street_context(run: Run) -> StreetContext:
+def load_street_worker_context(run: Run) -> StreetWorkerContext:
     """Load the plan and the translator of a run, once per process."""
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     if run.texture.translator == "neural":
-        return StreetContext(plan, neural_translator.load_translator(), None)
-    laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
+        return StreetWorkerContext(plan, neural_translator.load_translator(), None)
+    laid, own = (
+        roof_material(run.roof_material, run.texture.texels_per_metre),
+        grain_tables_from_pictures(run.materials),
+    )
     swatches = MaterialFieldTranslator(
         plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own
     )
-    return StreetContext(plan, swatches, swatches.materials)
+    return StreetWorkerContext(plan, swatches, swatches.materials)
 
 
 @dataclass
@@ -108,7 +111,7 @@ def process_viewpoints(
 def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> ViewpointResult:
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
-    here = street_context(run)
+    here = load_street_worker_context(run)
     entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
     progress, mark = _take_buffer(entry, here, group, step if here.field is None else None)
@@ -123,13 +126,13 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
         seconds[stage] = now - clock
         clock = now
 
-    panorama = render(here.plan.scene, progress.window, viewpoint, size)
+    panorama = render_panorama(here.plan.scene, progress.window, viewpoint, size)
     lap("render")
     rgb = add_sky(here.translator.translate(panorama), panorama.depth)
     lap("translate")
     in_turn = progress.done == step
     if here.field is None:
-        propagate(here.plan.scene, progress.window, viewpoint, rgb, charts_seen=panorama.chart)
+        propagate_panorama(here.plan.scene, progress.window, viewpoint, rgb, charts_seen=panorama.chart)
     elif in_turn:
         mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
@@ -143,18 +146,18 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
         # what of a field others see is told by the looks of viewpoints
         "passes": _shared_pixels_digest(here.plan, panorama.chart, rgb) if here.field is None else "",
         "panorama": picture_digest(rgb),
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
 
 
-def process_street(
+def write_street_texels(
     run: Run, fork: ForkSession, street: int, steps: int, street_key: str
 ) -> tuple[ForkSession, StreetResult]:
     """Write the colour and view count of a street's charts after its `steps` viewpoints."""
     start = time.time()
-    here = street_context(run)
+    here = load_street_worker_context(run)
     group = open_root(fork)
     window = _take_buffer((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
@@ -163,7 +166,7 @@ def process_street(
         colour, views = blend_views(window.state)
     else:
         for viewpoint in _earlier_viewpoints(here.plan, group, street, window.writable):
-            add_viewpoint(here.plan, group, window, viewpoint, field=True)
+            add_viewpoint_to_buffer(here.plan, group, window, viewpoint, field=True)
         paint_visible_texels(window, scene.placement, here.field)
         views = window.state.views
         colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
@@ -174,7 +177,7 @@ def process_street(
     return fork, {
         "digests": chart_digests(colour, views, scene.placement, rasters, here.plan.ids),
         "texels": int((views > 0).sum()),
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"write": round(time.time() - start, 4)},
     }
@@ -191,7 +194,7 @@ def _written_by_later(plan: Plan, group: StoreGroup, street: int, charts: Int64A
 
     Those are blended from more views, or will be once that street is done again.
     """
-    pairs = plan.streets_of_charts(charts)
+    pairs = plan.select_street_chart_pairs(charts)
     pairs = pairs[plan.wave[pairs[:, 0]] > plan.wave[street]]
     later = np.unique(pairs[:, 0])
     records = dict(zip(later.tolist(), read_records(group, "streets", later, StreetRecord), strict=True))
@@ -208,7 +211,9 @@ def forget_street(run: Run, street: int, street_key: str) -> None:
     _streets.pop((run, street, street_key), None)
 
 
-def _take_buffer(entry: _Street, here: StreetContext, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
+def _take_buffer(
+    entry: _Street, here: StreetWorkerContext, group: StoreGroup, step: int | None
+) -> tuple[_Progress, object]:
     """Take the street's buffer with its first `step` viewpoints, None for any number, from this process or by replay.
 
     Also returns the mark that is stored in its place. With a material field the panoramas of other streets
@@ -258,21 +263,21 @@ def replay_street(
 
     earlier = [] if own else _earlier_viewpoints(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
-        add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
+        add_viewpoint_to_buffer(plan, group, window, viewpoint, field=field, threads=threads)
     return window
 
 
 def _earlier_viewpoints(plan: Plan, group: StoreGroup, street: int, charts: Int64Array) -> list[Viewpoint]:
     """Return the viewpoints of earlier waves that are done and show some charts (k,)."""
-    shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
-    shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
+    shows = np.unique(plan.select_view_rows(charts)[:, 0]).astype(np.int64)
+    shows = shows[plan.wave[plan.viewpoint_streets[shows]] < plan.wave[street]]
     records = read_records(group, "viewpoints", shows)
     return [
         plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record and record["status"] == "done"
     ]
 
 
-def add_viewpoint(
+def add_viewpoint_to_buffer(
     plan: Plan, group: StoreGroup, window: TexelBuffer, viewpoint: Viewpoint, *, field: bool, threads: int = 1
 ) -> None:
     """Add a finished viewpoint to a texel buffer: its panorama, or its visibility."""
@@ -281,4 +286,4 @@ def add_viewpoint(
             plan.scene, window, viewpoint, plan.scene.cast_panorama(viewpoint, group["panoramas/rgb"].shape[2])[2]
         )
     else:
-        propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)
+        propagate_panorama(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

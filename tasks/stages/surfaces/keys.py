@@ -12,7 +12,7 @@ from facade_core.geometry.daylight import MAX_OCCLUDER_M
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M as SHADOWS_M
 from tasks.engine.run import Run
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
 
@@ -46,13 +46,13 @@ def surface_key(
         "streets": [streets.get(name) for name in known],
     }
     if run.texture.translator == "neural":  # from where its pixels were seen
-        views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
+        views = np.unique(plan.select_view_rows(np.array(charts))[:, 0]).tolist()
         parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
     if (plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any():
         parts["lines"] = plan.ground_digests(charts)
         if run.aerial is not None:
             parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
-    return join_key_parts(stage_code("surfaces"), **parts)
+    return join_key_parts(stage_code_digest("surfaces"), **parts)
 
 
 def _settings(run: Run) -> list[object]:

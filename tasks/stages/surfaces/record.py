@@ -5,7 +5,7 @@ from __future__ import annotations
 from facade_core.atlas.journal import Record
 
 
-class SurfaceRecord(Record, total=False):
+class SurfaceColourRecord(Record, total=False):
     """Record of a building or piece of ground whose colour is resolved."""
 
     texels: int

@@ -7,18 +7,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.journal import latest_chart_digests, read_journal
 from facade_core.atlas.store import open_table
 from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.core.arrays import IntArray
-from facade_core.core.grouping import RowIndex
+from facade_core.core.grouping import RowsByValue
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, StoreContents, is_done_record
+from tasks.engine.stage import ForecastInputs, IntegrityInputs, ReingestContext, Stage, StageForecast, is_done_record
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
@@ -38,23 +38,23 @@ CONTINUATION_BYTES = 50_000_000
 CONTEXT_CHART = -2
 
 
-def block_parts(plan: Plan) -> list[tuple[str, list[int]]]:
+def buildings_and_ground_pieces(plan: Plan) -> list[tuple[str, list[int]]]:
     """List name and charts of the block's own buildings, then of its pieces of ground."""
-    owner = RowIndex(np.where(plan.in_core, plan.scene.charts.building, CONTEXT_CHART))
+    owner = RowsByValue(np.where(plan.in_core, plan.scene.charts.building, CONTEXT_CHART))
     buildings = [(name, owner.rows_with(building).tolist()) for building, name in enumerate(plan.scene.names)]
     ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.rows_with(-1).tolist()]
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]
 
 
-def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `surfaces`, keyed by facades, textures and streets."""
-    seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
-    walls = latest_digests(read_journal(group, "walls"), [])
-    streets = latest_digests([], read_journal(group, "streets", StreetRecord))
+    seeds = latest_chart_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
+    walls = latest_chart_digests(read_journal(group, "walls"), [])
+    streets = latest_chart_digests([], read_journal(group, "streets", StreetRecord))
     texels, ids = plan.texel_counts(), [f"{number:016x}" for number in plan.ids.tolist()]
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []
-    for index, (name, charts) in enumerate(block_parts(plan)):
+    for index, (name, charts) in enumerate(buildings_and_ground_pieces(plan)):
         beside = sorted(
             {int(one) for chart in charts for one in coplanar_pieces(plan.scene.charts, chart, LEVELLING_MARGIN_M)}
             - set(charts)
@@ -77,12 +77,12 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     return units
 
 
-def _match_previous(change: Change) -> dict[int, int]:
+def _match_previous(change: ReingestContext) -> dict[int, int]:
     """Match buildings and ground whose charts all stay: the charts of others are cleared."""
-    before = {name: (unit, charts) for unit, (name, charts) in enumerate(block_parts(change.before))}
+    before = {name: (unit, charts) for unit, (name, charts) in enumerate(buildings_and_ground_pieces(change.before))}
     return {
         unit: before[name][0]
-        for unit, (name, charts) in enumerate(block_parts(change.after))
+        for unit, (name, charts) in enumerate(buildings_and_ground_pieces(change.after))
         if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]
     }
 
@@ -99,7 +99,7 @@ def surface_memory(texels: IntArray, *, continued: bool = False) -> int:
     return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
 
 
-def _find_lost(store: StoreContents) -> list[int]:
+def _find_lost(store: IntegrityInputs) -> list[int]:
     """Find surfaces that are done and of whose charts a chunk is not listed: each of their texels has a source."""
     records = store.records["surfaces"]
     if not any(map(is_done_record, records)):
@@ -127,14 +127,14 @@ def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
 SURFACES = Stage(
     "surfaces",
     "surface",
-    count=lambda block, plan: len(block_parts(plan)),
+    count=lambda block, plan: len(buildings_and_ground_pieces(plan)),
     match_previous=_match_previous,
-    units=surface_units,
+    units=list_surface_units,
     function=process_surface,
     reads=(*BASE_LAYER_STAGES, "streets"),
     in_every_block=True,
-    unit_charts=lambda plan: [charts for _, charts in block_parts(plan)],
-    unit_names=lambda plan: [name for name, _ in block_parts(plan)],
+    unit_charts=lambda plan: [charts for _, charts in buildings_and_ground_pieces(plan)],
+    unit_names=lambda plan: [name for name, _ in buildings_and_ground_pieces(plan)],
     find_lost=_find_lost,
     forecast=_forecast,
 )

@@ -14,23 +14,23 @@ from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.arrays import UInt8Array
-from facade_core.core.provenance import resolve_provenance
+from facade_core.core.provenance import merge_atlas_layers
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import measure_wall_material
-from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import ChartSunlight, FinishSettings, KnownTexture, TranslatedViews, finish_chart
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.materials import aerial_sampler, material_field
-from tasks.stages.surfaces.record import SurfaceRecord
+from tasks.stages.surfaces.record import SurfaceColourRecord
 
 
 @lru_cache(maxsize=2)
 def _run_material_field(run: Run) -> MaterialField:
-    return material_field(plan_of_run(run), run.seed, run.roof_material, run.materials)
+    return material_field(load_run_plan(run), run.seed, run.roof_material, run.materials)
 
 
 def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -42,7 +42,7 @@ def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     start = time.time()
     (unit,) = units
     charts, seeded, written, pictured = unit.arguments
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     scene, group = plan.scene, open_root(fork)
     field = _run_material_field(run)
     prepared = time.time()
@@ -76,13 +76,13 @@ def process_surface(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, rasters, flat)
     digests = chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
     seconds = {"prepare": prepared - start, "paint": painted - prepared, "write": time.time() - painted}
-    record: SurfaceRecord = {
+    record: SurfaceColourRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
         "digests": digests,
         "texels": rasters.total,
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {step: round(s, 4) for step, s in seconds.items()},
     }
@@ -107,7 +107,7 @@ def _add_wall_material(
     return changed, set(own.tolist())
 
 
-def _chart_slices(placement: Placement, chart: int) -> tuple[int, slice, slice]:
+def _chart_slices(placement: ChartPlacements, chart: int) -> tuple[int, slice, slice]:
     """Return the place of a chart in the arrays of the atlas."""
     y, x = int(placement.y[chart]), int(placement.x[chart])
     height, width = int(placement.height[chart]), int(placement.width[chart])
@@ -125,14 +125,14 @@ def _facade_labels(group: StoreGroup, plan: Plan, chart: int) -> UInt8Array | No
 
 def _network_pixels(run: Run, plan: Plan, chart: int) -> TranslatedViews | None:
     """Return the network pixels that a chart was translated from; None of facades, as windows have no grain."""
-    seen = plan.views_of_charts(np.array([chart]))[:, 0]
+    seen = plan.select_view_rows(np.array([chart]))[:, 0]
     if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
         return None
     return TranslatedViews(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
 def _make_reader(
-    group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]
+    group: StoreGroup, placement: ChartPlacements, seeded: Collection[int], written: Collection[int]
 ) -> ChartReader:
     """Return a reader of base layer and street texels; charts without either read as empty."""
 
@@ -150,6 +150,6 @@ def _make_reader(
             seed, evidence = np.asarray(group["atlas/seed"][part]), np.asarray(group["atlas/seed_evidence"][part])
         if chart in written:
             street, views = np.asarray(group["atlas/street"][part]), np.asarray(group["atlas/street_views"][part])
-        return resolve_provenance(seed, evidence, street, views)
+        return merge_atlas_layers(seed, evidence, street, views)
 
     return read

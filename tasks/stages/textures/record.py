@@ -5,7 +5,7 @@ from __future__ import annotations
 from facade_core.atlas.journal import Record
 
 
-class TextureRecord(Record, total=False):
+class TexturedBuildingRecord(Record, total=False):
     """Record of a building with textures of its own.
 
     Attributes

@@ -12,19 +12,19 @@ from facade_core.core.arrays import Int64Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import ReingestContext, Stage
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_parts
-from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoded_pixels, decoding_bytes
+from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_key_parts
+from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, bounded_pixel_count, peak_decoding_bytes
 from tasks.stages.textures.worker import process_textures
 
 # Bytes per texel of a model's texture: colour, cover and places in the atlas.
 TEXTURE_TEXEL = 40
 
 
-def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `textures`: buildings with textures of their own."""
     buildings = plan.buildings_with_textures()
     if not buildings:
@@ -53,7 +53,7 @@ def _texels_by_building(plan: Plan) -> Int64Array:
     return totals
 
 
-def _match_previous(change: Change) -> dict[int, int]:
+def _match_previous(change: ReingestContext) -> dict[int, int]:
     """Match buildings whose textured charts all stay; the charts of others stay no longer."""
 
     def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
@@ -75,20 +75,22 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
     charts = plan.list_textured_charts(building)
     parts: dict[str, object] = {
         "settings": run.texture.texels_per_metre,
-        "own": own_texture_parts(plan, charts, textures),
+        "own": own_texture_key_parts(plan, charts, textures),
     }
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = bounding_box(plan, charts)
         high[2] = np.inf
         parts["above"] = plan.scene_objects.digests_in_box(low - OFF_PLANE_M, high + OFF_PLANE_M)
-    return join_key_parts(stage_code("textures"), **parts)
+    return join_key_parts(stage_code_digest("textures"), **parts)
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
     """Return the bytes that writing a building's own textures takes at most."""
     return (
-        LIBRARY_BYTES + max(texels * TEXTURE_TEXEL, decoding_bytes(pictures)) + decoded_pixels(pictures) * PICTURE_PIXEL
+        LIBRARY_BYTES
+        + max(texels * TEXTURE_TEXEL, peak_decoding_bytes(pictures))
+        + bounded_pixel_count(pictures) * PICTURE_PIXEL
     )
 
 
@@ -97,7 +99,7 @@ TEXTURES = Stage(
     "textured building",
     count=lambda block, plan: len(plan.buildings_with_textures()),
     match_previous=_match_previous,
-    units=texture_units,
+    units=list_texture_units,
     function=process_textures,
     writes_base_layer=True,
     unit_charts=lambda plan: [plan.list_textured_charts(building) for building in plan.buildings_with_textures()],

@@ -31,7 +31,7 @@ class TileRecord(Record, total=False):
     coarse: str
 
 
-def tile_files(unit: int, record: Record) -> dict[str, str]:
+def tile_file_digests(unit: int, record: Record) -> dict[str, str]:
     """Return the stored files of a tile that is done, path -> digest."""
     tile = cast(TileRecord, record)
     return dict(zip(tile_paths(tile["unit"]), (tile["digest"], tile["coarse"]), strict=True))

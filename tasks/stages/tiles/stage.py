@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import latest_digests, read_journal, unit_key
-from facade_core.atlas.stored_files import COARSE, delete_stored_files
+from facade_core.atlas.journal import latest_chart_digests, read_journal, unit_key
+from facade_core.atlas.stored_files import COARSE, delete_stored_files_except
 from facade_core.atlas.stored_files import TILES as FOLDER
 from facade_core.core.arrays import IntArray
 from facade_core.core.zarr_types import StoreGroup
@@ -16,12 +16,12 @@ from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, match_by_name
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage import Records, ReingestContext, Stage, match_units_by_name
+from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
-from tasks.stages.tiles.record import tile_files
+from tasks.stages.tiles.record import tile_file_digests
 from tasks.stages.tiles.worker import process_tile
 
 # Bytes per texel of a tile's picture: the rasters of its charts, the picture, and the free part of it.
@@ -30,9 +30,9 @@ PICTURE_TEXEL = 16
 TILE_TEXEL = 1
 
 
-def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+def list_tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """List the units of stage `tiles`: one for each tile of the block."""
-    digests = latest_digests(read_journal(group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(group, "surfaces"), [])
     texels = plan.texel_counts()
     return [
         Unit(
@@ -42,7 +42,7 @@ def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
             (
                 tile.charts,
                 [digests.get(f"{number:016x}") for number in plan.ids[tile.charts].tolist()],
-                tile_shape(plan, tile.charts),
+                tile_layout_digest(plan, tile.charts),
                 tile.origin,
             ),
             tile_memory(int(texels[tile.charts].sum())),
@@ -51,11 +51,11 @@ def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
     ]
 
 
-def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: ReingestContext, again: Mapping[int, int], records: Records) -> Records:
     """Delete the files of tiles that are gone; the others keep their names, the paths of the tiles."""
     kept = {tile.path for tile in plan_block_tiles(change.after)}
     for folder in (FOLDER, COARSE):
-        delete_stored_files(change.group, folder, kept)
+        delete_stored_files_except(change.group, folder, kept)
     return records
 
 
@@ -84,7 +84,7 @@ def tile_key(
     things = np.unique(plan.scene_objects.chart_object[charts])
     ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
     return join_key_parts(
-        stage_code("tiles"),
+        stage_code_digest("tiles"),
         settings=[run.crs, run.texture.texels_per_metre, list(origin)],
         geometry=[f"{digest:016x}" for digest in plan.scene_objects.digest[things].tolist()],
         names=[plan.scene.names[building] for building in buildings.tolist()],
@@ -92,25 +92,25 @@ def tile_key(
     )
 
 
-def tile_shape(plan: Plan, charts: IntArray) -> str:
+def tile_layout_digest(plan: Plan, charts: IntArray) -> str:
     """Return a digest of the layout of a tile's pictures: its charts (k,), their texels, and the code."""
     placement = plan.scene.placement
     sides = (placement.width[charts].tolist(), placement.height[charts].tolist())
-    return unit_key(stage_code("tiles"), plan.ids[charts].tolist(), *sides)
+    return unit_key(stage_code_digest("tiles"), plan.ids[charts].tolist(), *sides)
 
 
 TILES = Stage(
     "tiles",
     "tile",
     count=lambda block, plan: len(plan_block_tiles(plan)),
-    match_previous=lambda change: match_by_name(
+    match_previous=lambda change: match_units_by_name(
         change.records["tiles"], [tile.path for tile in plan_block_tiles(change.after)]
     ),
-    units=tile_units,
+    units=list_tile_units,
     function=process_tile,
     reads=("surfaces",),
     in_every_block=True,
     relocate=_relocate,
     derived_only=True,
-    files=tile_files,
+    files=tile_file_digests,
 )

@@ -23,7 +23,7 @@ from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
 from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
-from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.tiles.record import TileRecord
@@ -34,7 +34,7 @@ def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
     start = time.time()
     (unit,) = units
     charts, digests, shape, origin = unit.arguments
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     placement = plan.scene.placement
     group = open_root(fork)
 
@@ -73,7 +73,7 @@ def process_tile(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         "digest": digest_stored_file(tile.glb),
         "box": tile.box.round(3).tolist(),
         "coarse": digest_stored_file(tile.coarse.tobytes()),
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"tile": round(time.time() - start, 4)},
     }
@@ -101,4 +101,4 @@ def _textured_scene(run: Run) -> TexturedMesh:
     def nothing(page: int) -> UInt8Array:
         raise StoreError(f"page {page} is not read as a whole")
 
-    return build_textured_mesh(plan_of_run(run).scene, nothing)
+    return build_textured_mesh(load_run_plan(run).scene, nothing)

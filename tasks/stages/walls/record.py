@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tasks.stages.shared.camera_record import CameraRecord
+from tasks.stages.shared.camera_record import PanoramaSurfaceRecord
 
 
-class WallRecord(CameraRecord, total=False):
+class WallsAndRoofsRecord(PanoramaSurfaceRecord, total=False):
     """Record of the walls and roofs of a building."""

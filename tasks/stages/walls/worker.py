@@ -17,13 +17,13 @@ from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
-from tasks.engine.context import current_worker, plan_of_run
-from tasks.engine.outcome import describe_rejections
+from tasks.engine.context import current_worker_name, load_run_plan
+from tasks.engine.outcome import rejection_record_fields
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_views, open_camera, write_views
+from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_chart_views, open_camera, write_chart_views
 from tasks.stages.shared.surface_panorama import SurfacePanorama
-from tasks.stages.walls.record import WallRecord
+from tasks.stages.walls.record import WallsAndRoofsRecord
 
 
 def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -31,7 +31,7 @@ def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSe
     start = time.time()
     (unit,) = units
     charts, taken = unit.arguments
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     refused: list[Exception] = []
     reading: list[float] = []
 
@@ -43,20 +43,22 @@ def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSe
         reading.append(time.time() - begun)
         return camera
 
-    shown, used = collect_views(dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene))
-    digests, told = write_views(open_root(fork), plan, shown, used)
+    shown, used = collect_chart_views(
+        dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene)
+    )
+    digests, told = write_chart_views(open_root(fork), plan, shown, used)
     read = sum(reading)
-    record: WallRecord = {
+    record: WallsAndRoofsRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
         "digests": digests,
         "cameras": told,
-        "worker": current_worker(),
+        "worker": current_worker_name(),
         "started": start,
         "seconds": {"read": round(read, 4), "walls": round(time.time() - start - read, 4)},
     }
-    record |= cast(WallRecord, describe_rejections(refused, "without it"))
+    record |= cast(WallsAndRoofsRecord, rejection_record_fields(refused, "without it"))
     return fork, {unit.index: record}
 
 
@@ -70,4 +72,4 @@ def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> BoolArray:
 @lru_cache(maxsize=MAX_CACHED_MASKS)
 def _edge_bits(run: Run, pose: Pose, rows: int, columns: int) -> UInt8Array:
     """Return the same as bits; consecutive units share them."""
-    return np.packbits(mask_model_edges(plan_of_run(run).scene, pose, (rows, columns)))
+    return np.packbits(mask_model_edges(load_run_plan(run).scene, pose, (rows, columns)))

@@ -233,7 +233,7 @@ def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
     assert told - keys.keys() == set(), "no key that is gone"
     for key, allowed in keys.items():
         assert allowed in rows[key], key
-    for name, value in vars(block_keys.BlockKeys(name="a", buildings=BUILDINGS)).items():
+    for name, value in vars(block_keys.BlockFileSettings(name="a", buildings=BUILDINGS)).items():
         if isinstance(value, int | float):
             assert f"| {value} |" in rows[name], name
     for name in TextureSettings.__dataclass_fields__:
@@ -242,7 +242,7 @@ def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
         assert f"| {shown} |" in rows[f"texture.{name}"], name
 
 
-BUILDINGS = block_keys.BuildingKeys(path="x")
+BUILDINGS = block_keys.BuildingsSection(path="x")
 
 
 @pytest.mark.realdata

@@ -9,14 +9,14 @@ import pytest
 import shapely
 
 from catalogs.block.building_corrections import (
-    correct_buildings,
-    correction_owners,
-    match_by_location,
-    select_corrections,
+    apply_corrections_to_buildings,
+    building_ids_by_correction,
+    match_corrections_by_location,
+    select_corrections_for_buildings,
 )
 from catalogs.block.corrections import Correction, Corrections
 from catalogs.crs import LONLAT, coordinate_transform
-from facade_core.core.types import Building, Finish, Roof, Shell
+from facade_core.core.types import Building, BuildingFinish, BuildingShell, Roof
 
 CRS = "EPSG:32635"
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -33,7 +33,7 @@ def said(id: str, **values: object) -> Corrections:
 
 
 def corrected(building: Building, **values: object) -> Building:
-    ((found,), left) = correct_buildings([building], said(building.id, **values), STOREY)
+    ((found,), left) = apply_corrections_to_buildings([building], said(building.id, **values), STOREY)
     assert not left
     return found
 
@@ -68,7 +68,7 @@ def test_roofs() -> None:
 
 
 def test_a_colour_goes_with_the_material_that_it_came_with() -> None:
-    building = replace(house("a"), finish=Finish((150, 84, 66), (158, 66, 50), "brick", "roof_tiles"))
+    building = replace(house("a"), finish=BuildingFinish((150, 84, 66), (158, 66, 50), "brick", "roof_tiles"))
     assert corrected(building, wall_material="plaster").finish == replace(
         building.finish, wall_material="plaster", wall_colour=None
     )
@@ -77,13 +77,13 @@ def test_a_colour_goes_with_the_material_that_it_came_with() -> None:
 
 
 def test_what_cannot_be_is_left_and_told() -> None:
-    empty = Shell(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))  # type: ignore[arg-type]
+    empty = BuildingShell(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))  # type: ignore[arg-type]
     model = replace(house("m"), shell=empty, height_source="model", roof=None)
-    (found,), left = correct_buildings([model], said("m", height=5.0, wall_material="brick"), STOREY)
+    (found,), left = apply_corrections_to_buildings([model], said("m", height=5.0, wall_material="brick"), STOREY)
     assert (found.height, found.finish.wall_material) == (9.0, "brick")
     assert "(m)" in left[0]
     above = replace(house("a"), raised=8.0)
-    (found,), left = correct_buildings([above], said("a", height=8.5), STOREY)
+    (found,), left = apply_corrections_to_buildings([above], said("a", height=8.5), STOREY)
     assert (found.height, len(left)) == (9.0, 1)
 
 
@@ -99,10 +99,10 @@ def test_whose_a_correction_is() -> None:
         "c": Correction("c", "levels", 3.0),
     }
     corrections = Corrections({id: {one.kind: one} for id, one in of.items()})
-    assert match_by_location(buildings, corrections, CRS) == {"gone": "b"}
+    assert match_corrections_by_location(buildings, corrections, CRS) == {"gone": "b"}
     owners = {"gone": "b", "shed": "", "a-0": "a", "w-1": "c", "b-2": "c", "x-0": "", "c": "c"}
-    assert correction_owners(corrections, buildings, CRS) == owners
+    assert building_ids_by_correction(corrections, buildings, CRS) == owners
     known = corrections.rename_targets({"gone": "b"})
-    assert set(select_corrections(known, ["b"], buildings, CRS).by_target) == {"b"}
-    assert select_corrections(known, ["b"], buildings, CRS).new_ids == {"gone": "b"}
-    assert set(select_corrections(known, ["c"], buildings, CRS).by_target) == {"w-1", "b-2", "c"}
+    assert set(select_corrections_for_buildings(known, ["b"], buildings, CRS).by_target) == {"b"}
+    assert select_corrections_for_buildings(known, ["b"], buildings, CRS).new_ids == {"gone": "b"}
+    assert set(select_corrections_for_buildings(known, ["c"], buildings, CRS).by_target) == {"w-1", "b-2", "c"}

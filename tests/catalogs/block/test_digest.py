@@ -23,7 +23,7 @@ from catalogs.block.digest import block_digest
 from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.pictures.materials import MaterialPicture
-from facade_core.core.types import ModelFiles
+from facade_core.core.types import TrainedModelFiles
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Edit = Callable[[Path], Any]
@@ -213,7 +213,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "notes": (*block.notes, "one"),
         "faults": (*block.faults, "one"),
         "corrections": Corrections({"a-0": {"facade": Correction("a-0", "facade", False)}}),
-        "models": ModelFiles(layout=picture),
+        "models": TrainedModelFiles(layout=picture),
         "part": CityPart(("a",), (), (), ("street",), (-1,)),
     }
     assert changes.keys() | {"digest", "failed_limit"} == {field.name for field in fields(Block)}

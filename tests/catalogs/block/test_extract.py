@@ -10,14 +10,14 @@ import pytest
 import shapely
 
 from catalogs.block.digest import block_digest
-from catalogs.block.extract import read_extract, write_extract
-from catalogs.block.part import CityIndex, PartSelection
-from catalogs.block.reader import part_values, read_block
+from catalogs.block.extract import read_city_part_file, write_city_part_file
+from catalogs.block.part import CityIndex, CityPartIds
+from catalogs.block.reader import city_part_file_values, read_block
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import InputError
-from facade_core.core.types import Area, Pose, Roof, Shell, Way
+from facade_core.core.types import BuildingShell, GroundArea, GroundWay, Pose, Roof
 from tests.pipeline.stages import write_block
 
 
@@ -27,15 +27,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> CityIndex:
     folder = tmp_path_factory.mktemp("city")
     block = read_block(write_block(folder))
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1 / 3]], float)
-    shell = Shell(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.array([2], np.int32),
+    shell = BuildingShell(corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.array([2], np.int32),
                   np.zeros((1, 3, 2), np.float32))  # fmt: skip
     first, second, *others = block.buildings
     place = first.footprint.centroid
     pictures = tuple(block.exemplars[:1] * 3)
     ground = replace(
         block.ground,
-        ways=(Way("w1", block.streets[0].line, "road", 7.5, "asphalt", pavement=(2.5, 0.0)),),
-        areas=(Area("a", shapely.multipolygons([place.buffer(9)]), "grass"),),
+        ways=(GroundWay("w1", block.streets[0].line, "road", 7.5, "asphalt", pavement=(2.5, 0.0)),),
+        areas=(GroundArea("a", shapely.multipolygons([place.buffer(9)]), "grass"),),
         outline=shapely.box(0, 0, 1, 1),
     )
     return CityIndex(
@@ -53,17 +53,17 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> CityIndex:
     )
 
 
-def chosen(whole: CityIndex) -> PartSelection:
+def chosen(whole: CityIndex) -> CityPartIds:
     first, second, *_ = (one.id for one in whole.segments)
-    return PartSelection(
+    return CityPartIds(
         buildings=("a", "b"), streets=(first,), halo_buildings=("e",), halo_streets=(second,), distant_buildings=("c",)
     )
 
 
 def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None:
     part = whole.extract_part(chosen(whole))
-    write_extract(tmp_path / "p.npz", part_values(part, whole.block))
-    values = read_extract(tmp_path / "p.npz")
+    write_city_part_file(tmp_path / "p.npz", city_part_file_values(part, whole.block))
+    values = read_city_part_file(tmp_path / "p.npz")
     assert set(values) == {"crs", "extent", *dict(PART_FIELDS)}
     again = replace(part, **{attribute: values[name] for name, attribute in PART_FIELDS})
     assert block_digest(again) == block_digest(part)
@@ -73,7 +73,7 @@ def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None
     moved = replace(again, buildings=(replace(again.buildings[0], height=7.0000001), *again.buildings[1:]))
     assert block_digest(moved) != block_digest(part)
     written = (tmp_path / "p.npz").stat().st_mtime_ns
-    write_extract(tmp_path / "p.npz", part_values(part, whole.block))
+    write_city_part_file(tmp_path / "p.npz", city_part_file_values(part, whole.block))
     assert (tmp_path / "p.npz").stat().st_mtime_ns == written, "the same is not written again"
 
 
@@ -97,10 +97,10 @@ def test_a_part_has_what_is_its_own_and_what_is_around(whole: CityIndex) -> None
 @pytest.mark.parametrize("cut", [0, 30, -40])
 def test_a_damaged_file_is_refused_in_a_line(whole: CityIndex, tmp_path: Path, cut: int) -> None:
     path = tmp_path / "p.npz"
-    write_extract(path, part_values(whole.extract_part(chosen(whole)), whole.block))
+    write_city_part_file(path, city_part_file_values(whole.extract_part(chosen(whole)), whole.block))
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(InputError, match="streetloom city` writes it") as raised:
-        read_extract(path)
+        read_city_part_file(path)
     assert "\n" not in str(raised.value)
 
 
@@ -112,4 +112,4 @@ def test_nothing_is_made_of_what_a_file_names_but_the_classes_of_a_part(tmp_path
         text = json.dumps({"format": 1, "values": {"map": [["a", said]]}}).encode()
         np.savez_compressed(path, text=np.frombuffer(text, np.uint8), blob=np.zeros(8, np.uint8))
         with pytest.raises(InputError):
-            read_extract(path)
+            read_city_part_file(path)

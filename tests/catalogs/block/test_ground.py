@@ -10,16 +10,16 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from catalogs.block.ground import block_ground, ways_from_tags
+from catalogs.block.ground import build_block_ground, ways_from_tags
 from catalogs.block.reader import Block
-from catalogs.features import Centrelines, GroundFeature
-from facade_core.core.types import Way
+from catalogs.features import CentrelinesAndGround, GroundFeature
+from facade_core.core.types import GroundWay
 
 LINE = shapely.LineString([(0, 0), (40, 0)])
 UTM = CRS("EPSG:32635")
 
 
-def road(**tags: str) -> Way:
+def road(**tags: str) -> GroundWay:
     return ways_from_tags("w1", LINE, {key.replace("__", ":"): value for key, value in tags.items()})[0]
 
 
@@ -79,7 +79,7 @@ def test_crossings_areas_and_what_is_hidden() -> None:
         GroundFeature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
     )
     around = shapely.box(-50, -50, 50, 50)
-    ground = block_ground([Centrelines(None, (), ground=features[::-1])], UTM, around, around)
+    ground = build_block_ground([CentrelinesAndGround(None, (), ground=features[::-1])], UTM, around, around)
     assert [(way.id, way.kind) for way in ground.ways] == [("w1", "road"), ("w2", "road"), ("n3", "crossing")]
     assert [way.width for way in ground.ways[:2]] == [6.0, 6.0]  # the kerb of a street runs on
     assert ground.ways[1].line.bounds[2] == 50.0

@@ -14,19 +14,31 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from catalogs.block.corrections import LINE_KEYS, Correction, Corrections, add_corrections
-from catalogs.block.digest import block_digest, geometry_digest
-from catalogs.block.extract import read_extract, write_extract
-from catalogs.block.keys import MaterialSettings, SunSettings, TextureSettings
+from catalogs.block.corrections import LINE_KEYS, Correction, Corrections, append_corrections_to_file
+from catalogs.block.digest import block_digest, plan_input_digest
+from catalogs.block.extract import read_city_part_file, write_city_part_file
+from catalogs.block.keys import MaterialPictureSettings, SunSettings, TextureSettings
 from catalogs.block.part import CityPart
-from catalogs.block.reader import Block, part_values
+from catalogs.block.reader import Block, city_part_file_values
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import FETCH_LOG_KEYS, FetchedPicture, read_fetch_log
-from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.aerial import Orthophoto
 from catalogs.readers.pictures.materials import MaterialPicture
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.core.types import Area, Building, Elevation, Finish, Ground, ModelFiles, Pose, Roof, Shell, Street, Way
+from facade_core.core.types import (
+    Building,
+    BuildingFinish,
+    BuildingShell,
+    ElevationRaster,
+    GroundArea,
+    GroundWay,
+    MappedGround,
+    Pose,
+    Roof,
+    Street,
+    TrainedModelFiles,
+)
 
 
 def small_block(folder: Path) -> Block:
@@ -36,12 +48,12 @@ def small_block(folder: Path) -> Block:
         (folder / name).write_bytes(bytes([number, 7]))
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.5]], np.float64)
     triangles, uv = np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2), np.float32)
-    shell = Shell(corners, triangles, np.zeros(1, np.uint8), np.array([0], np.int32), uv)
-    roof, finish = Roof("gabled", 3.5, 90.0, True, 30.0, 0.5), Finish((1, 2, 3), None, "brick", "slate")
+    shell = BuildingShell(corners, triangles, np.zeros(1, np.uint8), np.array([0], np.int32), uv)
+    roof, finish = Roof("gabled", 3.5, 90.0, True, 30.0, 0.5), BuildingFinish((1, 2, 3), None, "brick", "slate")
     house = Building("a", shapely.box(0, 0, 10, 8), 7.25, "height", 2, "A", 1.5, roof, None, finish, 0.5, "whole")
     model = Building("b", shapely.box(20, 0, 30, 8), 9.0, "model", shell=shell)
     line = shapely.LineString([(0, -5), (30, -5)])
-    way = Way("w", line, "road", 6.5, "asphalt", False, 2, True, (2.5, 0.0), (0.0, 2.1), 3)
+    way = GroundWay("w", line, "road", 6.5, "asphalt", False, 2, True, (2.5, 0.0), (0.0, 2.1), 3)
     outline = shapely.box(-50, -50, 80, 80)
     return Block(
         name="small",
@@ -50,15 +62,15 @@ def small_block(folder: Path) -> Block:
         streets=(Street("s1", "High Street", line),),
         shops=((5.0, 0.0),),
         entrances=((2.0, 0.0),),
-        ground=Ground((way,), (Area("g", shapely.multipolygons([outline]), "grass"),), outline),
-        terrain=Elevation(-1.0, 9.0, 2.0, np.array([[1, 2], [3, np.nan]], np.float32)),
+        ground=MappedGround((way,), (GroundArea("g", shapely.multipolygons([outline]), "grass"),), outline),
+        terrain=ElevationRaster(-1.0, 9.0, 2.0, np.array([[1, 2], [3, np.nan]], np.float32)),
         exemplars=(folder / "wall.png",),
         photos={"a-0": folder / "photo.png"},
         photos_rectified=False,
         privacy="blur",
         panoramas=(PosedPanorama("p", folder / "panorama.png", Pose(5, -5, None, 12.5), "2024-05-17"),),
         textures=(folder / "texture.png",),
-        aerial=Aerial(folder / "above.png", "EPSG:32635", "EPSG:32635", "c0ffee"),
+        aerial=Orthophoto(folder / "above.png", "EPSG:32635", "EPSG:32635", "c0ffee"),
         roof_material=(folder / "tiles.png", 0.01),
         materials=(MaterialPicture("slabs", folder / "tiles.png", 0.8),),
         texture=TextureSettings(walls="translate", sun=SunSettings(azimuth=135, elevation=40.5)),
@@ -71,33 +83,35 @@ def small_block(folder: Path) -> Block:
         digest="",
         corrections=Corrections({"a-0": {"facade": Correction("a-0", "facade", False, (24.9, 60.2), 8.0, "anna")}}),
         part=CityPart(("a",), ("s1",), (model,), ("High Street", "High Street"), (1, -1)),
-        models=ModelFiles(parser=folder / "parser.onnx"),
+        models=TrainedModelFiles(parser=folder / "parser.onnx"),
     )
 
 
 def test_digests_are_pinned(tmp_path: Path) -> None:
     block = small_block(tmp_path)
     assert block_digest(block) == "90e82d2441a3851481c96590c215a3d476a4cd20c2a5c39d650ad9b5d8f74b26"
-    assert geometry_digest(block) == "2f03118a3c0144d442caae07c4f35a85a461baa25ed7a47bc2f7d798553874dc"
-    alone = replace(block, corrections=Corrections(), part=None, models=ModelFiles(), aerial=None, roof_material=None)
+    assert plan_input_digest(block) == "2f03118a3c0144d442caae07c4f35a85a461baa25ed7a47bc2f7d798553874dc"
+    alone = replace(
+        block, corrections=Corrections(), part=None, models=TrainedModelFiles(), aerial=None, roof_material=None
+    )
     assert block_digest(alone) == "17f0009247c149c5f95b741763383441538760cd5749995da7bcc398286fd275"
-    assert geometry_digest(alone) == "2ea05933b5eb5c88d32c3778573588e29bcc971c75da7935eac67e110c6140af"
+    assert plan_input_digest(alone) == "2ea05933b5eb5c88d32c3778573588e29bcc971c75da7935eac67e110c6140af"
 
 
 def test_another_version_of_the_schemas_changes_digests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     block = small_block(tmp_path)
-    before = block_digest(block), geometry_digest(block)
+    before = block_digest(block), plan_input_digest(block)
     monkeypatch.setattr("catalogs.block.digest.SCHEMA_VERSION", 2)
-    assert not {block_digest(block), geometry_digest(block)} & set(before)
+    assert not {block_digest(block), plan_input_digest(block)} & set(before)
 
 
 def test_the_text_of_a_part_file_is_pinned(tmp_path: Path) -> None:
     block = small_block(tmp_path)
-    write_extract(tmp_path / "part.npz", part_values(block, block))
+    write_city_part_file(tmp_path / "part.npz", city_part_file_values(block, block))
     with np.load(tmp_path / "part.npz") as arrays:
         content = arrays["text"].tobytes() + arrays["blob"].tobytes()
     assert hashlib.sha256(content).hexdigest() == "e0e97afaa77ad1ae39dc4a17d915a5a8efdd1e2c1ac16ada2d86fbea49ac3e10"
-    values = read_extract(tmp_path / "part.npz")
+    values = read_city_part_file(tmp_path / "part.npz")
     again = replace(block, **{name: value for name, value in values.items() if name not in ("crs", "extent")})
     assert block_digest(again) == block_digest(block)
 
@@ -105,7 +119,7 @@ def test_the_text_of_a_part_file_is_pinned(tmp_path: Path) -> None:
 def test_the_keys_of_a_correction_line_are_pinned(tmp_path: Path) -> None:
     place = (24.9, 60.2)
     one = Correction("a-0", "hide", ((0.1, 0.2, 0.3, 0.4),), place, 8.5, "anna", "2026-11-25T10:00:00Z", "a van")
-    add_corrections(tmp_path / "block.yaml", [one])
+    append_corrections_to_file(tmp_path / "block.yaml", [one])
     [line] = (tmp_path / "block.corrections.jsonl").read_text().splitlines()
     assert line == (
         '{"id": "a-0", "what": "hide", "value": [[0.1, 0.2, 0.3, 0.4]], "place": [24.9, 60.2], "width": 8.5, '
@@ -150,8 +164,8 @@ def test_every_field_is_serialised_or_named_as_omitted() -> None:
 
 
 def test_every_class_that_a_block_reaches_has_a_schema() -> None:
-    """`MaterialSettings` is replaced before hashing, and `Corrections` and `Models` are hashed by functions of their own."""
-    handled = {Block, Correction, Corrections, MaterialSettings, ModelFiles}
+    """`MaterialPictureSettings` is replaced before hashing; `Corrections` and `Models` have functions of their own."""
+    handled = {Block, Correction, Corrections, MaterialPictureSettings, TrainedModelFiles}
     waiting, reached = [Block], set()
     while waiting:
         cls = waiting.pop()

@@ -11,8 +11,8 @@ import shapely
 from pyproj import CRS
 from shapely import LineString, Point, box
 
-from catalogs.block.streets import block_streets
-from catalogs.features import Centreline, Centrelines, Fault
+from catalogs.block.streets import build_block_streets
+from catalogs.features import Centreline, CentrelinesAndGround, Fault
 
 UTM = CRS.from_epsg(32635)
 X, Y = 385_000.0, 6_671_000.0
@@ -34,7 +34,7 @@ BROKEN = (
 
 
 def test_broken_lines_are_faults_with_a_reason_and_the_rest_stays() -> None:
-    streets, faults = block_streets(Centrelines("EPSG:32635", (*BROKEN, GOOD)), UTM, area=None)
+    streets, faults = build_block_streets(CentrelinesAndGround("EPSG:32635", (*BROKEN, GOOD)), UTM, area=None)
     assert [(street.id, street.name) for street in streets] == [("s1", "High Street")]
     assert [fault.id for fault in faults] == ["w2", "w3", "w4", "w5"]
     assert {fault.kind for fault in faults} == {"street"}
@@ -48,14 +48,14 @@ def test_broken_lines_are_faults_with_a_reason_and_the_rest_stays() -> None:
 
 def test_crumbs_of_clipping_are_no_faults() -> None:
     crossing = piece("w6", (-50, 99.9), (0.3, 99.9), name="Crumb")
-    streets, faults = block_streets(Centrelines("EPSG:32635", (GOOD, crossing)), UTM, area=AREA)
+    streets, faults = build_block_streets(CentrelinesAndGround("EPSG:32635", (GOOD, crossing)), UTM, area=AREA)
     assert [street.id for street in streets] == ["s1"]
     assert faults == ()
 
 
 def test_short_pieces_of_a_longer_street_are_no_faults() -> None:
     parts = (piece("w7", (0, 0), (0.5, 0), name="Lane"), piece("w8", (0.5, 0), (30, 0), name="Lane"))
-    streets, faults = block_streets(Centrelines("EPSG:32635", parts), UTM, area=None)
+    streets, faults = build_block_streets(CentrelinesAndGround("EPSG:32635", parts), UTM, area=None)
     assert [(street.id, street.line.length) for street in streets] == [("s7", 30.0)]
     assert faults == ()
 
@@ -69,31 +69,31 @@ def test_faults_outside_the_area_are_left_out() -> None:
         Fault("w21", "street", "far", Point(X - 5, Y + 5)),
         Fault("w22", "street", "nowhere"),
     )
-    source = Centrelines("EPSG:32635", (GOOD, *BROKEN, *far), stated)
-    assert [f.id for f in block_streets(source, UTM, area=AREA)[1]] == ["w2", "w3", "w4", "w5", "w20", "w22"]
-    assert len(block_streets(source, UTM, area=None)[1]) == 10
+    source = CentrelinesAndGround("EPSG:32635", (GOOD, *BROKEN, *far), stated)
+    assert [f.id for f in build_block_streets(source, UTM, area=AREA)[1]] == ["w2", "w3", "w4", "w5", "w20", "w22"]
+    assert len(build_block_streets(source, UTM, area=None)[1]) == 10
 
 
 def test_order_of_the_pieces_does_not_matter() -> None:
     items = [GOOD, *BROKEN, piece("w9", (90, 10), (95, 50), name="High Street")]
-    expected = block_streets(Centrelines("EPSG:32635", tuple(items)), UTM, area=AREA)
+    expected = build_block_streets(CentrelinesAndGround("EPSG:32635", tuple(items)), UTM, area=AREA)
     random.Random(2).shuffle(items)
-    assert repr(block_streets(Centrelines("EPSG:32635", tuple(items)), UTM, area=AREA)) == repr(expected)
+    assert repr(build_block_streets(CentrelinesAndGround("EPSG:32635", tuple(items)), UTM, area=AREA)) == repr(expected)
 
 
 def test_a_source_without_a_frame_is_in_the_blocks() -> None:
-    assert block_streets(Centrelines(None, (GOOD,)), UTM, area=AREA)[0][0].line.equals(GOOD.line)
-    assert block_streets(Centrelines(None, ()), UTM, area=AREA) == ((), ())
+    assert build_block_streets(CentrelinesAndGround(None, (GOOD,)), UTM, area=AREA)[0][0].line.equals(GOOD.line)
+    assert build_block_streets(CentrelinesAndGround(None, ()), UTM, area=AREA) == ((), ())
 
 
 def test_what_the_frame_cannot_hold_is_a_fault() -> None:
     lost = replace(GOOD, line=LineString([(25.0, 60.0), (25.0, 2000.0)]))
-    streets, faults = block_streets(Centrelines("EPSG:4326", (lost,)), UTM, area=None)
+    streets, faults = build_block_streets(CentrelinesAndGround("EPSG:4326", (lost,)), UTM, area=None)
     assert streets == ()
     assert "the block's frame cannot hold" in faults[0].reason
 
 
 @pytest.mark.parametrize("name", [None, ""])
 def test_nameless_streets_stay_nameless(name: str | None) -> None:
-    streets, _ = block_streets(Centrelines(None, (replace(GOOD, name=name),)), UTM, area=None)
+    streets, _ = build_block_streets(CentrelinesAndGround(None, (replace(GOOD, name=name),)), UTM, area=None)
     assert streets[0].name is None

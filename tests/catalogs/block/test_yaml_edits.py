@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.block.yaml_edits import add_imagery
+from catalogs.block.yaml_edits import add_imagery_entry
 
 NAMED = {"path": "panoramas", "poses": "panoramas/poses.json"}
 
@@ -24,7 +24,7 @@ NAMED = {"path": "panoramas", "poses": "panoramas/poses.json"}
 def test_the_file_names_them_and_keeps_its_lines(tmp_path: Path, text: str) -> None:
     path = tmp_path / "block.yaml"
     path.write_text(text)
-    assert add_imagery(path, "panoramas", NAMED)
+    assert add_imagery_entry(path, "panoramas", NAMED)
     before, after = yaml.safe_load(text), yaml.safe_load(path.read_text())
     assert after.pop("imagery") == {**(before.pop("imagery", None) or {}), "panoramas": NAMED}
     assert after == before
@@ -40,7 +40,7 @@ def test_the_file_names_them_and_keeps_its_lines(tmp_path: Path, text: str) -> N
 def test_one_that_is_written_in_braces_is_left_as_it_is(tmp_path: Path, text: str) -> None:
     path = tmp_path / "block.yaml"
     path.write_text(text)
-    assert not add_imagery(path, "panoramas", NAMED)
+    assert not add_imagery_entry(path, "panoramas", NAMED)
     assert path.read_text() == text
 
 
@@ -48,7 +48,7 @@ def test_a_name_is_quoted_where_yaml_wants_it(tmp_path: Path) -> None:
     path = tmp_path / "block.yaml"
     path.write_text("name: a\n")
     odd = "a: b, {c} #d"
-    assert add_imagery(path, "panoramas", {"path": odd, "poses": f"{odd}/poses.json"})
+    assert add_imagery_entry(path, "panoramas", {"path": odd, "poses": f"{odd}/poses.json"})
     assert yaml.safe_load(path.read_text())["imagery"]["panoramas"]["path"] == odd
 
 
@@ -56,7 +56,7 @@ def test_ends_of_lines_stay_and_a_link_stays_one(tmp_path: Path) -> None:
     path, link = tmp_path / "there.yaml", tmp_path / "block.yaml"
     path.write_bytes(b"name: a\nimagery:\r\n  exemplars: {path: e}\r\n")
     link.symlink_to(path)
-    assert add_imagery(link, "panoramas", NAMED)
+    assert add_imagery_entry(link, "panoramas", NAMED)
     assert link.is_symlink()
     first, second, added, last = path.read_bytes().splitlines(keepends=True)
     assert (first, second, last) == (b"name: a\n", b"imagery:\r\n", b"  exemplars: {path: e}\r\n")

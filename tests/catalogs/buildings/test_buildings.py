@@ -11,7 +11,7 @@ from catalogs.buildings.assembly import assemble_buildings
 from catalogs.buildings.heights import FALLBACK_HEIGHT_M
 from catalogs.buildings.models import shell_outline
 from catalogs.features import BuildingModel, BuildingModels, Fault, Footprint, Footprints
-from catalogs.readers.faces import Face, triangulate_faces
+from catalogs.readers.faces import PlanarFace, triangulate_faces
 
 RD = CRS.from_epsg(28992)
 
@@ -20,18 +20,22 @@ def footprint(id: str, outline: object, height: float | None = None, levels: flo
     return Footprint(id, outline, height, levels, None)
 
 
-def house(x: float, y: float, wide: float = 8.0, deep: float = 10.0, low: float = 1.0, high: float = 9.0) -> list[Face]:
+def house(
+    x: float, y: float, wide: float = 8.0, deep: float = 10.0, low: float = 1.0, high: float = 9.0
+) -> list[PlanarFace]:
     """A box without a name: four walls, a roof and a ground surface."""
     corners = np.array([[x, y], [x + wide, y], [x + wide, y + deep], [x, y + deep]])
 
     def at(z: float) -> np.ndarray:
         return np.column_stack([corners, np.full(4, z)])
 
-    walls = [Face([np.array([at(low)[i], at(low)[i - 3], at(high)[i - 3], at(high)[i]])], "wall") for i in range(4)]
-    return [*walls, Face([at(high)], "roof"), Face([at(low)[::-1]], "ground")]
+    walls = [
+        PlanarFace([np.array([at(low)[i], at(low)[i - 3], at(high)[i - 3], at(high)[i]])], "wall") for i in range(4)
+    ]
+    return [*walls, PlanarFace([at(high)], "roof"), PlanarFace([at(low)[::-1]], "ground")]
 
 
-def model(id: str, faces: list[Face], **known: float) -> BuildingModel:
+def model(id: str, faces: list[PlanarFace], **known: float) -> BuildingModel:
     shell = triangulate_faces(faces)
     assert shell is not None
     return BuildingModel(id, shell, **known)  # type: ignore[arg-type]
@@ -91,7 +95,7 @@ def test_faults_outside_the_area_are_not_told() -> None:
 
 
 def test_a_model_has_its_ground_as_outline_and_its_height_from_the_ground() -> None:
-    eaves = Face([np.array([[-1.0, -1, 9], [9, -1, 9], [9, 11, 9], [-1, 11, 9]])], "roof")
+    eaves = PlanarFace([np.array([[-1.0, -1, 9], [9, -1, 9], [9, 11, 9], [-1, 11, 9]])], "roof")
     source = BuildingModels("EPSG:28992", (model("h", [*house(0, 0)[:4], eaves, house(0, 0)[5]]),))
     (building,) = assemble_buildings([source], RD, area=None, floor_height=3.0).items
     assert building.footprint.equals(box(0, 0, 8, 10)), "the roof reaches over the walls"
@@ -102,7 +106,7 @@ def test_a_model_has_its_ground_as_outline_and_its_height_from_the_ground() -> N
 def test_an_outline_survives_triangles_that_miss_each_other_by_a_hair() -> None:
     one = np.array([[0.0, 0, 5], [10, 0, 5], [10, 10, 5]])
     two = np.array([[0.0, 0, 5], [10.0004, 10, 5], [0, 10, 5]])
-    shell = triangulate_faces([Face([one], "roof"), Face([two], "roof")])
+    shell = triangulate_faces([PlanarFace([one], "roof"), PlanarFace([two], "roof")])
     assert shell is not None
     outline = shell_outline(shell)
     assert outline.geom_type == "Polygon"
@@ -132,9 +136,9 @@ def test_models_that_cannot_be_used_are_set_aside() -> None:
 
 
 def test_what_an_earlier_file_states_is_kept_and_textures_are_counted_on() -> None:
-    face = Face([np.array([[0.0, 0, 9], [8, 0, 9], [8, 10, 9], [0, 10, 9]])], "roof", 0, [np.zeros((4, 2))])
+    face = PlanarFace([np.array([[0.0, 0, 9], [8, 0, 9], [8, 10, 9], [0, 10, 9]])], "roof", 0, [np.zeros((4, 2))])
     first = BuildingModels("EPSG:28992", (model("a", [*house(0, 0)[:4], face]),), textures=("a.jpg",))  # type: ignore[arg-type]
-    far = Face([face.rings[0] + [100, 0, 0]], "roof", 0, [np.zeros((4, 2))])
+    far = PlanarFace([face.rings[0] + [100, 0, 0]], "roof", 0, [np.zeros((4, 2))])
     second = BuildingModels(
         "EPSG:28992",
         (model("same-place", house(1, 1)), model("b", [*house(100, 0)[:4], far])),

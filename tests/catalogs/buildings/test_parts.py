@@ -8,7 +8,7 @@ from shapely import Polygon
 
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.features import Footprint, Footprints
-from facade_core.core.types import Building, Finish
+from facade_core.core.types import Building, BuildingFinish
 
 STOREY = 3.0
 ALL = shapely.box(0, 0, 40, 20)
@@ -20,7 +20,7 @@ def part(id: str, outline: Polygon, **stated: float | None) -> Footprint:
 
 
 def whole(height: float | None = None, levels: float | None = None, outline: Polygon = ALL) -> Footprint:
-    return Footprint("w", outline, height, levels, "Hall", finish=Finish(wall_colour=(1, 2, 3)))
+    return Footprint("w", outline, height, levels, "Hall", finish=BuildingFinish(wall_colour=(1, 2, 3)))
 
 
 def block(*items: Footprint) -> BlockBuildings:

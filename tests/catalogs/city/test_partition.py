@@ -9,8 +9,8 @@ import pytest
 import shapely
 from shapely import LineString
 
-from catalogs.block.segments import MIN_SEGMENT_LENGTH_M, segment_streets
-from catalogs.city.keys import check_city
+from catalogs.block.segments import MIN_SEGMENT_LENGTH_M, split_streets_at_junctions
+from catalogs.city.keys import validate_city_settings
 from catalogs.city.partition import MIN_HALO_M, halo_radius, partition_city
 from facade_core.core.types import Building, Street
 
@@ -31,17 +31,17 @@ BUILDINGS = tuple(
 
 
 def test_segments_are_all_of_their_street_and_end_at_junctions() -> None:
-    cut = segment_streets(STREETS)
+    cut = split_streets_at_junctions(STREETS)
     assert sum(one.line.length for one in cut) == pytest.approx(sum(one.line.length for one in STREETS))
     assert all(one.line.length >= MIN_SEGMENT_LENGTH_M for one in cut)
     assert len(cut) == len({one.id for one in cut}) == 14 * 6
-    (alone,) = segment_streets([Street("a", None, LineString([(0, 0), (100, 0), (200, 0)]))])
+    (alone,) = split_streets_at_junctions([Street("a", None, LineString([(0, 0), (100, 0), (200, 0)]))])
     assert alone.id == "a", "no street meets it"
 
 
 @pytest.mark.parametrize("metres", [100, 170, 300, 5000])
 def test_everything_is_of_one_block(metres: float) -> None:
-    lines = segment_streets(STREETS)
+    lines = split_streets_at_junctions(STREETS)
     cuts = partition_city(BUILDINGS, lines, block_size=metres, halo=MIN_HALO_M)
     assert sorted(one for cut in cuts for one in cut.buildings) == sorted(one.id for one in BUILDINGS)
     assert sorted(one for cut in cuts for one in cut.streets) == sorted(one.id for one in lines)
@@ -51,7 +51,7 @@ def test_everything_is_of_one_block(metres: float) -> None:
 
 
 def test_context_is_all_within_reach_and_nothing_of_its_own() -> None:
-    lines = segment_streets(STREETS)
+    lines = split_streets_at_junctions(STREETS)
     of = {one.id: one.footprint for one in BUILDINGS} | {one.id: one.line for one in lines}
     for cut in partition_city(BUILDINGS, lines, block_size=200, halo=60):
         own = shapely.union_all([of[one] for one in (*cut.buildings, *cut.streets)])
@@ -62,7 +62,7 @@ def test_context_is_all_within_reach_and_nothing_of_its_own() -> None:
 
 
 def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
-    lines = segment_streets(STREETS)
+    lines = split_streets_at_junctions(STREETS)
     before = {cut.name: cut for cut in partition_city(BUILDINGS, lines, block_size=100, halo=60)}
     more = replace(BUILDINGS[0], id="new", footprint=shapely.box(45, 45, 55, 55))
     after = {cut.name: cut for cut in partition_city([*BUILDINGS, more], lines, block_size=100, halo=60)}
@@ -72,7 +72,7 @@ def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
 
 def test_parts_of_a_house_are_of_one_block() -> None:
     parts = [replace(one, part_of="house") for one in BUILDINGS[:4]]
-    lines = segment_streets(STREETS)
+    lines = split_streets_at_junctions(STREETS)
     cuts = partition_city([*parts, *BUILDINGS[4:]], lines, block_size=100, halo=60)
     (whole,) = [cut for cut in cuts if parts[0].id in cut.buildings]
     assert {one.id for one in parts} <= set(whole.buildings)
@@ -96,4 +96,4 @@ def test_context_reaches_as_far_as_what_is_asked_for_reads() -> None:
 )
 def test_what_is_wrong_with_a_city_file_is_said_in_a_line(values: dict, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        check_city(values, Path("city.yaml"))
+        validate_city_settings(values, Path("city.yaml"))

@@ -11,8 +11,8 @@ import pystac
 import pytest
 import shapely
 
-from catalogs.city.keys import check_city
-from catalogs.city.tile_index import tile_files
+from catalogs.city.keys import validate_city_settings
+from catalogs.city.tile_index import tile_files_in_area
 from facade_core.core.errors import InputError
 
 BOXES = {"a": (24.90, 60.16, 24.92, 60.17), "b": (24.92, 60.16, 24.94, 60.17)}
@@ -68,9 +68,9 @@ def test_every_kind_of_index_names_the_same_tiles(tiles: Path) -> None:
         write_table(tiles, "i.gpkg"), write_table(tiles, "i.geojson"),
     ]  # fmt: skip
     for index in indexes:
-        found = tile_files(index, None)
+        found = tile_files_in_area(index, None)
         assert [path.name for path in found] == ["a.city.json", "b.city.json"], index
-        assert tile_files(index, [24.93, 60.161, 24.935, 60.162]) == found[1:], index
+        assert tile_files_in_area(index, [24.93, 60.161, 24.935, 60.162]) == found[1:], index
 
 
 def test_a_city_reads_the_files_of_its_index(tiles: Path) -> None:
@@ -79,7 +79,7 @@ def test_a_city_reads_the_files_of_its_index(tiles: Path) -> None:
         "name": "c", "area": [24.93, 60.161, 24.935, 60.162],
         "buildings": {"tiles": "i.parquet", "crs": "EPSG:32635"}, "streets": {"path": "s.gpkg"},
     }  # fmt: skip
-    whole = check_city(values, tiles / "city.yaml")
+    whole = validate_city_settings(values, tiles / "city.yaml")
     assert not isinstance(whole, str)
     assert whole.block_keys.buildings.path == ["tiles/b.city.json"]
     assert whole.block_keys.buildings.crs == "EPSG:32635"
@@ -96,7 +96,7 @@ def test_a_city_reads_the_files_of_its_index(tiles: Path) -> None:
 )
 def test_what_cannot_be_used_is_said_in_a_line(tiles: Path, locations: list[str], area: list | None, said: str) -> None:
     with pytest.raises(InputError, match=said) as raised:
-        tile_files(write_table(tiles, "i.parquet", location=locations), area)
+        tile_files_in_area(write_table(tiles, "i.parquet", location=locations), area)
     assert "\n" not in str(raised.value)
 
 
@@ -107,5 +107,5 @@ def test_an_index_that_is_none_is_said_in_a_line(tiles: Path) -> None:
     write_table(tiles, "nameless.parquet", tile=["a", "b"])
     for name in ("absent.json", "cut.json", "bad.json", "bad.parquet", "nameless.parquet"):
         with pytest.raises(InputError, match=name) as raised:
-            tile_files(tiles / name, None)
+            tile_files_in_area(tiles / name, None)
         assert "\n" not in str(raised.value)

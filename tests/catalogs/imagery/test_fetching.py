@@ -20,7 +20,7 @@ from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_pa
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
 from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
 from catalogs.imagery.http_client import ServiceUnavailable
-from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
+from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import stac_service
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import ImageError, InputError
@@ -32,7 +32,7 @@ GOOD = Shot("good", 7.5, 48.5, 30.0)
 def fetched(served: Imagery, folder: Path, look=lambda _: None) -> dict[str, str]:
     """Fetch all that is offered; why pictures cannot be used, by id."""
     service, account = stac_service(served.stac()), read_fetch_log(folder)
-    offers = [one for one in service.search(ImageryQuery(BOX)) if isinstance(one, RemotePanorama)]
+    offers = [one for one in service.search(PanoramaQuery(BOX)) if isinstance(one, RemotePanorama)]
     faults = fetch_panoramas(service.name, offers, account, service.download, look, lambda _: None)
     account.write_poses()
     assert not (folder / ".arriving").exists()
@@ -78,10 +78,10 @@ def _fisheye() -> bytes:
 
 def test_what_is_no_panorama_is_told_and_not_fetched_again(served: Imagery, tmp_path: Path) -> None:
     from facade_core.imagery.rectify.fisheye import is_fisheye
-    from tasks.stages.shared.images import read_image
+    from tasks.stages.shared.images import read_image_and_mask
 
     def look(path: Path) -> None:
-        if is_fisheye(read_image(path)[0]):
+        if is_fisheye(read_image_and_mask(path)[0]):
             raise ImageError("is of a fisheye lens; leave it out")
 
     whole = jpeg(128, 256)

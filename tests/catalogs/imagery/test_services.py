@@ -15,7 +15,7 @@ from benchmarks.imagery_server import Imagery, Shot
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
+from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import TOKEN_VARIABLE, ImageryService, mapillary_service, resolve_service, stac_service
 from facade_core.core.errors import InputError
 
@@ -23,9 +23,9 @@ BOX = (7.0, 48.0, 8.0, 49.0)
 GOOD = Shot("good", 7.5, 48.5, 30.0)
 
 
-def asked(service: ImageryService, wanted: ImageryQuery | None = None) -> tuple[list[RemotePanorama], dict[str, str]]:
+def asked(service: ImageryService, wanted: PanoramaQuery | None = None) -> tuple[list[RemotePanorama], dict[str, str]]:
     """What a service offers, and why it does not offer others."""
-    found = list(service.search(wanted or ImageryQuery(BOX)))
+    found = list(service.search(wanted or PanoramaQuery(BOX)))
     faults = {one.id: one.reason for one in found if isinstance(one, Fault)}
     assert all("\n" not in reason and ";" in reason for reason in faults.values()), "one line, with the remedy"
     return [one for one in found if isinstance(one, RemotePanorama)], faults
@@ -52,13 +52,13 @@ def test_a_heading_that_geovisio_rounds_is_taken_from_the_tag_beside_it(served: 
 
 def test_a_span_of_days_is_asked_of_the_service(served: Imagery) -> None:
     served.shots = [GOOD, replace(GOOD, id="old", captured="2019-01-02")]
-    offers, _ = asked(stac_service(served.stac()), ImageryQuery(BOX, "2023-01-01/.."))
+    offers, _ = asked(stac_service(served.stac()), PanoramaQuery(BOX, "2023-01-01/.."))
     assert [offer.id for offer in offers] == ["good"]
     for wrong in ("2023", "2023-01-01", "2023-13-01/..", "x/y"):
         with pytest.raises(InputError, match=r"--dates .* is no span; give FROM/TO"):
-            ImageryQuery(BOX, wrong)
+            PanoramaQuery(BOX, wrong)
     with pytest.raises(InputError, match="is no box"):
-        ImageryQuery((8.0, 48.0, 7.0, 49.0))
+        PanoramaQuery((8.0, 48.0, 7.0, 49.0))
 
 
 def test_what_cannot_be_used_is_told_and_the_rest_goes_on(served: Imagery) -> None:
@@ -75,7 +75,7 @@ def test_what_cannot_be_used_is_told_and_the_rest_goes_on(served: Imagery) -> No
     assert faults["no-licence"].startswith("states no licence; ask who took it")
     assert faults["no-copies"].startswith("is under CC-BY-ND-4.0, which forbids changed copies")
     assert "at most 3600" in faults["turned"]
-    offers, faults = asked(stac_service(served.stac()), ImageryQuery(BOX, licence="CC0-1.0"))
+    offers, faults = asked(stac_service(served.stac()), PanoramaQuery(BOX, licence="CC0-1.0"))
     assert {offer.id: offer.licence for offer in offers} == {"good": "CC-BY-SA-4.0", "no-licence": "CC0-1.0"}
     assert set(faults) == {"no-heading", "no-copies", "turned"}
 
@@ -147,7 +147,7 @@ def test_mapillary_wants_a_token_that_is_nowhere_to_be_found_afterwards(
     with pytest.raises(InputError, match=f"Mapillary wants a token: set {TOKEN_VARIABLE}"):
         asked(mapillary_service(served.address))
     monkeypatch.setenv(TOKEN_VARIABLE, "MLY|17|secret")
-    service, near = mapillary_service(served.address), ImageryQuery((7.49, 48.49, 7.51, 48.51))
+    service, near = mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51))
     with caplog.at_level(logging.DEBUG):
         offers, faults = asked(service, near)
         account = read_fetch_log(tmp_path / "pictures")
@@ -167,7 +167,7 @@ def test_mapillary_is_asked_small_boxes(served: Imagery, monkeypatch: pytest.Mon
     """It refuses those of more than 0.01 square degrees."""
     monkeypatch.setenv(TOKEN_VARIABLE, "MLY|17|secret")
     served.shots = [replace(GOOD, id=f"p{i}", lon=7.0 + 0.011 * i, lat=48.05) for i in range(15)]
-    offers, _ = asked(mapillary_service(served.address), ImageryQuery((7.0, 48.0, 7.16, 48.06)))
+    offers, _ = asked(mapillary_service(served.address), PanoramaQuery((7.0, 48.0, 7.16, 48.06)))
     assert {offer.id for offer in offers} == {shot.id for shot in served.shots[:15]}
     assert served.asked["/images"] == 8
 
@@ -188,7 +188,7 @@ def test_pages_of_mapillary_are_followed_without_the_token_that_their_addresses_
 
     served.faults["/images"] = paged
     with caplog.at_level(logging.DEBUG):
-        offers, faults = asked(mapillary_service(served.address), ImageryQuery((7.49, 48.49, 7.51, 48.51)))
+        offers, faults = asked(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51)))
     assert [offer.id for offer in offers] == ["good", "second"]
     assert ["pages without end (page 3" in reason for reason in faults.values()] == [True]
     assert not any("secret" in path for path in seen)
@@ -201,7 +201,7 @@ def test_mapillary_is_asked_for_a_span_of_days(served: Imagery, monkeypatch: pyt
     served.shots = [replace(GOOD, id=day, captured=day) for day in days]
     spans = {"2023-12-31/..": days[1:], "../2019-12-31": days[:1], "2023-01-01/2023-12-31": days[1:2], "../..": days}
     for span, expected in spans.items():
-        offers, _ = asked(mapillary_service(served.address), ImageryQuery((7.49, 48.49, 7.51, 48.51), span))
+        offers, _ = asked(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51), span))
         assert sorted(offer.id for offer in offers) == list(expected)
 
 
@@ -215,7 +215,7 @@ def test_a_folder_is_a_service_too(tmp_path: Path) -> None:
         "elsewhere.jpg": {"lon": 9.5, "lat": 48.5, "heading": 0.0},
     }
     (folder / "poses.json").write_text(json.dumps({"poses": poses}))
-    (offer,), faults = asked(resolve_service(str(folder)), ImageryQuery(BOX, licence="mine", frame="EPSG:32632"))
+    (offer,), faults = asked(resolve_service(str(folder)), PanoramaQuery(BOX, licence="mine", frame="EPSG:32632"))
     assert (offer.id, offer.captured, offer.licence, offer.pose.z) == ("posed", "2024-05-17", "mine", 140.0)
     assert (offer.pose.x, offer.pose.y, offer.pose.heading) == pytest.approx((7.5, 48.5, 12.0), abs=0.01)
     assert list(faults) == ["unposed.jpg"]

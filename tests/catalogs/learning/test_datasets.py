@@ -12,11 +12,11 @@ from catalogs.learning.datasets import (
     LABELMEFACADE,
     RECIPES,
     RUEMONGE,
-    read_artdeco,
+    read_artdeco_facades,
     read_dataset,
-    read_ecp,
-    read_swiss,
-    split_facades,
+    read_ecp_facades,
+    read_swiss_street_photos,
+    split_facades_for_training,
 )
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import UNKNOWN, FacadeClass
@@ -35,7 +35,7 @@ def write(folder, name, label_map, size=None):
 def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
     write(tmp_path, "b", np.array([[1, 7], [255, 4]], np.uint8))
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
-    first, second = read_ecp(tmp_path)
+    first, second = read_ecp_facades(tmp_path)
     assert (first.name, second.name) == ("a", "b")
     assert first.image.shape == (3, 2, 3)
     assert second.labels.tolist() == [[FacadeClass.WINDOW, FacadeClass.ROOF], [UNKNOWN, FacadeClass.ROOF]]
@@ -107,7 +107,7 @@ def swiss_folder(tmp_path):
 
 
 def test_polygons_small_over_large(swiss_folder):
-    (photo,) = read_swiss(swiss_folder)
+    (photo,) = read_swiss_street_photos(swiss_folder)
     assert photo.name == "one"
     assert (photo.labels[22, 25], photo.occluder[22, 25]) == (UNKNOWN, 1)  # the tree
     assert (photo.labels[27, 22], photo.occluder[27, 22]) == (
@@ -137,27 +137,27 @@ def test_refuses_other_polygons(swiss_folder, change):
     path = swiss_folder / "annotations.coco.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(InputError, match=r"annotations\.coco\.json: .*fetch"):
-        list(read_swiss(swiss_folder))
+        list(read_swiss_street_photos(swiss_folder))
 
 
 def test_refuses_a_missing_photo_or_list(swiss_folder, tmp_path_factory):
     (swiss_folder / "one.jpg").unlink()
     with pytest.raises(ImageError, match=r"one\.jpg"):
-        list(read_swiss(swiss_folder))
+        list(read_swiss_street_photos(swiss_folder))
     with pytest.raises(InputError, match="fetch the file again"):
-        list(read_swiss(tmp_path_factory.mktemp("empty")))
+        list(read_swiss_street_photos(tmp_path_factory.mktemp("empty")))
 
 
 def test_refuses_an_empty_folder(tmp_path):
     with pytest.raises(InputError, match="no images"):
-        list(read_ecp(tmp_path))
+        list(read_ecp_facades(tmp_path))
 
 
 def test_refuses_half_a_pair(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "labels" / "a.png").rename(tmp_path / "labels" / "other.png")
     with pytest.raises(InputError, match="a has an image or a label map"):
-        list(read_artdeco(tmp_path))
+        list(read_artdeco_facades(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -171,14 +171,14 @@ def test_refuses_half_a_pair(tmp_path):
 def test_refuses_label_maps_that_do_not_fit(tmp_path, label_map, size, message):
     write(tmp_path, "a", label_map, size)
     with pytest.raises(ImageError, match=message):
-        list(read_ecp(tmp_path))
+        list(read_ecp_facades(tmp_path))
 
 
 def test_refuses_a_broken_image(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "images" / "a.jpg").write_bytes(b"nothing")
     with pytest.raises(ImageError, match=r"a\.jpg"):
-        list(read_ecp(tmp_path))
+        list(read_ecp_facades(tmp_path))
 
 
 def test_only_sets_with_a_licence_may_train():
@@ -190,14 +190,14 @@ def test_only_sets_with_a_licence_may_train():
 
 @pytest.mark.realdata
 def test_the_real_sets(data):
-    facades = list(read_ecp(data / "facades" / "ecp"))
-    training, held_out = split_facades(facades)
+    facades = list(read_ecp_facades(data / "facades" / "ecp"))
+    training, held_out = split_facades_for_training(facades)
     assert (len(facades), len(training), len(held_out)) == (83, 66, 17)
     assert not {facade.name for facade in training} & {facade.name for facade in held_out}
     share = np.bincount(np.concatenate([facade.labels.reshape(-1) for facade in facades]), minlength=256)
     assert share[7:255].sum() == 0
     np.testing.assert_allclose(share[:7] / share.sum(), [0.468, 0.110, 0.130, 0.014, 0.075, 0.127, 0.074], atol=1e-3)
-    assert sum(1 for _ in read_artdeco(data / "facades" / "artdeco")) == 63
+    assert sum(1 for _ in read_artdeco_facades(data / "facades" / "artdeco")) == 63
 
 
 @pytest.mark.realdata
@@ -215,6 +215,6 @@ def test_every_real_set_fits_its_table(data):
             for label in np.unique(facade.labels)
         }
         assert {FacadeClass.WINDOW, UNKNOWN} <= shown
-    photos = list(islice(read_swiss(data / "streetphotos" / "swiss" / "test"), 12))
+    photos = list(islice(read_swiss_street_photos(data / "streetphotos" / "swiss" / "test"), 12))
     assert np.mean([(photo.occluder == 1).mean() for photo in photos]) > 0.02
     assert all((photo.labels == FacadeClass.WINDOW).any() for photo in photos)

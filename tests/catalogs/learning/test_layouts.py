@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.learning.layouts import LAYOUT_LABELS, read_layouts, split_layouts
+from catalogs.learning.layouts import LAYOUT_LABELS, read_layouts, split_layouts_for_training
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 
@@ -71,7 +71,7 @@ def test_missing_file_is_refused(tmp_path):
 def test_folds_part_the_layouts(tmp_path):
     path = write(tmp_path / "l.jsonl", *({"width": 1, "height": 1, "objects": []} for _ in range(7)))
     records = list(read_layouts(path))
-    train, held_out = split_layouts(records, 1)
+    train, held_out = split_layouts_for_training(records, 1)
     assert [r.name for r in held_out] == ["layout#2", "layout#7"]
     assert len(train) == 5
 

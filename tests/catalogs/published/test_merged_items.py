@@ -12,7 +12,7 @@ import pytest
 
 from catalogs.published import merged_items
 from catalogs.published.items import write_items
-from catalogs.published.merged_items import merge_run_items, read_merged_items
+from catalogs.published.merged_items import merge_run_items, read_merged_items_headers
 from catalogs.published.runs import PublishedRun
 from catalogs.query import execution
 from catalogs.query.execution import query
@@ -66,17 +66,17 @@ def test_only_the_files_of_runs_that_changed_are_written(
 ) -> None:
     monkeypatch.setattr(merged_items, "RUNS_PER_FILE", 2)
     merge_run_items(tmp_path, runs)
-    files = {one.path.name: (one.path.stat().st_ino, sorted(one.runs)) for one in read_merged_items(tmp_path)}
+    files = {one.path.name: (one.path.stat().st_ino, sorted(one.runs)) for one in read_merged_items_headers(tmp_path)}
     assert [of for _, of in files.values()] == [["blocks/x0", "blocks/x1"], ["blocks/x2", "blocks/x3"]]
     (tmp_path / "blocks" / "x3" / "published" / "A").rename(tmp_path / "blocks" / "x3" / "published" / "B")
     (tmp_path / "blocks" / "x3" / "current").write_text("B\n")
     merge_run_items(tmp_path, [*runs[:3], (runs[3][0], "B"), publish(tmp_path, "x4", "A", 8)])
-    after = {one.path.name: (one.path.stat().st_ino, sorted(one.runs)) for one in read_merged_items(tmp_path)}
+    after = {one.path.name: (one.path.stat().st_ino, sorted(one.runs)) for one in read_merged_items_headers(tmp_path)}
     assert len(after) == 3
     assert after["00000.parquet"] == files["00000.parquet"]
     assert after["00001.parquet"][0] != files["00001.parquet"][0]
     merge_run_items(tmp_path, [(runs[3][0], "B")])
-    assert [sorted(one.runs) for one in read_merged_items(tmp_path)] == [["blocks/x3"]]
+    assert [sorted(one.runs) for one in read_merged_items_headers(tmp_path)] == [["blocks/x3"]]
 
 
 def test_a_catalogue_that_does_not_fit_the_others_is_not_joined(tmp_path: Path, runs: list) -> None:
@@ -85,7 +85,7 @@ def test_a_catalogue_that_does_not_fit_the_others_is_not_joined(tmp_path: Path, 
     pq.write_table(table.append_column("floors", pa.array(["five"] * len(table))), path)
     (tmp_path / "blocks" / "x2" / "published" / "A" / "items.parquet").write_bytes(b"cut")
     merge_run_items(tmp_path, runs)
-    assert [sorted(one.runs) for one in read_merged_items(tmp_path)] == [["blocks/x0", "blocks/x3"]]
+    assert [sorted(one.runs) for one in read_merged_items_headers(tmp_path)] == [["blocks/x0", "blocks/x3"]]
     notes: list[str] = []
     assert set(query(tmp_path, on_left_out=notes.append).run) == {"blocks/x0", "blocks/x3"}
     assert len(notes) == 2
@@ -96,4 +96,4 @@ def test_a_damaged_file_is_none(tmp_path: Path, runs: list) -> None:
     (tmp_path / "items" / "00000.parquet").write_bytes(b"PAR1")
     assert len(query(tmp_path)) == 8
     merge_run_items(tmp_path, runs)
-    assert len(read_merged_items(tmp_path)[0].runs) == 4
+    assert len(read_merged_items_headers(tmp_path)[0].runs) == 4

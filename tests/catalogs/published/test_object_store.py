@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.published import object_store
-from catalogs.published.s3 import S3Folder
+from catalogs.published.s3 import S3Path
 from facade_core.core.errors import InputError
 from tests.bucket import KEY, SECRET, served
 
@@ -25,7 +25,7 @@ def test_keys_may_be_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             tag = object_store.upload_if_unchanged("profiles/a", b"1", None)
             assert object_store.download_object("profiles/a") == (b"1", tag)
             assert object_store.list_objects("profiles").keys() == {"a"}
-            assert S3Folder("profiles/a").read_text() == "1"
+            assert S3Path("profiles/a").read_text() == "1"
             with pytest.raises(InputError, match="no such bucket"):
                 object_store.upload_object("nobody-has-this/a", b"")
         finally:

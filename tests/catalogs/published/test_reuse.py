@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.published.file_list import find_damage, write_file_list
-from catalogs.published.reuse import SnapshotFiles
+from catalogs.published.file_list import find_snapshot_damage, write_file_list
+from catalogs.published.reuse import SnapshotFileWriter
 
 
 def never() -> bytes:
@@ -17,9 +17,9 @@ def never() -> bytes:
 
 def published(
     folder: Path, earlier: Path | None, *, doubted: bool = False, **files: tuple[str, Callable[[], bytes]]
-) -> SnapshotFiles:
+) -> SnapshotFileWriter:
     folder.mkdir()
-    made = SnapshotFiles(folder, earlier, doubted)
+    made = SnapshotFileWriter(folder, earlier, doubted)
     for name, (of, data) in files.items():
         made.add_file(f"pages/{name}", of, data)
     write_file_list(folder, None, (), source_digests=made.source_digests, known=made.linked)
@@ -40,7 +40,7 @@ def test_what_is_made_of_the_same_is_linked(tmp_path: Path) -> None:
     assert list(made.linked) == ["pages/b"]
     published(third, second, a=("x2", never), b=("y", never))
     assert is_linked("b", first, second, third)
-    assert find_damage(third, thorough=True) is None
+    assert find_snapshot_damage(third, thorough=True) is None
 
 
 @pytest.mark.parametrize("doubted", [False, True])
@@ -69,6 +69,6 @@ def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubt
 
 def test_what_could_not_be_published_is_amiss(tmp_path: Path) -> None:
     write_file_list(tmp_path, None, ())
-    assert find_damage(tmp_path) is None
+    assert find_snapshot_damage(tmp_path) is None
     write_file_list(tmp_path, None, (), failures={"report": "no room"})
-    assert find_damage(tmp_path) == "report could not be published: no room"
+    assert find_snapshot_damage(tmp_path) == "report could not be published: no room"

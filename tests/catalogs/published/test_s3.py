@@ -18,8 +18,8 @@ from click.testing import CliRunner
 from pyarrow.dataset import dataset, field
 
 import catalogs
-from catalogs.published.s3 import S3Folder, folder_at, s3_filesystem
-from catalogs.published.s3_copy import copy_run, put_object
+from catalogs.published.s3 import S3Path, folder_at, s3_filesystem
+from catalogs.published.s3_copy import copy_run_to_bucket, put_object
 from catalogs.query.execution import _filtered_dataset, query
 from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
@@ -127,7 +127,7 @@ def test_conditions_are_as_safe_there(bucket: str, runs: Path, where: str, words
 def test_row_groups_outside_the_box_are_not_fetched(bucket: str, tmp_path: Path) -> None:
     rows = [row(f"w{i}-f0", i % 5) | {"geometry": row("x", i % 5)["geometry"]} for i in range(5)]
     table = pq.read_table(publish(tmp_path, rows) / "items.parquet").sort_by("xmin")
-    path = S3Folder("city/grouped.parquet")
+    path = S3Path("city/grouped.parquet")
     with s3_filesystem().open_output_stream(path.path) as stream:
         pq.write_table(table, stream, row_group_size=1)
     found = _filtered_dataset(path, table.schema, [WEST, 0, 90, 90], datetime(2026, 11, 5, tzinfo=UTC))
@@ -183,19 +183,19 @@ def test_the_catalogue_in_the_bucket_is_whole(bucket: str, runs: Path) -> None:
 
 
 def test_what_is_there_is_not_sent_again_and_the_pointer_comes_last(bucket: str, tmp_path: Path) -> None:
-    out, target = make_run(tmp_path / "out", 2), S3Folder("city/again")
-    first = copy_run(out, target)
+    out, target = make_run(tmp_path / "out", 2), S3Path("city/again")
+    first = copy_run_to_bucket(out, target)
     order: list[str] = []
 
-    def put(place: S3Folder, name: str, data: bytes) -> None:
+    def put(place: S3Path, name: str, data: bytes) -> None:
         order.append(name)
         put_object(place, name, data)
 
-    assert copy_run(out, target, put=put) < first
+    assert copy_run_to_bucket(out, target, put=put) < first
     assert not [name for name in order if name.endswith((".parquet", ".webp")) or "/chunks/" in name]
     order.clear()
     publish(out, [row("w0-f0"), row("w1-f0", 1)], "NEXT", predecessor=(out / "current").read_text().strip())
-    copy_run(out, target, put=put)
+    copy_run_to_bucket(out, target, put=put)
     assert order[-2:] == ["current", "catalog.json"]
     last_data = max(i for i, name in enumerate(order) if name.startswith("published/"))
     assert last_data < min(i for i, name in enumerate(order) if name.startswith("store/refs"))
@@ -203,17 +203,17 @@ def test_what_is_there_is_not_sent_again_and_the_pointer_comes_last(bucket: str,
 
 
 def test_a_copy_that_breaks_off_leaves_the_old_snapshot(bucket: str, tmp_path: Path) -> None:
-    out, target = make_run(tmp_path / "out", 2), S3Folder("city/broken")
-    copy_run(out, target)
+    out, target = make_run(tmp_path / "out", 2), S3Path("city/broken")
+    copy_run_to_bucket(out, target)
     publish(out, [row("w0-f0")], "NEXT")
 
-    def put(place: S3Folder, name: str, data: bytes) -> None:
+    def put(place: S3Path, name: str, data: bytes) -> None:
         if name.endswith("items.parquet"):
             raise InputError("the line is cut")
         put_object(place, name, data)
 
     with pytest.raises(InputError, match="the line is cut"):
-        copy_run(out, target, put=put)
+        copy_run_to_bucket(out, target, put=put)
     assert len(query(str(target), where="kind = 'facade'")) == 2
 
 

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 
 from catalogs.published.snapshot import (
-    Snapshot,
+    SnapshotFolder,
     current_snapshot,
     find_current_snapshot,
     set_current_snapshot,
-    snapshot_at,
+    snapshot_folder,
 )
 from facade_core.core.errors import InputError, StoreError
 
 
-def published(out: Path, id: str) -> Snapshot[Path]:
+def published(out: Path, id: str) -> SnapshotFolder[Path]:
     """A snapshot with the files by which one is known."""
-    snapshot = snapshot_at(out, id)
+    snapshot = snapshot_folder(out, id)
     snapshot.folder.mkdir(parents=True)
     snapshot.items.touch()
     snapshot.summary.write_text('{"block": "b"}')
@@ -35,7 +35,7 @@ def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
         assert current_snapshot(tmp_path) == find_current_snapshot(tmp_path) == snapshot
         assert (snapshot.id, snapshot.out) == (snapshot.folder.name, tmp_path)
     assert [path.name for path in tmp_path.glob("*current*")] == ["current"]
-    assert second.read_outcome() == {
+    assert second.read_run_summary() == {
         "block": "b",
         "outputs": {
             "glb": [f"{tmp_path}/published/TWO/block.glb"],
@@ -76,7 +76,7 @@ def test_nobody_is_alone_where_somebody_reads(tmp_path: Path) -> None:
             assert not nobody
     with snapshot.lock_exclusively() as nobody:
         assert nobody
-    with snapshot_at(tmp_path, "GONE").hold_for_reading() as gone:
+    with snapshot_folder(tmp_path, "GONE").hold_for_reading() as gone:
         assert not gone.items.is_file()
 
 

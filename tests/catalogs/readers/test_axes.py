@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.readers.axes import EARTH_RADIUS_M, Axes, resolve_axes
+from catalogs.readers.axes import EARTH_RADIUS_M, CoordinateAxes, resolve_crs_axes
 from facade_core.core.errors import InputError
 
 FILE = Path("city.gml")
@@ -37,23 +37,23 @@ COMPOUND = "http://www.opengis.net/def/crs-compound?1=http://www.opengis.net/def
     ],
 )
 def test_spellings(name: str, crs: str, horizontal: str) -> None:
-    axes, remark = resolve_axes(name, None, FILE)
+    axes, remark = resolve_crs_axes(name, None, FILE)
     assert (axes.crs, axes.horizontal_crs, remark) == (crs, horizontal, None)
 
 
 @pytest.mark.parametrize("name", ["my town", "EPSG:", "EPSG:999999", "EPSG:5709", "EPSG:12345678", "EPSG:28992+999999"])
 def test_names_that_are_not_understood(name: str) -> None:
-    assert resolve_axes(name, (1.0, 2.0), FILE) == (Axes(), "names of a CRS that are not understood")
+    assert resolve_crs_axes(name, (1.0, 2.0), FILE) == (CoordinateAxes(), "names of a CRS that are not understood")
 
 
 @pytest.mark.parametrize("name", [None, ""])
 def test_no_name_is_no_remark(name: str | None) -> None:
-    assert resolve_axes(name, (1.0, 2.0), FILE) == (Axes(), None)
+    assert resolve_crs_axes(name, (1.0, 2.0), FILE) == (CoordinateAxes(), None)
 
 
 def test_geocentric_frames_are_refused() -> None:
     with pytest.raises(InputError, match=r"city\.gml is in geocentric EPSG:4978; reproject"):
-        resolve_axes("EPSG:4978", None, FILE)
+        resolve_crs_axes("EPSG:4978", None, FILE)
 
 
 SWAPPED, FAR = "frames whose axes are swapped", "frames far from the area they are made for"
@@ -84,7 +84,7 @@ ASSUMED = "frames whose first axis is taken to be north, as EPSG defines them"
     ],
 )
 def test_order_of_axes(name: str, place: tuple[float, float], north_first: bool, remark: str | None) -> None:
-    axes, said = resolve_axes(name, place, FILE)
+    axes, said = resolve_crs_axes(name, place, FILE)
     assert (axes.north_first, said) == (north_first, remark)
 
 
@@ -100,7 +100,7 @@ def test_order_of_axes(name: str, place: tuple[float, float], north_first: bool,
     ],
 )
 def test_units_of_projected_frames(name: str, scale: float, vertical: float) -> None:
-    axes, _ = resolve_axes(name, None, FILE)
+    axes, _ = resolve_crs_axes(name, None, FILE)
     assert axes.metres_per_unit == pytest.approx((scale, scale))
     assert axes.metres_per_height_unit == pytest.approx(vertical)
 
@@ -111,7 +111,7 @@ def test_units_of_projected_frames(name: str, scale: float, vertical: float) -> 
      ("EPSG:4979", (35.5, 139.8)), ("OGC:CRS84", (139.8, 35.5))],
 )  # fmt: skip
 def test_units_of_degrees(name: str, place: tuple[float, float]) -> None:
-    axes, _ = resolve_axes(name, place, FILE)
+    axes, _ = resolve_crs_axes(name, place, FILE)
     degree = EARTH_RADIUS_M * math.pi / 180
     assert axes.metres_per_unit == pytest.approx((degree * math.cos(math.radians(35.5)), degree))
     assert axes.metres_per_height_unit == 1.0
@@ -119,6 +119,6 @@ def test_units_of_degrees(name: str, place: tuple[float, float]) -> None:
 
 def test_points_come_out_east_first_in_metres_of_height() -> None:
     points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    assert Axes().to_east_north_up(points).tolist() == points.tolist()
-    feet = Axes(north_first=True, metres_per_height_unit=0.5)
+    assert CoordinateAxes().to_east_north_up(points).tolist() == points.tolist()
+    feet = CoordinateAxes(north_first=True, metres_per_height_unit=0.5)
     assert feet.to_east_north_up(points).tolist() == [[2.0, 1.0, 1.5], [5.0, 4.0, 3.0]]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.readers.faces import Face, triangulate_faces
-from facade_core.core.types import SEMANTICS, Shell
+from catalogs.readers.faces import PlanarFace, triangulate_faces
+from facade_core.core.types import SEMANTICS, BuildingShell
 
 WALL = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]], np.float64)
 HOLE = np.array([[1, 0, 1], [1, 0, 2], [2, 0, 2], [2, 0, 1]], np.float64)
@@ -19,13 +19,13 @@ def turned(angle: float, axis: str = "z") -> np.ndarray:
     return matrix if axis == "z" else np.roll(np.roll(matrix, 1, 0), 1, 1)
 
 
-def areas(shell: Shell) -> np.ndarray:
+def areas(shell: BuildingShell) -> np.ndarray:
     """Twice the area vectors of the triangles, halved: (t, 3)."""
     a, b, c = (shell.vertices[shell.triangles[:, k]] for k in range(3))
     return np.cross(b - a, c - a) / 2
 
 
-def made(*faces: Face, scale: tuple[float, float] = (1.0, 1.0)) -> Shell:
+def made(*faces: PlanarFace, scale: tuple[float, float] = (1.0, 1.0)) -> BuildingShell:
     shell = triangulate_faces(faces, scale)
     assert shell is not None
     return shell
@@ -35,7 +35,7 @@ def made(*faces: Face, scale: tuple[float, float] = (1.0, 1.0)) -> Shell:
 @pytest.mark.parametrize("step", [1, -1])
 def test_a_wall_with_a_window_keeps_area_and_direction(rotation: np.ndarray, step: int) -> None:
     rings = [(ring @ rotation.T + FAR)[::step] for ring in (WALL, HOLE)]
-    shell = made(Face(rings, "wall"))
+    shell = made(PlanarFace(rings, "wall"))
     expected = rotation @ np.array([0.0, -11.0, 0.0]) * step
     np.testing.assert_allclose(areas(shell).sum(axis=0), expected, atol=1e-6)
     assert (areas(shell) @ expected > 0).all(), "no triangle is turned over"
@@ -46,7 +46,7 @@ def test_a_wall_with_a_window_keeps_area_and_direction(rotation: np.ndarray, ste
 def test_triangles_and_polygons_of_one_building_stay_apart() -> None:
     roof = np.array([[0, 0, 3], [4, 0, 3], [2, 2, 5.0]])
     bent = np.array([[0, 0, 0], [6, 0, 0], [6, 2, 0], [2, 2, 0], [2, 6, 0], [0, 6, 0.0]])
-    shell = made(Face([WALL], "wall"), Face([roof], "roof"), Face([bent[::-1]], "ground"))
+    shell = made(PlanarFace([WALL], "wall"), PlanarFace([roof], "roof"), PlanarFace([bent[::-1]], "ground"))
     sizes = np.linalg.norm(areas(shell), axis=1)
     by_kind = {kind: sizes[shell.semantic == SEMANTICS.index(kind)].sum() for kind in ("wall", "roof", "ground")}
     assert by_kind == pytest.approx({"wall": 12.0, "roof": 4 * np.sqrt(8) / 2, "ground": 20.0})
@@ -58,8 +58,8 @@ def test_triangles_and_polygons_of_one_building_stay_apart() -> None:
 def test_texture_coordinates_stay_with_their_corners() -> None:
     """u runs with x and v with z, so they are told from the corners again."""
     uv = [ring[:, [0, 2]] / (4.0, 3.0) for ring in (WALL, HOLE)]
-    plain = Face([WALL + np.array([0, 5, 0])], "wall")
-    shell = made(plain, Face([WALL, HOLE], "wall", 2, uv), Face([WALL + np.array([0, 9, 0])], "wall", 1))
+    plain = PlanarFace([WALL + np.array([0, 5, 0])], "wall")
+    shell = made(plain, PlanarFace([WALL, HOLE], "wall", 2, uv), PlanarFace([WALL + np.array([0, 9, 0])], "wall", 1))
     corners = shell.vertices[shell.triangles]
     textured = shell.texture == 2
     assert textured.sum() == 8
@@ -72,8 +72,10 @@ def test_faces_in_degrees_are_cut_in_metres() -> None:
     """A roof of 20 x 10 m whose corners are 0.0002 degrees apart is as good as any."""
     scale = (68_000.0, 111_000.0)
     rings = [(ring[:, [0, 2, 1]] * 5 / (*scale, 1.0)) + (4.4, 52.0, 0.0) for ring in (WALL, HOLE)]
-    shell = made(Face(rings), scale=scale)
-    metric = areas(Shell(shell.vertices * (*scale, 1.0), shell.triangles, shell.semantic, shell.texture, shell.uv))
+    shell = made(PlanarFace(rings), scale=scale)
+    metric = areas(
+        BuildingShell(shell.vertices * (*scale, 1.0), shell.triangles, shell.semantic, shell.texture, shell.uv)
+    )
     np.testing.assert_allclose(metric.sum(axis=0), [0, 0, 275.0], rtol=1e-6, atol=1e-6)
 
 
@@ -92,21 +94,23 @@ def test_faces_in_degrees_are_cut_in_metres() -> None:
     ids=["no ring", "two corners", "in a line", "bow tie", "a point", "NaN", "infinite", "outer ring broken"],
 )
 def test_a_face_without_area_is_left_out(rings: list[np.ndarray]) -> None:
-    assert triangulate_faces([Face(rings)]) is None
-    shell = made(Face(rings, "wall", 0, [np.full((len(ring), 2), 0.5) for ring in rings]), Face([WALL], "roof"))
+    assert triangulate_faces([PlanarFace(rings)]) is None
+    shell = made(
+        PlanarFace(rings, "wall", 0, [np.full((len(ring), 2), 0.5) for ring in rings]), PlanarFace([WALL], "roof")
+    )
     assert len(shell.triangles) == 2
     assert {SEMANTICS[k] for k in shell.semantic} == {"roof"}
 
 
 def test_repeated_corners_and_broken_holes_do_no_harm() -> None:
     closed = np.concatenate([WALL, WALL[:1]])[[0, 0, 1, 2, 3, 4]]
-    shell = made(Face([closed, HOLE[:2]]))
+    shell = made(PlanarFace([closed, HOLE[:2]]))
     assert np.linalg.norm(areas(shell).sum(axis=0)) == pytest.approx(12.0)
     assert triangulate_faces([]) is None
 
 
 def test_a_face_that_is_not_quite_flat_keeps_its_corners() -> None:
     wall = WALL + np.array([[0, 0, 0], [0, 0.05, 0], [0, 0, 0], [0, 0.05, 0]])
-    shell = made(Face([wall]))
+    shell = made(PlanarFace([wall]))
     assert {tuple(v) for v in shell.vertices} == {tuple(v) for v in wall}
     assert np.linalg.norm(areas(shell), axis=1).sum() == pytest.approx(12.0, abs=0.01)

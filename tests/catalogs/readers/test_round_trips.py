@@ -22,11 +22,11 @@ from shapely import LineString, Polygon
 
 from catalogs.features import BuildingModel
 from catalogs.readers.cityjson.buildings import read_cityjson
-from catalogs.readers.meshes.models import read_meshes
+from catalogs.readers.meshes.models import read_mesh_buildings
 from catalogs.readers.pictures.elevation import read_elevation
-from catalogs.readers.vectors.graphml import read_graphml
+from catalogs.readers.vectors.graphml import read_graphml_centrelines
 from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
-from catalogs.readers.walls import read_walls
+from catalogs.readers.walls import read_footprints_from_walls
 from facade_core.core.types import SEMANTICS
 from facade_core.export.attribution import Attribution
 from facade_core.export.bodies.model_face import ModelFace
@@ -161,7 +161,7 @@ def test_street_graphs(tmp_path_factory: pytest.TempPathFactory, data: st.DataOb
         expected[f"w{number}"] = (name, shapely.normalize(line))
     path = tmp_path_factory.mktemp("graph") / "streets.graphml"
     networkx.write_graphml(graph, path)
-    source = read_graphml(path)
+    source = read_graphml_centrelines(path)
     assert source.crs == FRAME
     assert not source.faults
     found = {item.id: (item.name, shapely.normalize(item.line)) for item in source.items}
@@ -192,7 +192,7 @@ def test_walls_of_bodies(tmp_path_factory: pytest.TempPathFactory, data: st.Data
         expected[name] = (outline, low, high)
     path = tmp_path_factory.mktemp("walls") / "walls.json"
     path.write_text(json.dumps({"crs": FRAME, "walls": stated}))
-    source = read_walls(path)
+    source = read_footprints_from_walls(path)
     assert source.crs == FRAME
     assert not source.faults
     assert [item.id for item in source.items] == names
@@ -244,7 +244,7 @@ def test_meshes(
         part.apply_translation(centre)
         parts.append(part)
     write_meshes(path, ids, parts)
-    source = read_meshes(path)
+    source = read_mesh_buildings(path)
     assert not source.faults
     assert source.crs == (FRAME if suffix == ".npz" else None)
     found = sorted(source.items, key=lambda model: float(model.shell.vertices[:, 0].mean()))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from shapely import box
 
-from catalogs.readers.walls import ASSUMED_DEPTH_M, read_walls
+from catalogs.readers.walls import ASSUMED_DEPTH_M, read_footprints_from_walls
 from facade_core.core.errors import InputError
 
 
@@ -23,7 +23,7 @@ def write(folder: Path, walls: object) -> Path:
 
 
 def test_walls_that_meet_are_closed_and_single_ones_get_a_body_behind_them(tmp_path: Path) -> None:
-    found = read_walls(
+    found = read_footprints_from_walls(
         write(
             tmp_path,
             {
@@ -55,7 +55,7 @@ def test_walls_that_meet_are_closed_and_single_ones_get_a_body_behind_them(tmp_p
     ],
 )
 def test_broken_walls_set_their_building_aside(tmp_path: Path, walls: object, words: str) -> None:
-    found = read_walls(write(tmp_path, {"bad": walls, "good": {"a": wall(0, 0, 20, 0)}}))
+    found = read_footprints_from_walls(write(tmp_path, {"bad": walls, "good": {"a": wall(0, 0, 20, 0)}}))
     assert [item.id for item in found.items] == ["good"]
     (fault,) = found.faults
     assert fault.id == "bad"
@@ -66,5 +66,5 @@ def test_broken_walls_set_their_building_aside(tmp_path: Path, walls: object, wo
 def test_files_of_another_kind_are_refused_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "walls.json").write_text(text)
     with pytest.raises(InputError, match=r"walls\.json") as error:
-        read_walls(tmp_path / "walls.json")
+        read_footprints_from_walls(tmp_path / "walls.json")
     assert "\n" not in str(error.value)

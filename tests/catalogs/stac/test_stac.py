@@ -24,12 +24,12 @@ from referencing.jsonschema import DRAFT7
 from shapely import LineString
 
 import catalogs
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from catalogs.published.items import ROW_KEYS, write_items
-from catalogs.published.snapshot import Snapshot
+from catalogs.published.snapshot import SnapshotFolder
 from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
-from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SnapshotFacts, SourceFact, StreetFacts
+from catalogs.stac.facts import BlockFacts, DataSourceFacts, ModelFacts, RunFacts, SnapshotFacts, StreetFacts
 from catalogs.stac.items import CITY3D, FILE, PROCESSING, PROJECTION, VERSION, ZARR
 from catalogs.stac.snapshot import write_stac
 from facade_core.core.errors import InputError
@@ -100,8 +100,8 @@ def facts(snapshot: str = "SNAP", **changes: Any) -> BlockFacts:
         "counts": {"buildings": 3, "facades_done": 4, "facades_failed": 1},
         "settings": {"texture.walls": "exemplar", "seed": 7, "geoid_separation": None},
         "sources": (
-            SourceFact("buildings.path", "city.osm.pbf", "ODbL"),
-            SourceFact("imagery.photos.path", "photos", None),
+            DataSourceFacts("buildings.path", "city.osm.pbf", "ODbL"),
+            DataSourceFacts("imagery.photos.path", "photos", None),
         ),
         "notes": ("no heights",),
     }
@@ -126,7 +126,7 @@ def publish(out: Path, rows: list[dict[str, Any]], snapshot: str = "SNAP", prede
         (folder / "report" / "images" / name).write_bytes(b"jpg")
     for one in rows:
         for stage in ("result", "level-0"):
-            (folder / "report" / "images" / f"{file_stem(one['id'])}-{stage}.webp").write_bytes(b"webp")
+            (folder / "report" / "images" / f"{safe_file_stem(one['id'])}-{stage}.webp").write_bytes(b"webp")
     write_stac(
         folder,
         rows=rows,
@@ -348,7 +348,7 @@ def test_streets(out: Path) -> None:
     assert (said["status"], said["length_m"], said["version"], said["deprecated"]) == ("done", 100, "SNAP", False)
     assert said["proj:geometry"]["coordinates"] == [[385_690, 6_671_690], [385_790, 6_671_690]]
     assert properties(out, "streets/s10.json")["reason"] == "s9 was done again"
-    assert not {"texels", "coverage", "key"} & set(properties(out, f"streets/{file_stem('s/11')}.json"))
+    assert not {"texels", "coverage", "key"} & set(properties(out, f"streets/{safe_file_stem('s/11')}.json"))
     collection = json.loads((out / "published" / "SNAP" / "stac" / "streets" / "collection.json").read_text())
     assert collection["description"].endswith(": 1 done, 1 stale, 1 unseen.")
     assert collection["summaries"]["streetloom:coverage"] == {"minimum": 0.1, "maximum": 0.83}
@@ -542,7 +542,7 @@ def test_two_that_publish_at_once(tmp_path: Path) -> None:
 
 def test_a_snapshot_published_meanwhile_is_seen(tmp_path: Path) -> None:
     """`current` changes after it was read: the catalogue is written again."""
-    found = [Snapshot(publish(tmp_path, [row("w1-f1")], snapshot)) for snapshot in ("ONE", "TWO")]
+    found = [SnapshotFolder(publish(tmp_path, [row("w1-f1")], snapshot)) for snapshot in ("ONE", "TWO")]
     answers = iter([*found, found[1]])
     write_catalog(tmp_path, find_snapshot=lambda _: next(answers))
     assert "published/TWO/stac" in (tmp_path / "catalog.json").read_text()

@@ -16,7 +16,7 @@ from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.journal import (
     atlas_digest,
     clear_record,
-    latest_digests,
+    latest_chart_digests,
     read_journal,
     read_records,
     unit_key,
@@ -33,7 +33,7 @@ from facade_core.atlas.store import (
 )
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from facade_core.core.provenance import Provenance, resolve_provenance
+from facade_core.core.provenance import Provenance, merge_atlas_layers
 from facade_core.geometry.chart_packing import pack_charts
 
 TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
@@ -138,7 +138,7 @@ def test_later_waves_decide_a_shared_chart(repository) -> None:
     group = zarr.open_group(session.store)
     write_record(group, "streets", 0, {"unit": "a", "wave": 1, "digests": {"00": "late"}})
     write_record(group, "streets", 1, {"unit": "b", "wave": 0, "digests": {"00": "early"}})
-    assert latest_digests([], read_journal(group, "streets")) == {"00": "late"}
+    assert latest_chart_digests([], read_journal(group, "streets")) == {"00": "late"}
 
 
 @pytest.mark.parametrize("name", ["atlas", "facade_maps", "panoramas", "journal"])
@@ -195,7 +195,7 @@ def test_ranks() -> None:
         [Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED, Provenance.UNSEEN, Provenance.UNSEEN], np.uint8
     )
     views = np.array([1, 1, 1, 2, 0], np.uint16)
-    colour, provenance = resolve_provenance(
+    colour, provenance = merge_atlas_layers(
         np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views
     )
     assert provenance.tolist() == [

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from facade_core.atlas.arrays import ARRAYS, create_arrays, journal_array, resize_arrays
+from facade_core.atlas.arrays import ARRAYS, create_arrays, journal_array_spec, resize_arrays
 from facade_core.atlas.rasters import write_chunks
 from facade_core.atlas.store import open_table, write_table
 from facade_core.atlas.table_schema import TABLES, TEXT, Table
@@ -47,7 +47,7 @@ def test_resized_arrays_are_those_created(
     create_arrays(created, other, after, crs="EPSG:32635", panorama_width=other_width)
     found = _metadata(resized)
     assert found == _metadata(created)
-    for array in (*ARRAYS, *map(journal_array, STAGES)):
+    for array in (*ARRAYS, *map(journal_array_spec, STAGES)):
         assert found[array.path]["dimension_names"] == array.dims
         assert found[array.path]["attributes"]["long_name"] == array.long_name
     assert resized["atlas/colour"].shape == (other.pages, other.page, other.page, 3)
@@ -65,7 +65,7 @@ def test_arrays_are_those_of_the_stores_of_before(tmp_path: Any) -> None:
     added = {"facade_maps/camera"}
     assert added.isdisjoint(dict(held.members(max_depth=None)))
     declared = [array for array in ARRAYS if array.path not in added]
-    for array in (*declared, *(journal_array(stage) for stage in STAGES if f"journal/{stage}" in held)):
+    for array in (*declared, *(journal_array_spec(stage) for stage in STAGES if f"journal/{stage}" in held)):
         before, now = (g[array.path].metadata.to_dict() for g in (held, group))
         assert before.pop("attributes").items() <= now.pop("attributes").items()
         assert before == now

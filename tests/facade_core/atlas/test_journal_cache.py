@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from facade_core.atlas.arrays import journal_array
+from facade_core.atlas.arrays import journal_array_spec
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.journal_cache import cache_journals
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.core.atlas_spec import Axis
+from facade_core.core.atlas_spec import DimensionAndChunkSize
 
 # Longer than what Icechunk keeps in manifests: each record is a file of its own.
 LONG = np.random.default_rng(0).bytes(2000).hex()
@@ -30,7 +30,7 @@ def store(tmp_path: Path) -> Iterator[Path]:
 
 def _resize(store: Path, units: int) -> None:
     session = open_repository(store).writable_session(BRANCH)
-    journal_array("facades").resize(open_root(session), {"facade": Axis(units, 1)})
+    journal_array_spec("facades").resize(open_root(session), {"facade": DimensionAndChunkSize(units, 1)})
     commit(session, "size")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.levelling import fill_unknown, fill_unknown_colours, level_seam
+from facade_core.core.levelling import fill_unknown_colours, fill_unknown_values, level_seam_colours
 
 
 def halves(left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
@@ -18,7 +18,7 @@ def halves(left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_the_seam_goes_and_the_grain_stays() -> None:
     colour, fixed = halves(150, 90)
-    levelled = level_seam(colour, fixed, ~fixed, reach=10)
+    levelled = level_seam_colours(colour, fixed, ~fixed, reach=10)
     np.testing.assert_array_equal(levelled[fixed], colour[fixed])
     assert abs(levelled[:, 40:42].mean() - levelled[:, 36:40].mean()) < 8
     change = levelled.astype(int) - colour
@@ -33,7 +33,7 @@ def test_an_offset_is_smooth_and_goes_over_from_one_border_to_another() -> None:
     fixed = np.zeros((40, 120), bool)
     fixed[:, :10] = fixed[:, 110:] = True
     colour[:, :10], colour[:, 110:] = 140, 80
-    rows = level_seam(colour, fixed, ~fixed, reach=1e6).astype(int).mean(axis=(0, 2))[10:110]
+    rows = level_seam_colours(colour, fixed, ~fixed, reach=1e6).astype(int).mean(axis=(0, 2))[10:110]
     assert abs(rows[0] - 140) < 4
     assert abs(rows[-1] - 80) < 4
     assert np.abs(np.diff(rows)).max() < 4
@@ -44,7 +44,7 @@ def test_a_patch_of_another_material_does_not_tint_the_wall() -> None:
     colour = np.full((80, 80, 3), 180, np.uint8)
     fixed = np.zeros((80, 80), bool)
     fixed[:3, :3], colour[:3, :3] = True, 0
-    levelled = level_seam(colour, fixed, ~fixed, reach=10).astype(int)
+    levelled = level_seam_colours(colour, fixed, ~fixed, reach=10).astype(int)
     assert levelled[~fixed].min() >= 180 - 64
     assert (levelled[40:, 40:] >= 176).all()
 
@@ -54,8 +54,8 @@ def test_apart_or_alone_nothing_changes() -> None:
     apart = fixed.copy()
     apart[:, 38:40] = False
     free = ~fixed
-    np.testing.assert_array_equal(level_seam(colour, apart, free, reach=10), colour)
-    np.testing.assert_array_equal(level_seam(colour, np.zeros_like(fixed), ~fixed, reach=10), colour)
+    np.testing.assert_array_equal(level_seam_colours(colour, apart, free, reach=10), colour)
+    np.testing.assert_array_equal(level_seam_colours(colour, np.zeros_like(fixed), ~fixed, reach=10), colour)
 
 
 def test_means_of_squares_hold_only_known_colours() -> None:
@@ -64,13 +64,13 @@ def test_means_of_squares_hold_only_known_colours() -> None:
     known = np.zeros((100, 77), bool)
     known[30:61, 20:50] = True
     values = np.where(known[..., None], [200, 40, 10], 0).astype(np.uint8)
-    level_ = fill_unknown(values, known)
+    level_ = fill_unknown_values(values, known)
     assert level_.shape == (100, 77, 3)
     np.testing.assert_array_equal(level_[known], values[known])
     assert np.abs(level_ - [200, 40, 10]).max() < 1e-3
     two = known & (rng.random(known.shape) < 0.5)
-    assert np.isfinite(fill_unknown(values, two)).all()
-    assert fill_unknown(values, np.zeros_like(known)).max() == 0
+    assert np.isfinite(fill_unknown_values(values, two)).all()
+    assert fill_unknown_values(values, np.zeros_like(known)).max() == 0
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 7), (33, 64), (130, 75)])
@@ -79,5 +79,5 @@ def test_what_is_not_known_is_filled_as_it_is_spread(size: tuple[int, int], shar
     draw = np.random.default_rng(size[1])
     colour, known = draw.integers(0, 256, (*size, 3), np.uint8), draw.random(size) < share
     known[: size[0] // 2] = False  # far from all that is known
-    expected = np.where(known[..., None], colour, np.round(fill_unknown(colour, known)).astype(np.uint8))
+    expected = np.where(known[..., None], colour, np.round(fill_unknown_values(colour, known)).astype(np.uint8))
     np.testing.assert_array_equal(fill_unknown_colours(colour, known), expected)

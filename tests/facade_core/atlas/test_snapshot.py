@@ -11,11 +11,11 @@ import xarray as xr
 from distributed import Client
 
 import catalogs
-from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.journal import latest_chart_digests, read_journal
 from facade_core.atlas.rasters import TexelLayout, chart_digests
 from facade_core.atlas.snapshot import Atlas, open_atlas
 from facade_core.atlas.store import commit, create_root, open_repository, open_root
-from facade_core.core.errors import FormatError, InputError, StoreError
+from facade_core.core.errors import InputError, StoreError, StoreFormatError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tests.facade_core.atlas.stores import FORMAT_4, unpack
@@ -58,7 +58,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
     """Texels by their digests; the texels' centres where the plan has them."""
     plan = read_plan(atlas.session)
     placement, charts = plan.scene.placement, plan.scene.charts
-    digests = latest_digests(read_journal(atlas.group, "surfaces"), [])
+    digests = latest_chart_digests(read_journal(atlas.group, "surfaces"), [])
     assert len(digests) > 5
     for row, number in enumerate(plan.ids.tolist()):
         id_ = f"{number:016x}"
@@ -164,7 +164,9 @@ def test_a_store_of_another_format_says_what_to_do(tmp_path: Path, format_: int 
     del root.attrs["format"]
     root.attrs["made_for"] = {**root.attrs["made_for"], "format": format_}  # where those of before said it
     commit(session, "as another version")
-    with pytest.raises(FormatError, match=r"is of format (1|3|unknown), and .* reads 4; `streetloom run") as caught:
+    with pytest.raises(
+        StoreFormatError, match=r"is of format (1|3|unknown), and .* reads 4; `streetloom run"
+    ) as caught:
         open_atlas(out)
     assert str(out / "store") in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas.surroundings import coplanar_pieces, read_with_surroundings
-from facade_core.core.levelling import level_seam
+from facade_core.atlas.surroundings import coplanar_pieces, read_chart_with_surroundings
+from facade_core.core.levelling import level_seam_colours
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.charts import ChartKind, Charts
@@ -50,7 +50,7 @@ def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
     checked = 0
     for chart in np.flatnonzero((charts.kind == kind) & (charts.building == 0)).tolist():
         width, height = charts.texels(DENSITY)[chart]
-        colour, provenance = read_with_surroundings(
+        colour, provenance = read_chart_with_surroundings(
             charts, np.full(len(charts), DENSITY), chart, (height, width), margin, reader(charts)
         )
         x = (np.arange(width + 2 * margin) + 0.5 - margin) / DENSITY
@@ -88,12 +88,12 @@ def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
 
     width, height = charts.texels(DENSITY)[chart]
     margin = 40
-    colour, provenance = read_with_surroundings(
+    colour, provenance = read_chart_with_surroundings(
         charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read
     )
-    levelled = level_seam(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(
-        int
-    )
+    levelled = level_seam_colours(colour, provenance == 4, provenance == 1, reach=20)[
+        margin:-margin, margin:-margin
+    ].astype(int)
     edge, far = (levelled[:, -1], levelled[:, 0]) if along > 0 else (levelled[:, 0], levelled[:, -1])
     assert abs(edge.mean() - 130) < 4
     assert far.mean() < 130 - 15

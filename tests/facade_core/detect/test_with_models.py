@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from skimage import data
 
 from benchmarks.faces_and_plates import painted_plate
-from facade_core.imagery.detect.detection import detect_on_image
+from facade_core.imagery.detect.detection import detect_faces_plates_text
 from facade_core.imagery.detect.faces import box_ious, find_faces
 from facade_core.imagery.detect.models import INSTALL_REMEDY, missing_packages
 from facade_core.imagery.detect.text import find_text_lines
@@ -37,7 +37,7 @@ def test_a_face_is_found_where_it_is(height: int) -> None:
 
 def test_nothing_is_found_on_a_plain_wall() -> None:
     wall = np.full((200, 300, 3), 180, np.uint8)
-    assert not detect_on_image(wall).has_private_boxes()
+    assert not detect_faces_plates_text(wall).has_private_boxes()
     assert not find_text_lines(wall)
 
 
@@ -47,7 +47,7 @@ def test_a_sign_is_read_and_a_plate_is_hidden() -> None:
     draw.text((250, 220), "GREEN SPRING", (20, 40, 30), ImageFont.load_default(36), "mm")
     plate = Image.fromarray(painted_plate(np.random.default_rng(1))).resize((94, 20), Image.Resampling.LANCZOS)
     picture.paste(plate, (300, 350))
-    seen = detect_on_image(np.asarray(picture))
+    seen = detect_faces_plates_text(np.asarray(picture))
     signs = [line.text.replace(" ", "") for line in seen.lines if line.corners[0, 1] < 300]
     assert signs == ["GREENSPRING"], "blanks may be lost"
     assert len(seen.plates) in (1, 2), "one that both looks found has two boxes"

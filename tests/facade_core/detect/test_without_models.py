@@ -8,7 +8,12 @@ import pytest
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect import detection as seen
 from facade_core.imagery.detect import models
-from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_strip, detectors_available
+from facade_core.imagery.detect.detection import (
+    FacesPlatesAndText,
+    detect_faces_plates_text,
+    detect_on_panorama_strip,
+    detectors_available,
+)
 from facade_core.imagery.detect.faces import box_ious, non_maximum_suppression
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.plates import is_plate
@@ -16,7 +21,7 @@ from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import TextLine
 from facade_core.synth.facade import paint_facade as paint
 from tasks.doctor.machine import check_detectors
-from tasks.engine.stage_code import stage_code
+from tasks.engine.stage_code import stage_code_digest
 
 
 def line(text: str, x: float, y: float, length: float = 60, height: float = 13, score: float = 0.95) -> TextLine:
@@ -32,7 +37,7 @@ def without(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without")
 def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> None:
     assert not detectors_available()
-    seen = detect_on_image(np.zeros((40, 60, 3), np.uint8))
+    seen = detect_faces_plates_text(np.zeros((40, 60, 3), np.uint8))
     assert not seen.has_private_boxes()
     assert not seen.lines
     assert not seen.private_mask((40, 60)).any()
@@ -42,18 +47,18 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
 
 
 def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
-    def bright(image: np.ndarray, low: float) -> Detections:
+    def bright(image: np.ndarray, low: float) -> FacesPlatesAndText:
         columns = np.flatnonzero(image[10, :, 0])
         runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
-        return Detections(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
+        return FacesPlatesAndText(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
 
-    monkeypatch.setattr(seen, "detect_on_image", bright)
+    monkeypatch.setattr(seen, "detect_faces_plates_text", bright)
     strip = np.zeros((40, 800, 3), np.uint8)
     strip[10:20, :30] = strip[10:20, 780:] = strip[10:20, 400:440] = 255
-    boxes = detect_on_strip(strip).faces.tolist()
+    boxes = detect_on_panorama_strip(strip).faces.tolist()
     assert [780, 10, 830, 20] in boxes
     assert [-20, 10, 30, 20] in boxes
-    hidden = detect_on_strip(strip).private_mask((40, 800))
+    hidden = detect_on_panorama_strip(strip).private_mask((40, 800))
     assert hidden[15, :30].all()
     assert hidden[15, 780:].all()
     assert hidden[15].sum() < 30 + 20 + 40 + 4 * 0.4 * 60
@@ -61,14 +66,14 @@ def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monke
 
 def test_what_takes_pictures_in_stands_on_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
     def codes() -> dict[str, str]:
-        stage_code.cache_clear()
-        return {stage: stage_code(stage) for stage in ("facades", "exemplars", "poses", "streets", "surfaces")}
+        stage_code_digest.cache_clear()
+        return {stage: stage_code_digest(stage) for stage in ("facades", "exemplars", "poses", "streets", "surfaces")}
 
     found = []
     for digest in ("", "one", "other", ""):
         monkeypatch.setattr("tasks.engine.stage_code.models_digest", lambda digest=digest: digest)
         found.append(codes())
-    stage_code.cache_clear()
+    stage_code_digest.cache_clear()
     assert found[0] == found[3]
     for stage, differs in {"facades": 3, "exemplars": 3, "poses": 1, "streets": 1, "surfaces": 1}.items():
         assert len({codes[stage] for codes in found}) == differs, stage
@@ -114,7 +119,7 @@ def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> Non
 
 
 def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture() -> None:
-    seen = Detections(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
+    seen = FacesPlatesAndText(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
     assert seen.has_private_boxes()
     assert seen.private_boxes((100, 110)) == ((5, 15, 25, 37), (78, 78, 110, 100))
     assert seen.private_mask((100, 110)).sum() == 20 * 22 + 32 * 22

@@ -13,17 +13,17 @@ import shapely
 from facade_core.core.grouping import group_rows
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import extend_windows_behind_railings, place_balconies
-from facade_core.export.bodies.building_models import build_building_model, ground_faces
+from facade_core.export.bodies.building_models import build_building_model_parts, ground_faces
 from facade_core.export.bodies.model_face import ModelFace
 from facade_core.export.bodies.openings import chart_outlines, place_openings
 from facade_core.export.city_models.cityjson import VertexPool, build_geometry
-from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, pack_charts
+from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, pack_charts_on_pages
 from facade_core.geometry.charts import ChartKind
 
 
 @pytest.fixture(scope="module")
 def drawn(coloured: TexturedMesh) -> PackedCharts:
-    return pack_charts(coloured, coloured.select_charts(np.array([0, 1, -1])))
+    return pack_charts_on_pages(coloured, coloured.select_charts(np.array([0, 1, -1])))
 
 
 ORIGIN = np.array([386000.0, 6671900.0, 0.0])
@@ -96,7 +96,7 @@ def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: PackedCha
     triangles = group_rows(coloured.charts.building[coloured.mesh.chart])[0]
     wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == ChartKind.WALL)
     layout = [Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0, 3.0, 7.0, 4.0)]
-    made = build_building_model(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
+    made = build_building_model_parts(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
     assert made.body.is_solid
     faces, surfaces = made.body.faces, made.body.surfaces
     assert watertight(faces)
@@ -130,7 +130,7 @@ def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: PackedCh
     kind[roof] = ChartKind.WINDOW
     with_pane = replace(drawn, source=replace(drawn.source, charts=replace(drawn.source.charts, kind=kind)))
     for assumed, named in ((False, "Window"), (True, "RoofSurface")):
-        body = build_building_model(with_pane, triangles, {}, {}, ORIGIN, has_assumed_roof=assumed).body
+        body = build_building_model_parts(with_pane, triangles, {}, {}, ORIGIN, has_assumed_roof=assumed).body
         types = {body.surfaces[face.semantic]["type"] for face in body.faces}
         assert (named in types, "Window" in types) == (True, not assumed)
 
@@ -138,7 +138,7 @@ def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: PackedCh
 def test_a_geometry_indexes_its_tables(drawn: PackedCharts, coloured: TexturedMesh) -> None:
     triangles = group_rows(coloured.charts.building[coloured.mesh.chart])
     pool = VertexPool(ORIGIN)
-    body = build_building_model(drawn, triangles[1], {}, {}, ORIGIN).body
+    body = build_building_model_parts(drawn, triangles[1], {}, {}, ORIGIN).body
     geometry = build_geometry(body.faces, body.surfaces, pool, "2", "Solid")
     pieces = ground_faces(drawn, triangles[-1], ORIGIN)
     terrains = [build_geometry(faces, (), pool, "2", "CompositeSurface") for faces in pieces]

@@ -11,7 +11,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Lattice, Street
 from facade_core.export.models.pages import fill_between_charts
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera
-from facade_core.export.pictures.occlusion_overlay import draw_crop, overlay_occlusion
+from facade_core.export.pictures.occlusion_overlay import draw_crop_preview, overlay_occlusion
 from facade_core.export.pictures.rendering import cast_view, draw_parse, render_perspective
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
@@ -166,11 +166,11 @@ def test_a_cut_is_drawn_with_what_is_left_out_dark_and_what_is_made_anew_tinted(
     image = np.full((200, 100, 3), 100, np.uint8)
     hidden = np.zeros((120, 60), bool)
     hidden[:20] = True
-    drawn = draw_crop(image, hidden, (20, 40, 80, 160))
+    drawn = draw_crop_preview(image, hidden, (20, 40, 80, 160))
     assert drawn.shape == image.shape
     assert (drawn[:40] == 25).all()
     assert (drawn[:, 80:] == 25).all()
     assert (drawn[60:160, 20:80] == 100).all()
     assert (drawn[40:60, 20:80, 0] > 100).all()
     large, unseen = np.zeros((1280, 700, 3), np.uint8), np.zeros((1280, 700), bool)
-    assert draw_crop(large, unseen, (0, 0, 700, 1280)).shape == (640, 350, 3)
+    assert draw_crop_preview(large, unseen, (0, 0, 700, 1280)).shape == (640, 350, 3)

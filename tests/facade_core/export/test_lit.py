@@ -14,9 +14,9 @@ import pytest
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import Ground, Sun, Way
+from facade_core.core.types import GroundWay, MappedGround, Sun
 from facade_core.export.lighting.albedo import divide_light, estimate_shading
-from facade_core.export.lighting.ground_materials import GroundMaterials
+from facade_core.export.lighting.ground_materials import GroundMaterialOutlines
 from facade_core.export.lighting.height_maps import (
     MAX_SLOPE,
     MIN_CAVITY_VISIBILITY,
@@ -25,8 +25,8 @@ from facade_core.export.lighting.height_maps import (
     normals_from_heights,
 )
 from facade_core.export.lighting.panes import SeededRandom, find_openings, glass_mask, opening_emission
-from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterial
-from facade_core.export.lighting.relighting import ChartTexels, RelightingInputs, relight
+from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterialClass
+from facade_core.export.lighting.relighting import RelightingInputs, StoredChartTexels, build_relightable_mesh
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.gltf_materials import EMISSIVE_STRENGTH, NIGHT, TimeOfDay, encode_textures
@@ -34,8 +34,8 @@ from facade_core.export.models.textured_mesh import (
     TexturedMesh,
     build_nodes,
     draw_page_images,
-    local_frame,
-    pack_charts,
+    mesh_y_up_frame,
+    pack_charts_on_pages,
 )
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
@@ -78,7 +78,7 @@ def test_normals_are_those_of_the_heights_differences() -> None:
 def test_openings_lie_back_and_see_less_sky() -> None:
     colour, labels = facade()
     height = estimate_heights(
-        labels, np.full(labels.shape, PbrMaterial.PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0
+        labels, np.full(labels.shape, PbrMaterialClass.PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0
     )
     assert height[30, 30] == pytest.approx(-OPENING_DEPTH_M)
     assert height[0, 0] == 0
@@ -94,11 +94,11 @@ def test_openings_lie_back_and_see_less_sky() -> None:
 def test_joints_are_where_the_picture_is_dark() -> None:
     grey = np.full((40, 40), 150, np.float32)
     grey[::8] = 100
-    height = estimate_heights(None, np.full(grey.shape, PbrMaterial.BRICK), grey, np.zeros(grey.shape, bool), 50.0)
+    height = estimate_heights(None, np.full(grey.shape, PbrMaterialClass.BRICK), grey, np.zeros(grey.shape, bool), 50.0)
     assert height[16].max() < -0.003
     assert height[20].min() > -0.001
     assert (
-        estimate_heights(None, np.full(grey.shape, PbrMaterial.PLASTER), grey, grey < 0, 50.0)[16] > height[16]
+        estimate_heights(None, np.full(grey.shape, PbrMaterialClass.PLASTER), grey, grey < 0, 50.0)[16] > height[16]
     ).all()
 
 
@@ -154,15 +154,15 @@ def test_windows_are_lit_by_who_they_are() -> None:
 def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     charts = houses.charts
     (piece,) = np.flatnonzero(charts.kind == ChartKind.GROUND)[:1]
-    way = Way("w", STREET.line, "road", 4.0, "asphalt", pavement=(2.0, 2.0))
-    found = GroundMaterials(Ground((way,))).rasterise(charts, int(piece), (200, 200))
+    way = GroundWay("w", STREET.line, "road", 4.0, "asphalt", pavement=(2.0, 2.0))
+    found = GroundMaterialOutlines(MappedGround((way,))).rasterise(charts, int(piece), (200, 200))
     x, y = ((np.arange(200) + 0.5) / 200 * size for size in charts.size[piece])
     world = charts.points(int(piece), x[None, :], y[:, None])
     away = np.abs(world[..., 1] - 6671980)
     along = (world[..., 0] > 386001) & (world[..., 0] < 386049)
-    assert (found[along & (away < 1.7)] == PbrMaterial.ASPHALT).all()
-    assert (found[along & (away > 2.3) & (away < 3.7)] == PbrMaterial.SLABS).all()
-    assert (found[along & (away > 4.5)] == PbrMaterial.GRAVEL).all()
+    assert (found[along & (away < 1.7)] == PbrMaterialClass.ASPHALT).all()
+    assert (found[along & (away > 2.3) & (away < 3.7)] == PbrMaterialClass.SLABS).all()
+    assert (found[along & (away > 4.5)] == PbrMaterialClass.GRAVEL).all()
 
 
 def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> RelightingInputs:
@@ -171,16 +171,16 @@ def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) 
     )[np.minimum(scene.charts.kind, ChartKind.GROUND)]
     place = scene.placement
 
-    def texels(chart: int) -> ChartTexels:
+    def texels(chart: int) -> StoredChartTexels:
         shape = (int(place.height[chart]), int(place.width[chart]))
         if scene.charts.kind[chart] != ChartKind.WALL or provenance == Provenance.MATERIAL:
-            return ChartTexels(np.full(shape, provenance, np.uint8), None, None)
+            return StoredChartTexels(np.full(shape, provenance, np.uint8), None, None)
         labels = np.full(shape, FacadeClass.WALL, np.uint8)
         labels[shape[0] // 4 : shape[0] // 2, shape[1] // 4 : shape[1] // 2] = FacadeClass.WINDOW
-        return ChartTexels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
+        return StoredChartTexels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
 
     return RelightingInputs(
-        scene, Ground(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), sun, texels
+        scene, MappedGround(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), sun, texels
     )
 
 
@@ -190,21 +190,21 @@ def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textu
         sunny = in_light(raster, sunlight_share(houses, chart, SUN))
         known = lighting(houses, SUN)
         known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, base_layer=None))
-        found = relight(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
+        found = build_relightable_mesh(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
         assert np.abs(found.astype(int) - raster).max() <= 2
     walls = coloured.select_charts(np.array([0]))
     wall = int(walls[coloured.charts.kind[walls] == ChartKind.WALL][0])
-    assert (relight(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
+    assert (build_relightable_mesh(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
         "as the facade stage left it"
     )
 
 
 def model(source: TexturedMesh, time: TimeOfDay) -> bytes:
-    drawn = pack_charts(source, source.select_charts(np.array([0, 1, -1])))
+    drawn = pack_charts_on_pages(source, source.select_charts(np.array([0, 1, -1])))
     looks = [
         encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))
     ]
-    return encode_glb(build_nodes([drawn], {0: "a", 1: "b"}, local_frame(source.mesh))[0], looks, time=time)
+    return encode_glb(build_nodes([drawn], {0: "a", 1: "b"}, mesh_y_up_frame(source.mesh))[0], looks, time=time)
 
 
 def document(data: bytes) -> dict[str, Any]:
@@ -212,7 +212,7 @@ def document(data: bytes) -> dict[str, Any]:
 
 
 def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: TexturedMesh) -> None:
-    source = relight(coloured, lighting(houses, None))
+    source = build_relightable_mesh(coloured, lighting(houses, None))
     assert source.maps is not None
     for chart in source.select_charts(np.array([0, -1])).tolist():
         maps = source.maps(chart)
@@ -221,13 +221,13 @@ def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: Te
         assert (maps.orm[..., 2] == 0).all(), "no metal"
         assert all(a is b or np.array_equal(a, b) for a, b in zip(maps, source.maps(chart), strict=True))
     ground = int(source.select_charts(np.array([-1]))[0])
-    assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[PbrMaterial.GRAVEL]) * 255)).all()
+    assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[PbrMaterialClass.GRAVEL]) * 255)).all()
     assert np.abs(colour_of(ground).astype(int) - source.raster(ground)).max() <= 1
 
 
 def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloured: TexturedMesh) -> None:
     known = lighting(houses, None)
-    source = relight(coloured, replace(known, has_source_texture=np.ones(len(houses.charts), bool)))
+    source = build_relightable_mesh(coloured, replace(known, has_source_texture=np.ones(len(houses.charts), bool)))
     assert source.maps is not None
     wall = next(c for c in source.select_charts(np.array([0])).tolist() if known.texels(c).labels is not None)
     width, height = (-(-side // 2) for side in source.texels[wall].tolist())
@@ -240,8 +240,8 @@ def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloure
 def test_lit_models_are_valid_and_have_their_time_of_day(
     houses: Scene, coloured: TexturedMesh, gltf_issues: Callable[..., list[dict]], tmp_path: Path, time: TimeOfDay
 ) -> None:
-    data = model(relight(coloured, lighting(houses, None)), time)
-    assert data == model(relight(coloured, lighting(houses, None)), time)
+    data = model(build_relightable_mesh(coloured, lighting(houses, None)), time)
+    assert data == model(build_relightable_mesh(coloured, lighting(houses, None)), time)
     (tmp_path / "lit.glb").write_bytes(data)
     (issues,) = gltf_issues(tmp_path / "lit.glb")
     assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"]

@@ -15,22 +15,28 @@ from PIL import Image
 
 from facade_core.export.models.glb import GltfNode, Primitive, encode_glb
 from facade_core.export.models.pages import GUTTER_TEXELS, draw_page, lay_out_shelves
-from facade_core.export.models.textured_mesh import TexturedMesh, build_nodes, encode_pages, local_frame, pack_charts
+from facade_core.export.models.textured_mesh import (
+    TexturedMesh,
+    build_nodes,
+    encode_pages,
+    mesh_y_up_frame,
+    pack_charts_on_pages,
+)
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b/1 ü"}
 
 
 def model(source: TexturedMesh, buildings: list[int], scale: float = 1.0) -> bytes:
-    drawn = pack_charts(source, source.select_charts(np.array(buildings)), scale)
-    nodes, _ = build_nodes([drawn], NAMES, local_frame(source.mesh))
+    drawn = pack_charts_on_pages(source, source.select_charts(np.array(buildings)), scale)
+    nodes, _ = build_nodes([drawn], NAMES, mesh_y_up_frame(source.mesh))
     return encode_glb(nodes, encode_pages(drawn), extras={"origin": [1, 2, 3]})
 
 
 def test_every_triangle_shows_its_own_chart(coloured: TexturedMesh) -> None:
     scene = trimesh.load(io.BytesIO(model(coloured, [0, 1, -1])), file_type="glb")
     assert set(scene.graph.nodes_geometry) == {"a", "b/1 ü", "ground"}
-    frame = local_frame(coloured.mesh)
+    frame = mesh_y_up_frame(coloured.mesh)
     middles = frame.points(coloured.mesh.vertices[coloured.mesh.triangles].mean(axis=1))
     checked = 0
     for part in scene.geometry.values():
@@ -99,5 +105,5 @@ def test_neighbouring_buildings_share_pages() -> None:
 
 def test_a_smaller_scale_has_as_many_fewer_texels(coloured: TexturedMesh) -> None:
     charts = coloured.select_charts(np.array([0]))
-    whole, quarter = pack_charts(coloured, charts), pack_charts(coloured, charts, 0.25)
+    whole, quarter = pack_charts_on_pages(coloured, charts), pack_charts_on_pages(coloured, charts, 0.25)
     assert quarter.layout.size.prod(axis=1).sum() == pytest.approx(whole.layout.size.prod(axis=1).sum() / 16, rel=0.05)

@@ -11,14 +11,14 @@ import shapely
 from facade_core.core.grouping import group_rows
 from facade_core.core.types import Building, Roof, Street
 from facade_core.export.bodies.building_body import build_body
-from facade_core.export.bodies.curtains import add_curtain_walls
+from facade_core.export.bodies.curtains import add_walls_below_edges
 from facade_core.export.bodies.patches import (
-    Patch,
+    MeshPolygon,
     PolygonMesh,
     is_closed,
-    make_planar,
     open_edges,
-    patch_components,
+    polygon_components,
+    triangulate_nonplanar_polygons,
     weld_polygons,
 )
 from facade_core.export.bodies.recess import intersects_box, recess_opening
@@ -61,7 +61,7 @@ def test_what_is_not_planar_is_cut_into_triangles_and_stays_closed() -> None:
     sides = [[foot[(k + 1) % 4], foot[k], top[-k], top[-k - 1]] for k in range(4)]
     body = of([top, foot, *sides])
     assert is_closed(body.patches)
-    flat = make_planar(body)
+    flat = triangulate_nonplanar_polygons(body)
     assert is_closed(flat.patches)
     assert len(flat.patches) == len(body.patches) + 1
 
@@ -75,11 +75,11 @@ def test_a_model_without_its_party_wall_gets_one() -> None:
     west = [[0.0, 4, 0], [0, 0, 0], [0, 0, 3], [0, 2, 5], [0, 4, 3]]
     shell = of([foot, north, south, *slopes, west])
     assert not is_closed(shell.patches)
-    closed = add_curtain_walls(shell, ORIGIN)
+    closed = add_walls_below_edges(shell, ORIGIN)
     assert is_closed(closed.patches)
     (added,) = (patch for patch in closed.patches if patch.chart < 0)
     np.testing.assert_allclose(closed.area_vector(added), [4 * 3 + 4, 0, 0], atol=1e-6)
-    with_gable = add_curtain_walls(of([foot, north, south, *slopes, west, gable]), ORIGIN)
+    with_gable = add_walls_below_edges(of([foot, north, south, *slopes, west, gable]), ORIGIN)
     (below,) = (patch for patch in with_gable.patches if patch.chart < 0)
     np.testing.assert_allclose(with_gable.area_vector(below), [12, 0, 0], atol=1e-6)
     assert is_closed(with_gable.patches)
@@ -101,7 +101,7 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
     body = build_body(source, triangles, semantics, 1, ORIGIN)
     assert body.is_closed
     assert is_closed(body.shell.patches)
-    assert len(patch_components(body.shell.patches)) == 1
+    assert len(polygon_components(body.shell.patches)) == 1
     down = [patch for patch in body.shell.patches if patch.semantic == 1]
     area = sum(float(body.shell.area_vector(patch)[2]) for patch in down)
     assert area == pytest.approx(-outline.area, abs=0.1), "the ground below, facing down"
@@ -136,6 +136,11 @@ def test_triangles_meet_a_box_or_pass_it() -> None:
 
 
 def test_pieces_hang_together_over_edges() -> None:
-    patches = [Patch(((0, 1, 2),)), Patch(((5, 6, 7),)), Patch(((2, 1, 3),)), Patch(((3, 8, 9),))]
-    assert patch_components(patches) == [[0, 2], [1], [3]]
-    assert patch_components([]) == []
+    patches = [
+        MeshPolygon(((0, 1, 2),)),
+        MeshPolygon(((5, 6, 7),)),
+        MeshPolygon(((2, 1, 3),)),
+        MeshPolygon(((3, 8, 9),)),
+    ]
+    assert polygon_components(patches) == [[0, 2], [1], [3]]
+    assert polygon_components([]) == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.stored_files import digest_stored_file, hierarchy_path, write_stored_file
+from facade_core.atlas.stored_files import digest_stored_file, variation_hierarchy_path, write_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
 from facade_core.export.pictures.stage_pictures import StoredFacade
@@ -24,7 +24,7 @@ def test_a_store_has_the_file_as_it_is() -> None:
     image = np.random.default_rng(0).integers(0, 256, (40, 30, 3), dtype=np.uint8)
     coded = encode(image, [Element("window", 5, 5, 15, 20)])
     group = zarr.open_group(zarr.storage.MemoryStore(), mode="w")
-    path = hierarchy_path(7)
+    path = variation_hierarchy_path(7)
     write_stored_file(group, path, coded.to_bytes(), "variations")
     record: Any = {
         "status": "done",

@@ -15,8 +15,8 @@ import pytest
 import trimesh
 
 from facade_core.export.models import pages
-from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
-from facade_core.export.models.textured_mesh import TexturedMesh, local_frame
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
+from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
 from facade_core.export.tiles import overview
 from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import (
@@ -142,17 +142,17 @@ def test_joined_tiles_are_the_block(
     for building, origin in ((0, [385024.0, 6671360.0, 0.0]), (1, [386048.0, 6671360.0, -3.0]), (-1, [0.0, 0.0, 0.0])):
         (tmp_path / f"{building}.glb").write_bytes(tile(coloured, building, origin)[1].glb)
         parts.append(tmp_path / f"{building}.glb")
-    origin = local_frame(coloured.mesh).origin.tolist()
+    origin = mesh_y_up_frame(coloured.mesh).origin.tolist()
     whole = tmp_path / "block.glb"
     size = merge_glbs(
-        whole, list(map(read_glb_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B"
+        whole, list(map(read_glb_file_header, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B"
     )
     assert size == whole.stat().st_size == struct.unpack_from("<I", whole.read_bytes(), 8)[0]
     assert pictures(whole.read_bytes()) == [one for part in parts for one in pictures(part.read_bytes())]
     said = document(whole.read_bytes())
     assert said["asset"]["copyright"] == "© A; © B"
     again = tmp_path / "twice.glb"
-    merge_glbs(again, [read_glb_file(whole)] * 2, origin, extras={}, copyright="© B; © C")
+    merge_glbs(again, [read_glb_file_header(whole)] * 2, origin, extras={}, copyright="© B; © C")
     assert document(again.read_bytes())["asset"]["copyright"] == "© B; © C; © A"
     assert [node["name"] for node in said["nodes"]] == ["a", "b", "ground"]
     assert said["scenes"][0]["extras"] == {"origin": origin, "crs": "EPSG:32635"}
@@ -161,7 +161,7 @@ def test_joined_tiles_are_the_block(
     # the ground's own origin is so far away that its coordinates are rounded to half a metre
     np.testing.assert_allclose([low[0], -high[2]], [points[:, 0].min(), points[:, 1].min()], atol=0.6)
     only = tmp_path / "walls.glb"
-    merge_glbs(only, list(map(read_glb_file, parts[:2])), origin, extras={})
+    merge_glbs(only, list(map(read_glb_file_header, parts[:2])), origin, extras={})
     low, high = trimesh.load(only).bounds
     built = coloured.mesh.vertices[coloured.charts.building[coloured.mesh.vertex_chart] >= 0] - origin
     np.testing.assert_allclose(low, [built[:, 0].min(), built[:, 2].min(), -built[:, 1].max()], atol=1e-3)
@@ -175,7 +175,7 @@ def test_joined_tiles_are_the_block(
 def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.glb").write_bytes(b"glTF")
     with pytest.raises(ValueError, match="no GLB file"):
-        read_glb_file(tmp_path / "cut.glb")
+        read_glb_file_header(tmp_path / "cut.glb")
 
 
 @pytest.mark.parametrize("most", [8_000_000, 40_000, 12_000, 5_000])

@@ -17,17 +17,24 @@ from pyproj import Transformer
 
 from facade_core.core.errors import InputError
 from facade_core.export.attribution import Attribution, DataSource
-from facade_core.export.lighting.relighting import relight
+from facade_core.export.lighting.relighting import build_relightable_mesh
 from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
 from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.export.models.glb import extract_images, read_glb_header
 from facade_core.export.models.gltf_materials import TimeOfDay
-from facade_core.export.models.textured_mesh import TexturedMesh, local_frame
+from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
 from facade_core.export.tiles import cells
 from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
-from facade_core.export.tiles.earth import earth_frame
+from facade_core.export.tiles.earth import earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
-from facade_core.export.tiles.tileset import WrittenTileset, count_tiles, view_scale, write_tileset
+from facade_core.export.tiles.tileset import (
+    TiledModel,
+    TilesetSummary,
+    TileSettings,
+    count_tiles,
+    view_texture_scale,
+    write_tileset,
+)
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from tests.facade_core.export.conftest import colour_of
@@ -40,7 +47,7 @@ OF = Attribution((DataSource("buildings.path", "a.pbf", "Mappers, ODbL 1.0"),))
 @pytest.mark.parametrize("crs", [CRS, "EPSG:28992"])
 def test_the_frame_puts_points_where_they_are_on_the_earth(crs: str) -> None:
     origin = np.array([386000.0, 6672000.0, 5.0] if crs == CRS else [92000.0, 436000.0, -1.0])
-    frame = earth_frame(crs, origin, 17.5)
+    frame = earth_tangent_frame(crs, origin, 17.5)
     world = origin + np.array([[0, 0, 0], [800, -300, 40], [0, 1000, 0]])
     model = frame.points(world)
     matrix = frame.transform()
@@ -86,21 +93,16 @@ def features(source: TexturedMesh) -> FeatureTable:
 
 def written(
     source: TexturedMesh, scale: float = 1.0, textures: str = "jpeg", time: TimeOfDay = "day"
-) -> tuple[WrittenTileset, dict[str, bytes], int]:
+) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = build_quadtree(source)
     shells = build_shells(source, 10 * COARSE_SCALE)
-    frame = earth_frame(CRS, local_frame(source.mesh).origin)
+    frame = earth_tangent_frame(CRS, mesh_y_up_frame(source.mesh).origin)
     made = write_tileset(
-        source,
+        TiledModel(source, shells, frame, features(source)),
         cells,
-        shells,
-        frame,
-        features(source),
-        texture_encoder(textures),
+        TileSettings(texture_encoder(textures), scale, time),
         files.__setitem__,
-        scale=scale,
-        time=time,
         extras={"k": 1},
         attribution=OF,
     )
@@ -241,7 +243,7 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
 
 def fitting(source: TexturedMesh, most: float, time: TimeOfDay = "day") -> float:
     shells = build_shells(source, 10 * COARSE_SCALE)
-    return view_scale(source, shells, build_quadtree(source), texture_encoder("jpeg"), most, time)
+    return view_texture_scale(source, shells, build_quadtree(source), texture_encoder("jpeg"), most, time)
 
 
 def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: TexturedMesh) -> None:
@@ -271,7 +273,7 @@ def test_lit_tiles_are_valid_and_shine_from_afar_too(
 ) -> None:
     if textures == "ktx2":
         pytest.importorskip("alktx2", reason="no encoder of KTX2; `make ktx2-setup` installs it")
-    _, files, _ = written(relight(coloured, lighting(houses, None)), textures=textures, time="night")
+    _, files, _ = written(build_relightable_mesh(coloured, lighting(houses, None)), textures=textures, time="night")
     for uri, data in files.items():
         (tmp_path / posixpath.basename(uri)).write_bytes(data)
         said, start = read_glb_header(io.BytesIO(data))
@@ -296,7 +298,7 @@ def test_lit_tiles_are_valid_and_shine_from_afar_too(
 def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: TexturedMesh) -> None:
     most = written(coloured)[0].page_texels * 4 * MIPMAP_FACTOR
     assert fitting(coloured, most) == 1
-    source = relight(coloured, lighting(houses, None))
+    source = build_relightable_mesh(coloured, lighting(houses, None))
     day, night = (fitting(source, most, time) for time in ("day", "night"))
     assert night <= day < 1
 

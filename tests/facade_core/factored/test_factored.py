@@ -7,19 +7,19 @@ import pytest
 import shapely
 
 from facade_core.core.labels import FacadeClass
-from facade_core.core.linear_light import linear_to_srgb, smooth_known, srgb_to_linear
+from facade_core.core.linear_light import linear_to_srgb, smooth_known_light, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import free_wall_mask, most_similar_band, segment_bands
-from facade_core.export.factored.grain_similarity import group_similar_grains
+from facade_core.export.bodies.mouldings import free_wall_mask, most_similar_band, split_wall_into_bands
+from facade_core.export.factored.grain_similarity import find_representative_grains
 from facade_core.export.factored.image_quilting import TEXTURE_SIDES_PX, WallGrain, synthesise_grain
 from facade_core.export.factored.library import FacadeLibrary, build_library
 from facade_core.export.factored.texture_packing import MAX_TYPE_DENSITY, pack_textures, texture_memory_bytes
-from facade_core.export.factored.units import group_units
-from facade_core.export.factored.wall_decomposition import FactoredFacade, WallDecomposition
+from facade_core.export.factored.units import group_elements_into_units
+from facade_core.export.factored.wall_decomposition import StoredFacadeWall, WallDecomposition
 from facade_core.export.factored.wall_geometry import (
     FAR_DETAIL,
     NEAR_DETAIL,
-    WallDetail,
+    WallDetailLevel,
     WallPiece,
     WallPieces,
     WallPolygon,
@@ -59,12 +59,12 @@ def library() -> FacadeLibrary:
     return build_library(image, labels, elements, DENSITY, fine, seed=1)
 
 
-def facade() -> FactoredFacade:
+def facade() -> StoredFacadeWall:
     image, labels, elements = painted()
-    return FactoredFacade(0, image, linear_to_srgb(0.6 * srgb_to_linear(image)), labels, elements, DENSITY)
+    return StoredFacadeWall(0, image, linear_to_srgb(0.6 * srgb_to_linear(image)), labels, elements, DENSITY)
 
 
-def laid(library: FacadeLibrary, detail: WallDetail = NEAR_DETAIL) -> tuple[WallPieces, WallPolygon]:
+def laid(library: FacadeLibrary, detail: WallDetailLevel = NEAR_DETAIL) -> tuple[WallPieces, WallPolygon]:
     """The wall, that stands on x to the east and looks south, under six tenths of its light."""
     charts = Charts(
         np.array([ChartKind.WALL], np.uint8),
@@ -95,7 +95,7 @@ def test_light_goes_there_and_back() -> None:
 def test_a_mean_over_what_is_known_is_that_of_a_loop() -> None:
     rng = np.random.default_rng(0)
     light, known = rng.random((20, 24, 3)).astype(np.float32), rng.random((20, 24)) < 0.6
-    found = smooth_known(light, known, 1.5)
+    found = smooth_known_light(light, known, 1.5)
     for y, x in ((10, 12), (8, 15)):
         rows, columns = np.mgrid[:20, :24]
         weight = np.exp(-((rows - y) ** 2 + (columns - x) ** 2) / (2 * 1.5**2)) * known
@@ -104,7 +104,7 @@ def test_a_mean_over_what_is_known_is_that_of_a_loop() -> None:
 
 def test_a_window_and_its_balcony_are_one_unit_that_lies_back_above_the_balcony() -> None:
     _, _, elements = painted()
-    units = group_units(elements, DENSITY)
+    units = group_elements_into_units(elements, DENSITY)
     assert [unit.kind for unit in units].count("window") == 5
     (balcony,) = (unit for unit in units if unit.kind == "balcony")
     assert balcony.box == pytest.approx((26 / 32, 30 / 32, 74 / 32, 90 / 32))
@@ -114,8 +114,8 @@ def test_a_window_and_its_balcony_are_one_unit_that_lies_back_above_the_balcony(
 
 def test_bands_are_what_was_painted() -> None:
     image, labels, elements = painted()
-    free = free_wall_mask(labels, [unit.box for unit in group_units(elements, DENSITY)], DENSITY)
-    bands = segment_bands(image, free, DENSITY)
+    free = free_wall_mask(labels, [unit.box for unit in group_elements_into_units(elements, DENSITY)], DENSITY)
+    bands = split_wall_into_bands(image, free, DENSITY)
     assert [band.is_moulding for band in bands] == [False, True, False]
     assert [band.top for band in bands] == pytest.approx([0, 200 / 32, 208 / 32], abs=0.1)
     assert bands[-1].foot == pytest.approx(9.5)
@@ -135,7 +135,7 @@ def test_grain_goes_on_into_itself_and_has_no_shade() -> None:
         np.abs(np.diff(np.pad(grain, [(0, 0), (0, 1), (0, 0)], "wrap"), axis=1)).mean(axis=(0, 2)) for _ in (0, 1)
     )
     assert over[-1] < 1.5 * inner[:-1].mean(), "the last column beside the first is like any two"
-    assert np.abs(smooth_known(grain, np.ones((side, side), bool), 30.0, wrap=True) - 1).max() < 0.05
+    assert np.abs(smooth_known_light(grain, np.ones((side, side), bool), 30.0, wrap=True) - 1).max() < 0.05
     assert (grain == synthesise_grain(image, np.ones((200, 300), bool), 64.0, 7).relative_light).all()
 
 
@@ -168,10 +168,10 @@ def test_grains_of_one_material_are_one_and_the_evenest_of_the_finest_stands_for
     marked = grain(64, 0.5, 1)
     marked.relative_light[40:60, 30:50] *= 0.4
     plain = WallGrain(1 + np.random.default_rng(4).normal(0, 0.004, (128, 128, 3)).astype(np.float32), 4.0)
-    found = group_similar_grains([marked, grain(32, 0.5, 2), grain(64, 0.5, 3), grain(64, 0.125, 4), plain])
+    found = find_representative_grains([marked, grain(32, 0.5, 2), grain(64, 0.5, 3), grain(64, 0.125, 4), plain])
     assert found[:3] == [2, 2, 2]
     assert found[3:] == [3, 4], "courses of another height, and plaster, are others"
-    assert group_similar_grains([]) == []
+    assert find_representative_grains([]) == []
 
 
 def test_types_have_the_pixels_of_the_finer_picture_and_fewer_at_later_levels(library: FacadeLibrary) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.geometry.charts import CORNER_SHARES, ChartBuilder, ChartKind, Charts, Mesh, chart_axes
-from facade_core.geometry.cutting import cut_triangles
+from facade_core.geometry.cutting import cut_triangles_on_grid
 
 
 def test_frames_are_right_handed_level_and_point_down() -> None:
@@ -85,7 +85,7 @@ def test_cut_triangles_cover_the_same_area_cell_by_cell_and_carry_their_texture(
     triangles = np.array([rng.choice(len(flat), 3, replace=False) for _ in range(60)])
     matrix = rng.normal(size=(3, 2))
     uv = (vertices @ matrix)[triangles]
-    points, cut, cut_uv, source, cell = cut_triangles(vertices, triangles, uv, 32.0)
+    points, cut, cut_uv, source, cell = cut_triangles_on_grid(vertices, triangles, uv, 32.0)
 
     def area(p: np.ndarray, t: np.ndarray) -> np.ndarray:
         a, b, c = (p[t[:, k]] for k in range(3))

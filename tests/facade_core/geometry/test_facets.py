@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from facade_core.core.errors import GeometryError
-from facade_core.core.types import SEMANTICS, Shell
-from facade_core.geometry.buildings.facets import group_facets
+from facade_core.core.types import SEMANTICS, BuildingShell
+from facade_core.geometry.buildings.facets import extract_shell_facets
 from facade_core.geometry.charts import ChartKind
 
 UNKNOWN = SEMANTICS.index("unknown")
@@ -22,8 +22,8 @@ def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> np.
     return np.array(mesh.triangles)
 
 
-def shell(corners: np.ndarray, semantic: int | np.ndarray = UNKNOWN) -> Shell:
-    return Shell(
+def shell(corners: np.ndarray, semantic: int | np.ndarray = UNKNOWN) -> BuildingShell:
+    return BuildingShell(
         vertices=corners.reshape(-1, 3).astype(np.float64),
         triangles=np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3),
         semantic=np.broadcast_to(np.asarray(semantic, np.uint8), len(corners)).copy(),
@@ -40,7 +40,7 @@ def test_a_box_has_four_walls_and_a_roof_outward_in_any_winding(seed: int | None
         turn = rng.random(12) < 0.5
         corners[turn] = corners[turn][:, ::-1]
         corners = corners[rng.permutation(12)]
-    found = group_facets(shell(corners), shapely.box(0, 0, 20, 10))
+    found = extract_shell_facets(shell(corners), shapely.box(0, 0, 20, 10))
     assert sorted(found.kind.tolist()) == [ChartKind.WALL] * 4 + [ChartKind.ROOF]
     assert sorted(map(tuple, found.normal.round(6).tolist())) == [
         (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0)
@@ -55,7 +55,7 @@ def test_texture_coordinates_follow_their_corners() -> None:
     corners = box(0, 0, 0, 20, 10, 9)
     corners[::2] = corners[::2][:, ::-1]
     source = shell(corners)
-    found = group_facets(source, shapely.box(0, 0, 20, 10))
+    found = extract_shell_facets(source, shapely.box(0, 0, 20, 10))
     place = {tuple(p): set() for p in found.vertices.tolist()}
     for points, uvs in zip(corners, source.uv, strict=True):
         for p, uv in zip(points, uvs, strict=True):
@@ -72,7 +72,7 @@ def test_walls_inside_the_footprint_are_told_by_what_lies_on_both_sides() -> Non
     tower = trimesh.creation.box(bounds=[[6, 3, 0], [12, 7, 20]])
     base = trimesh.creation.box(bounds=[[0, 0, 0], [20, 10, 9]])
     corners = np.concatenate([base.triangles, tower.triangles[:, ::-1]])
-    found = group_facets(shell(corners), shapely.box(0, 0, 20, 10))
+    found = extract_shell_facets(shell(corners), shapely.box(0, 0, 20, 10))
     middle = np.array(
         [found.vertices[found.triangles[found.facet == f]].reshape(-1, 3).mean(axis=0) for f in range(len(found))]
     )
@@ -88,7 +88,7 @@ def test_a_party_wall_above_the_roof_faces_the_lower_house() -> None:
     west = (low[..., 0] == 0).all(axis=1)
     wall = low[west][:, ::-1].copy()
     wall[..., 2] *= 3
-    found = group_facets(shell(np.concatenate([low[~west], wall])), shapely.box(0, 0, 20, 10))
+    found = extract_shell_facets(shell(np.concatenate([low[~west], wall])), shapely.box(0, 0, 20, 10))
     x = np.array([found.vertices[found.triangles[found.facet == f]][..., 0].max() for f in range(len(found))])
     assert found.normal[x == 0].round(6).tolist() == [[1, 0, 0]]
     assert (found.kind == ChartKind.WALL).sum() == 4
@@ -99,7 +99,7 @@ def test_an_overhang_has_a_ceiling_and_the_underside_is_left_out() -> None:
 
     stem = trimesh.creation.box(bounds=[[0, 0, 0], [10, 10, 4]])
     slab = trimesh.creation.box(bounds=[[0, 0, 4.2], [14, 10, 8]])
-    found = group_facets(shell(np.concatenate([stem.triangles, slab.triangles])), shapely.box(0, 0, 14, 10))
+    found = extract_shell_facets(shell(np.concatenate([stem.triangles, slab.triangles])), shapely.box(0, 0, 14, 10))
     ceiling = found.kind == ChartKind.CEILING
     assert ceiling.sum() == 1
     assert found.normal[ceiling][0].tolist() == [0, 0, -1]
@@ -113,7 +113,7 @@ def test_semantics_keep_facets_apart_and_decide_their_kind() -> None:
     semantic = np.full(12, UNKNOWN)
     south = np.flatnonzero(normal[:, 1] < -1)
     semantic[south[0]] = SEMANTICS.index("window")
-    found = group_facets(shell(corners, semantic), shapely.box(0, 0, 20, 10))
+    found = extract_shell_facets(shell(corners, semantic), shapely.box(0, 0, 20, 10))
     facing = found.normal[:, 1] < -0.9
     assert sorted(found.kind[facing].tolist()) == [ChartKind.WALL, ChartKind.WINDOW]
 
@@ -126,7 +126,7 @@ def test_slightly_bent_walls_are_one_facet_and_corners_are_not() -> None:
         corners = np.array(
             [t for i in range(2) for t in ((low[i], low[i + 1], high[i + 1]), (low[i], high[i + 1], high[i]))]
         )
-        found = group_facets(shell(corners), shapely.Polygon([*line, (20, 10), (0, 10)]))
+        found = extract_shell_facets(shell(corners), shapely.Polygon([*line, (20, 10), (0, 10)]))
         assert len(found) == count
 
 
@@ -134,6 +134,6 @@ def test_broken_models_are_refused_and_needles_left_out() -> None:
     broken = shell(box(0, 0, 0, 1, 1, 1))
     broken.vertices[3] = np.nan
     with pytest.raises(GeometryError, match="not numbers"):
-        group_facets(broken, shapely.box(0, 0, 1, 1))
+        extract_shell_facets(broken, shapely.box(0, 0, 1, 1))
     needle = np.array([[[0, 0, 0], [5, 0, 0], [5, 0, 0.001]], [[0, 0, 0], [0, 0, 0], [1, 1, 1]]])
-    assert len(group_facets(shell(needle), shapely.box(0, 0, 5, 1))) == 0
+    assert len(extract_shell_facets(shell(needle), shapely.box(0, 0, 5, 1))) == 0

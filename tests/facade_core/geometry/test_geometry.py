@@ -11,7 +11,7 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.equirectangular import panorama_rays, project_to_panorama
+from facade_core.geometry.equirectangular import panorama_rays, project_points_to_panorama
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.streets import place_viewpoints
 
@@ -114,14 +114,14 @@ def test_projection_undoes_directions() -> None:
     forward = np.array([0.6, 0.8])
     rays = panorama_rays(forward, 64)
     position = np.array([5.0, -3.0, 2.5])
-    pixels, distance = project_to_panorama(position + 7 * rays, position, forward, 64)
+    pixels, distance = project_points_to_panorama(position + 7 * rays, position, forward, 64)
     rows, columns = np.mgrid[0:32, 0:64]
     np.testing.assert_allclose(pixels, np.stack([columns + 0.5, rows + 0.5], axis=-1), atol=1e-6)
     np.testing.assert_allclose(distance, 7)
 
 
 def test_panorama_centre_looks_along_the_street_and_right_is_right() -> None:
-    ahead, _ = project_to_panorama(
+    ahead, _ = project_points_to_panorama(
         np.array([[0.0, 10, 0], [10, 0, 0], [0, 0, 10]]), np.zeros(3), np.array([0.0, 1.0]), 400
     )
     np.testing.assert_allclose(ahead[0], [200, 100])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.types import SEMANTICS, Building, Roof, Shell, Street
+from facade_core.core.types import SEMANTICS, Building, BuildingShell, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.eaves import OVERHANG_M
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
@@ -78,7 +78,7 @@ def test_none_on_a_model() -> None:
     faces += [t for i in range(4) for t in ((i, (i + 1) % 4, 4 + (i + 1) % 4), (i, 4 + (i + 1) % 4, 4 + i))]
     count = len(faces)
     none = np.full(count, SEMANTICS.index("unknown"), np.uint8), np.full(count, -1, np.int32)
-    shell = Shell(box, np.array(faces, np.int32), *none, np.zeros((count, 3, 2), np.float32))
+    shell = BuildingShell(box, np.array(faces, np.int32), *none, np.zeros((count, 3, 2), np.float32))
     charts, _ = surfaces(Building("m", OUTLINE, 9.0, "model", shell=shell))
     assert not (charts.kind == ChartKind.METAL).any()
 

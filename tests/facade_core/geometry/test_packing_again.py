@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.chart_packing import Placement, PreviousPlacement, pack_charts
+from facade_core.geometry.chart_packing import ChartPlacements, PreviousChartPlacements, pack_charts
 
 PAGE, CHUNK, GUTTER = 512, 128, 2
 
 
 def place(
-    texels: list[tuple[int, int]], owner: list[int], ids: list[int], last: PreviousPlacement | None = None
-) -> PreviousPlacement:
+    texels: list[tuple[int, int]], owner: list[int], ids: list[int], last: PreviousChartPlacements | None = None
+) -> PreviousChartPlacements:
     numbers = np.array(ids, np.uint64)
     sizes = np.array(texels, np.int64).reshape(-1, 2)
     found = pack_charts(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, previous=last)
-    return PreviousPlacement(numbers, found)
+    return PreviousChartPlacements(numbers, found)
 
 
-def spots(places: PreviousPlacement) -> dict[int, tuple[int, int, int]]:
+def spots(places: PreviousChartPlacements) -> dict[int, tuple[int, int, int]]:
     placement = places.placement
     rows = zip(placement.page.tolist(), placement.x.tolist(), placement.y.tolist(), strict=True)
     return dict(zip(places.ids.tolist(), rows, strict=True))
 
 
-def cells(placement: Placement) -> list[set[tuple[int, ...]]]:
+def cells(placement: ChartPlacements) -> list[set[tuple[int, ...]]]:
     return [set(map(tuple, placement.chunks(c, CHUNK, GUTTER).tolist())) for c in range(len(placement.page))]
 
 

@@ -12,15 +12,15 @@ import shapely
 import trimesh
 
 from facade_core.core.errors import GeometryError
-from facade_core.core.types import Building, Elevation, Roof, Shell, Street
+from facade_core.core.types import Building, BuildingShell, ElevationRaster, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
-from facade_core.geometry.buildings.roof_shapes import build_roof_shell
+from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import build_terrain
 
 BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
 STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))
-SLOPE = Elevation(-200.0, 200.0, 10.0, np.add.outer(np.zeros(41), np.arange(41)).astype(np.float32))
+SLOPE = ElevationRaster(-200.0, 200.0, 10.0, np.add.outer(np.zeros(41), np.arange(41)).astype(np.float32))
 
 
 def surfaces(buildings, streets=(), elevation=None, largest=100.0) -> tuple[Charts, Mesh]:
@@ -125,10 +125,10 @@ def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
 
 def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
     long = replace(BOX, footprint=shapely.box(5, 0, 155, 10), roof=Roof("gabled", 4.0))
-    shell = build_roof_shell(long, 7.0)
+    shell = build_shell_with_roof(long, 7.0)
     assert shell is not None
     rng = np.random.default_rng(0)
-    painted = Shell(shell.vertices, shell.triangles, shell.semantic, np.full(len(shell.triangles), 3, np.int32),
+    painted = BuildingShell(shell.vertices, shell.triangles, shell.semantic, np.full(len(shell.triangles), 3, np.int32),
                     rng.random((len(shell.triangles), 3, 2)).astype(np.float32))  # fmt: skip
     charts, mesh = surfaces([replace(long, roof=None, shell=painted)])
     assert (charts.kind == ChartKind.WALL).sum() + (charts.kind == ChartKind.ROOF).sum() == len(charts)
@@ -149,7 +149,7 @@ def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
         (replace(BOX, height=0.0), "height"),
         (replace(BOX, height=float("nan")), "height"),
         (replace(BOX, footprint=shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])), "area|itself"),
-        (replace(BOX, shell=Shell(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8),
+        (replace(BOX, shell=BuildingShell(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8),
                                   np.zeros(0, np.int32), np.zeros((0, 3, 2), np.float32))), "no surface"),
     ],
 )  # fmt: skip
@@ -168,14 +168,14 @@ def test_a_building_without_surfaces_is_left_out_by_name(broken: Building, reaso
 
 
 def test_the_ground_goes_on_under_a_canopy() -> None:
-    house = build_roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    house = build_shell_with_roof(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
     assert house is not None
     z = house.vertices[house.triangles][..., 2]
-    canopy = Shell(
+    canopy = BuildingShell(
         house.vertices, *(getattr(house, n)[z.min(axis=1) > 1] for n in ("triangles", "semantic", "texture", "uv"))
     )
 
-    def under(shell: Shell) -> bool:
+    def under(shell: BuildingShell) -> bool:
         charts, mesh = surfaces([replace(BOX, shell=shell, base=0.0)], [STREET])
         ground = mesh.triangles[charts.kind[mesh.chart] == ChartKind.GROUND]
         plan = shapely.union_all(shapely.polygons(mesh.vertices[ground][..., :2]))
@@ -187,7 +187,7 @@ def test_the_ground_goes_on_under_a_canopy() -> None:
 
 def test_a_shell_begins_at_the_ground_that_it_states() -> None:
     """As in models whose walls go down to height 0, whatever the ground's."""
-    shell = build_roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    shell = build_shell_with_roof(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
     assert shell is not None
     charts, mesh = surfaces([replace(BOX, shell=shell, base=3.4)], [STREET])
     own = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
@@ -202,11 +202,11 @@ def test_a_shell_begins_at_the_ground_that_it_states() -> None:
 
 def test_a_shell_may_stand_in_two_parts() -> None:
     halves = [
-        build_roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0)
+        build_shell_with_roof(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0)
         for x in (0, 20)
     ]
     one, two = (half for half in halves if half is not None)
-    both = Shell(
+    both = BuildingShell(
         np.concatenate([one.vertices, two.vertices]),
         np.concatenate([one.triangles, two.triangles + len(one.vertices)]),
         *(np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("semantic", "texture", "uv")),
@@ -228,7 +228,7 @@ def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
     vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     outline = shapely.union_all(shapely.make_valid(shapely.polygons(corners[..., :2])), grid_size=0.01)
     n = len(corners)
-    shell = Shell(vertices, index.reshape(-1, 3).astype(np.int32), np.full(n, 6, np.uint8), np.full(n, -1, np.int32),
+    shell = BuildingShell(vertices, index.reshape(-1, 3).astype(np.int32), np.full(n, 6, np.uint8), np.full(n, -1, np.int32),
                   np.zeros((n, 3, 2), np.float32))  # fmt: skip
     charts, mesh = surfaces([replace(BOX, footprint=outline.convex_hull, shell=shell)])
     normal = charts.normals()

@@ -3,12 +3,12 @@ import itertools
 import numpy as np
 import pytest
 
-from facade_core.core.errors import LayoutError, ModelError
+from facade_core.core.errors import LayoutError, ModelFileError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element, Parsing
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, floor_progressions
-from facade_core.facade.layout.gap_filling import find_gaps_and_strays
+from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, log_floor_progressions
+from facade_core.facade.layout.gap_filling import find_fillers_and_strays
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.proposals import Proposals, propose_elements
@@ -92,7 +92,7 @@ def test_floors_that_grow_downwards_are_proposed():
     floors, heights = np.array([60.0, 120.0]), np.array([30.0, 30.0])
     below = extrapolate_floors(floors, heights, np.array([1.2, 1.1, 1.5, 1.3]), 40, 400)
     np.testing.assert_allclose(below, [(192, 45), (258, 39), (324, 39)])
-    (grown,) = floor_progressions(np.array([0.0, 10, 22, 33]), np.array([5.0, 5, 10, 8]))[:1]
+    (grown,) = log_floor_progressions(np.array([0.0, 10, 22, 33]), np.array([5.0, 5, 10, 8]))[:1]
     np.testing.assert_allclose(np.exp(grown), (1.2, 1.1, 2.0, 1.6))
     whole = [box("window", 40 * x + 20, 40 + y, 16, 30) for y in (60, 121, 184, 250, 319, 392) for x in range(6)]
     domain, region = (0.0, 0.0, 240.0, 500.0), [(0.0, 0.0, 240.0, 250.0)]
@@ -133,10 +133,10 @@ def test_rows_are_full_and_nothing_stands_alone_in_one():
         np.ones((24, 1), np.float32),
     )
     kept = np.array([k for k in range(18) if k != 3] + [20])  # a gap in the first row, one window in the last
-    fill, alone = find_gaps_and_strays(found, kept, np.full(24, 0.2), [], np.zeros((0, 4)))
+    fill, alone = find_fillers_and_strays(found, kept, np.full(24, 0.2), [], np.zeros((0, 4)))
     assert np.flatnonzero(fill).tolist() == [3]
     assert np.flatnonzero(alone).tolist() == [20]
-    fill, _ = find_gaps_and_strays(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
+    fill, _ = find_fillers_and_strays(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
     assert not fill.any(), "what the picture denies"
 
 
@@ -304,7 +304,7 @@ def test_bad_input(observed, domain, region, message):
 
 
 def test_model_and_n_are_checked():
-    with pytest.raises(ModelError, match="LayoutModel"):
+    with pytest.raises(ModelFileError, match="LayoutModel"):
         complete([], DOMAIN, LEFT, model=object())
     with pytest.raises(LayoutError, match="n must be"):
         complete([], DOMAIN, LEFT, n=0)

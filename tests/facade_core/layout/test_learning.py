@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.core.errors import LayoutError, ModelError
+from facade_core.core.errors import LayoutError, ModelFileError
 from facade_core.core.types import Element
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.completion import complete
@@ -78,15 +78,15 @@ def test_damaged_models_are_refused(tmp_path, change, message):
     record = json.loads(SHIPPED_LAYOUT_MODEL.read_text())
     change(record)
     (tmp_path / "m.json").write_text(json.dumps(record))
-    with pytest.raises(ModelError, match=message):
+    with pytest.raises(ModelFileError, match=message):
         load_layout_model(tmp_path / "m.json")
 
 
 def test_missing_and_garbled_files_are_refused(tmp_path):
-    with pytest.raises(ModelError, match="no such layout model"):
+    with pytest.raises(ModelFileError, match="no such layout model"):
         load_layout_model(tmp_path / "none.json")
     (tmp_path / "m.json").write_text("{")
-    with pytest.raises(ModelError, match="not valid JSON"):
+    with pytest.raises(ModelFileError, match="not valid JSON"):
         load_layout_model(tmp_path / "m.json")
 
 

@@ -5,9 +5,15 @@ import pytest
 
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
-from facade_core.facade.layout.densities import MIN_LOG_DENSITY, TERMS, fit_mixture, log_conditional, log_density
+from facade_core.facade.layout.densities import (
+    MIN_LOG_DENSITY,
+    TERMS,
+    fit_mixture,
+    log_conditional_density,
+    log_density,
+)
 from facade_core.facade.layout.model import default_layout_model
-from facade_core.facade.layout.scores import measure_elements, score, score_terms
+from facade_core.facade.layout.scores import layout_score_terms, measure_layout_from_elements, score
 from facade_core.facade.layout.statistics import (
     ALIGN_Y,
     COMPLETE,
@@ -32,7 +38,7 @@ def block(xs=(20, 60, 100, 140, 180), ys=(30, 70, 110)):
 
 
 def test_statistics_of_a_regular_grid():
-    unary, pairs, overall = measure_elements([*block(), window(100, 148, label="door")], DOMAIN)
+    unary, pairs, overall = measure_layout_from_elements([*block(), window(100, 148, label="door")], DOMAIN)
     assert unary[0, WIDTH_RATIO] == pytest.approx(16 / 40)
     assert unary[0, REGULAR_X] == 0
     assert unary[0, COMPLETE] == 1
@@ -44,14 +50,14 @@ def test_statistics_of_a_regular_grid():
 
 def test_a_missing_cell_and_a_shifted_column_are_seen():
     missing = block()[:7] + block()[8:]
-    assert measure_elements(missing, DOMAIN)[0][0, COMPLETE] == pytest.approx(14 / 15)
+    assert measure_layout_from_elements(missing, DOMAIN)[0][0, COMPLETE] == pytest.approx(14 / 15)
     shifted = block(xs=(20, 60, 100, 150, 180))
-    assert measure_elements(shifted, DOMAIN)[0][0, REGULAR_X] > 0.03
+    assert measure_layout_from_elements(shifted, DOMAIN)[0][0, REGULAR_X] > 0.03
 
 
 def test_interleaved_grids_have_a_pattern():
     layout = block(xs=(20, 60, 100), ys=(20, 80)) + [window(x, y) for x in (40, 80) for y in (50, 110)]
-    pairs = measure_elements(layout, DOMAIN)[1]
+    pairs = measure_layout_from_elements(layout, DOMAIN)[1]
     assert PATTERNS[int(pairs[0, PATTERN])] == "AB"
 
 
@@ -64,21 +70,23 @@ def test_patterns_of_lines_that_take_turns(order, name):
     for k, grid in enumerate(order):  # one grid a little lower than the other, so that their boxes cut
         at = 8 + 176 * k / (len(order) - 1)
         layout += [window(at, y + (20 if grid == "B" else 0), w=10 if grid == "A" else 6, h=10) for y in (30, 70, 110)]
-    pattern = measure_elements(layout, DOMAIN)[1][0, PATTERN]
+    pattern = measure_layout_from_elements(layout, DOMAIN)[1][0, PATTERN]
     assert (None if np.isnan(pattern) else PATTERNS[int(pattern)]) == name
 
 
 def test_lines_that_coincide_take_no_turns():
     balconies = [window(x + 0.5 * (-1) ** k, 38, w=20, h=6, label="balcony") for k, x in enumerate((20, 60, 100))]
-    pairs = measure_elements([*block(xs=(20, 60, 100), ys=(30,)), *balconies], DOMAIN)[1]
+    pairs = measure_layout_from_elements([*block(xs=(20, 60, 100), ys=(30,)), *balconies], DOMAIN)[1]
     assert np.isnan(pairs[0, PATTERN])
 
 
 def test_a_door_on_the_third_floor_speaks_against_a_layout():
     usual = [*block(ys=(30, 70, 110)), window(100, 148, label="door")]
     model = default_layout_model()
-    compatible = score_terms(usual, DOMAIN, model)[TERMS.index("ec")]
-    assert score_terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
+    compatible = layout_score_terms(usual, DOMAIN, model)[TERMS.index("ec")]
+    assert (
+        layout_score_terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
+    )
 
 
 def test_elements_one_in_another_have_a_score():
@@ -104,9 +112,9 @@ def test_a_regular_layout_scores_higher_than_disturbed_ones_on_average():
 
 @pytest.mark.realdata
 def test_real_layouts_score_higher_than_the_same_disturbed(data):
-    from catalogs.learning.layouts import read_layouts, split_layouts
+    from catalogs.learning.layouts import read_layouts, split_layouts_for_training
 
-    records = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")))[1][::3]
+    records = split_layouts_for_training(list(read_layouts(data / "layouts" / "cmp.jsonl")))[1][::3]
     higher = []
     for number, record in enumerate(records):
         shift = np.random.default_rng(number).normal(size=(len(record.elements), 2)) * 0.3
@@ -122,14 +130,14 @@ def test_real_layouts_score_higher_than_the_same_disturbed(data):
 
 def test_score_is_the_weighted_sum_of_its_terms():
     model = default_layout_model()
-    assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ score_terms(block(), DOMAIN, model)))
+    assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ layout_score_terms(block(), DOMAIN, model)))
     only = dataclasses.replace(model, weights=np.eye(len(TERMS))[0])
-    assert score(block(), DOMAIN, model=only) == pytest.approx(score_terms(block(), DOMAIN, model)[0])
+    assert score(block(), DOMAIN, model=only) == pytest.approx(layout_score_terms(block(), DOMAIN, model)[0])
 
 
 def test_every_term_is_floored():
     strange = [window(100, 80, w=199, h=0.5)]
-    assert (score_terms(strange, DOMAIN, default_layout_model()) >= 4 * MIN_LOG_DENSITY - 1e-9).all()
+    assert (layout_score_terms(strange, DOMAIN, default_layout_model()) >= 4 * MIN_LOG_DENSITY - 1e-9).all()
     assert np.isfinite(score([], DOMAIN))
 
 
@@ -161,4 +169,4 @@ def test_conditional_density_follows_its_condition():
     rng = np.random.default_rng(3)
     near, far = rng.normal((1, 0), 0.1, (200, 2)), rng.normal((0, 1), 0.1, (200, 2))
     mixture = fit_mixture(np.concatenate([near, far]), 0)
-    assert log_conditional(1.0, 0.0, mixture) > log_conditional(1.0, 1.0, mixture) + 2
+    assert log_conditional_density(1.0, 0.0, mixture) > log_conditional_density(1.0, 1.0, mixture) + 2

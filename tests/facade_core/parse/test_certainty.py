@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from benchmarks.elements import expected_error, held
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing import confidence as certainty
 from facade_core.parsing.confidence import (
     COVERAGE,
     Calibration,
-    FacadeFigures,
-    ParseObservation,
+    FacadeStatistics,
+    ParseComparison,
     calibrate_elements,
-    match_elements,
-    observe_parse,
+    compare_parse_with_truth,
+    mark_matched_elements,
 )
 from facade_core.parsing.elements import elements
 
@@ -38,8 +38,8 @@ def possible(truth):
 
 def photo(found=(), good=(), miss=0.01, doubt=0.1, unseen=0.0):
     """What was observed of a photo whose figures were all missed by as much."""
-    every = (FacadeFigures(*[value] * 3) for value in (miss, doubt, unseen))
-    return ParseObservation(list(found), np.array(good, bool), *every)
+    every = (FacadeStatistics(*[value] * 3) for value in (miss, doubt, unseen))
+    return ParseComparison(list(found), np.array(good, bool), *every)
 
 
 def doors(*seen):
@@ -54,10 +54,10 @@ def test_elements_are_right_once_each():
         Element("door", 0, 6, 10, 16),
         Element("shop", 0, 0, 10, 10),
     ]
-    good = match_elements(found, true)
+    good = mark_matched_elements(found, true)
     assert good[:2].sum() == 1
     assert good.tolist()[2:] == [False, False]
-    assert match_elements([], true).shape == (0,)
+    assert mark_matched_elements([], true).shape == (0,)
 
 
 def test_confidence_is_put_right():
@@ -68,7 +68,7 @@ def test_confidence_is_put_right():
     windows = [Element("window", 0, 0, 1, 1, value) for value in confidence]
     record = certainty.fit_calibration([photo(windows, good)])
     sure = Calibration(
-        {name: tuple(line) for name, line in record["elements"].items()}, FacadeFigures(**record["widths"])
+        {name: tuple(line) for name, line in record["elements"].items()}, FacadeStatistics(**record["widths"])
     )
     made = calibrate_elements(windows, sure, np.zeros((2, 2), bool))
     assert sorted({round(one.confidence, 1) for one in made}) == [0.5, 0.9]
@@ -78,7 +78,7 @@ def test_confidence_is_put_right():
 
 def test_few_elements_that_were_all_right_are_not_certain():
     record = certainty.fit_calibration([doors((0.8, True), (0.9, True))])
-    sure = Calibration({"door": tuple(record["elements"]["door"])}, FacadeFigures(1, 1, 1))
+    sure = Calibration({"door": tuple(record["elements"]["door"])}, FacadeStatistics(1, 1, 1))
     assert 0.5 < sure.element_probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
     assert record["elements"]["shop"] == [1, 0], "of what was not seen the confidence stays"
 
@@ -89,7 +89,7 @@ def test_more_confidence_is_never_less_probability():
 
 
 def test_what_is_made_up_was_seen_by_nobody():
-    sure = Calibration({"window": (1.0, 0.0)}, FacadeFigures(1, 1, 1))
+    sure = Calibration({"window": (1.0, 0.0)}, FacadeStatistics(1, 1, 1))
     hidden = np.zeros((40, 40), bool)
     hidden[20:] = True
     seen, half, made_up = calibrate_elements(
@@ -113,7 +113,7 @@ def test_intervals_hold_what_they_promise():
 
 
 def told(parsing, hidden, widths=(0.5, 5.0, 1.0)):
-    return Calibration({}, FacadeFigures(*widths)).estimate(parsing, elements(parsing), hidden)
+    return Calibration({}, FacadeStatistics(*widths)).estimate(parsing, elements(parsing), hidden)
 
 
 def test_what_intervals_hold_is_measured_and_those_of_counts_are_whole():
@@ -132,7 +132,7 @@ def test_the_less_is_seen_the_wider_the_interval():
     hidden = nothing.copy()
     hidden[5:] = True
     sure, unsure = told(parsed(facade(), 0.99), nothing), told(parsed(facade(), 0.99), hidden)
-    for name in FacadeFigures._fields:
+    for name in FacadeStatistics._fields:
         of = [[getattr(end, name) for end in (one.low, one.high)] for one in (sure, unsure)]
         assert of[1][0] <= of[0][0] <= getattr(value, name) <= of[0][1] < of[1][1], name
     assert low.window_share < sure.low.window_share < sure.high.window_share < high.window_share
@@ -164,17 +164,17 @@ def test_half_of_the_windows_made_up_may_not_be_there():
 def test_what_is_not_labelled_is_not_held_against_a_parse():
     truth = facade()
     truth[:, 40:] = UNKNOWN
-    seen = observe_parse(parsed(facade()), truth, possible(truth))
+    seen = compare_parse_with_truth(parsed(facade()), truth, possible(truth))
     assert [(element.x0, element.x1) for element in seen.found] == [(10, 30)]
     assert seen.is_correct.all()
     assert seen.misses == (0, 0, 0)
-    whole = observe_parse(parsed(facade()), facade(), possible(facade()))
+    whole = compare_parse_with_truth(parsed(facade()), facade(), possible(facade()))
     assert seen.uncertainty.window_share == pytest.approx(whole.uncertainty.window_share, abs=1e-4), (
         "nor is it unsure of it"
     )
     truth = facade()
     truth[30:] = UNKNOWN
-    assert observe_parse(parsed(facade()), truth, possible(truth)).found == [], (
+    assert compare_parse_with_truth(parsed(facade()), truth, possible(truth)).found == [], (
         "half of each is not labelled: it cannot be compared"
     )
 
@@ -184,15 +184,15 @@ def test_windows_behind_blinds_are_counted_once_and_storeys_without_windows_too(
     truth[20:30, 10:30] = truth[34:40, 10:30] = UNKNOWN  # a window seen through a slit
     maybe = possible(truth)
     maybe[truth == UNKNOWN] = 1 << FacadeClass.WINDOW | 1 << FacadeClass.WALL
-    assert observe_parse(parsed(facade()), truth, maybe).misses.windows == 0
+    assert compare_parse_with_truth(parsed(facade()), truth, maybe).misses.windows == 0
     missed = facade()
     missed[20:40, 50:70] = FacadeClass.WALL
-    assert observe_parse(parsed(missed), truth, maybe).misses.windows == 1
+    assert compare_parse_with_truth(parsed(missed), truth, maybe).misses.windows == 1
     truth = facade()[:55]
-    assert observe_parse(parsed(facade()[:55]), truth, possible(truth)).misses.floors == 0
+    assert compare_parse_with_truth(parsed(facade()[:55]), truth, possible(truth)).misses.floors == 0
     truth = facade()
     truth[70:, 30:50] = FacadeClass.DOOR
-    assert observe_parse(parsed(facade()), truth, possible(truth)).misses.floors == 0
+    assert compare_parse_with_truth(parsed(facade()), truth, possible(truth)).misses.floors == 0
 
 
 def test_what_hides_windows_is_not_held_against_a_parse_either():
@@ -202,7 +202,7 @@ def test_what_hides_windows_is_not_held_against_a_parse_either():
     parsing.occluded[:, 40:] = True
     truth = labels.copy()
     truth[60:80, 50:70] = FacadeClass.WALL
-    seen = observe_parse(parsing, truth, possible(truth))
+    seen = compare_parse_with_truth(parsing, truth, possible(truth))
     assert (seen.misses.windows, seen.hidden_part.windows) == (1, pytest.approx(1))
     assert certainty.fit_calibration([seen])["widths"]["windows"] == 0
 
@@ -211,19 +211,19 @@ def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
     path = tmp_path / "own.onnx"
     path.write_bytes(b"")
     path.with_suffix(".json").write_text(json.dumps({"classes": list(CLASSES)}))
-    with pytest.raises(ModelError, match=r"own.onnx: .*how sure.*train it anew"):
+    with pytest.raises(ModelFileError, match=r"own.onnx: .*how sure.*train it anew"):
         certainty.load_calibration(path)
     lines = {name: [1, 0] for name in ELEMENT_CLASSES}
     for known in (lines, {"door": [1, 0]}):
         record = {
             "classes": list(CLASSES),
-            "certainty": {"elements": known, "widths": dict.fromkeys(FacadeFigures._fields, 20)},
+            "certainty": {"elements": known, "widths": dict.fromkeys(FacadeStatistics._fields, 20)},
         }
         path.with_suffix(".json").write_text(json.dumps(record) + " " * len(known))
         if known is lines:
             assert certainty.load_calibration(path) == Calibration(
-                {name: (1.0, 0.0) for name in lines}, FacadeFigures(20, 20, 20)
+                {name: (1.0, 0.0) for name in lines}, FacadeStatistics(20, 20, 20)
             )
         else:
-            with pytest.raises(ModelError, match="how sure"):
+            with pytest.raises(ModelFileError, match="how sure"):
                 certainty.load_calibration(path)

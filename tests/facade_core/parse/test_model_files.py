@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.parsing import network
 
 
@@ -21,28 +21,28 @@ def test_a_changed_file_is_refused(copy: Path) -> None:
     content = bytearray(copy.read_bytes())
     content[len(content) // 2] ^= 1
     copy.write_bytes(content)
-    with pytest.raises(ModelError, match="checksum"):
+    with pytest.raises(ModelFileError, match="checksum"):
         network.load_network(copy)
 
 
 def test_a_model_of_other_classes_is_refused(copy: Path) -> None:
     record = json.loads(copy.with_suffix(".json").read_text())
     copy.with_suffix(".json").write_text(json.dumps(record | {"classes": ["wall"]}))
-    with pytest.raises(ModelError, match="other classes or features"):
+    with pytest.raises(ModelFileError, match="other classes or features"):
         network.load_network(copy)
 
 
 def test_broken_records_and_files_are_refused(copy: Path) -> None:
     record = json.loads(copy.with_suffix(".json").read_text())
     copy.with_suffix(".json").write_text("{")
-    with pytest.raises(ModelError, match="not valid JSON"):
+    with pytest.raises(ModelFileError, match="not valid JSON"):
         network.load_network(copy)
     copy.write_bytes(b"no model")
     copy.with_suffix(".json").write_text(json.dumps(record | {"sha256": hashlib.sha256(b"no model").hexdigest()}))
-    with pytest.raises(ModelError, match="onnxruntime"):
+    with pytest.raises(ModelFileError, match="onnxruntime"):
         network.load_network(copy)
     copy.with_suffix(".json").unlink()
-    with pytest.raises(ModelError, match="no such file"):
+    with pytest.raises(ModelFileError, match="no such file"):
         network.load_network(copy)
 
 

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import write_model
 from facade_core.parsing import network
@@ -131,7 +131,7 @@ def test_logits_of_any_size_give_probabilities(tmp_path):
 
 
 def test_places_run_over_the_whole_image():
-    place = network.place_planes(64, 32, np.array([-1, -1, 1, 1]))
+    place = network.cell_position_planes(64, 32, np.array([-1, -1, 1, 1]))
     assert place.shape == (2, 8, 4)
     np.testing.assert_allclose(place[0, 0], [-0.75, -0.25, 0.25, 0.75])
     np.testing.assert_allclose(place[1, :, 0], np.linspace(-0.875, 0.875, 8))
@@ -140,13 +140,13 @@ def test_places_run_over_the_whole_image():
 def test_networks_of_other_versions_and_shapes_are_refused(tmp_path, model):
     record = json.loads(model.with_suffix(".json").read_text())
     model.with_suffix(".json").write_text(json.dumps(record | {"network_version": 0}))
-    with pytest.raises(ModelError, match="another version"):
+    with pytest.raises(ModelFileError, match="another version"):
         parse(two_colours(), model=model)
     other = tmp_path / "other.onnx"
     write_model(tiny_network(("picture", "place")), other, RECORD)
-    with pytest.raises(ModelError, match="picture"):
+    with pytest.raises(ModelFileError, match="picture"):
         parse(two_colours(), model=other)
-    with pytest.raises(ModelError, match="no such file"):
+    with pytest.raises(ModelFileError, match="no such file"):
         network.load_network(tmp_path / "none.onnx")
 
 

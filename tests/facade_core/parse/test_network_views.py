@@ -7,9 +7,9 @@ from facade_core.core.labels import UNKNOWN
 from facade_core.parsing.training_views import (
     ANY_CLASS,
     VIEW_SIDE,
-    Cutout,
-    extract_cutouts,
-    occluder_weights,
+    OccluderCutout,
+    extract_occluder_cutouts,
+    occluder_loss_weights,
     sample_view,
 )
 
@@ -62,7 +62,7 @@ def test_labels_follow_the_place_in_the_photo():
 
 
 def test_equal_seeds_give_equal_views():
-    photo, piece = gradient(300, 200), Cutout(np.full((40, 30, 4), 255, np.uint8), 0.2)
+    photo, piece = gradient(300, 200), OccluderCutout(np.full((40, 30, 4), 255, np.uint8), 0.2)
     first, second = (sample_view(photo, [[], [piece]], np.random.default_rng(3)) for _ in range(2))
     assert (first.image == second.image).all()
     assert (first.place == second.place).all()
@@ -70,7 +70,7 @@ def test_equal_seeds_give_equal_views():
 
 def test_a_cut_out_hides_the_image_but_not_the_class():
     photo = gradient(320, 320)
-    piece = Cutout(np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)]), 0.2)
+    piece = OccluderCutout(np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)]), 0.2)
     hidden = [sample_view(photo, [[piece]], np.random.default_rng(seed)) for seed in range(40)]
     hidden = [shown for shown in hidden if (shown.occluder == 1).any()]
     assert len(hidden) > 4
@@ -86,7 +86,7 @@ def test_cut_outs_are_the_things_in_front():
     photo.occluder[100:101, 100:102] = 1  # too small
     photo.occluder[150:160, 150:180] = UNKNOWN
     photo.occluder[100:120, 40:70] = 1
-    (cutout,), (other,) = extract_cutouts([photo])
+    (cutout,), (other,) = extract_occluder_cutouts([photo])
     assert other.image.shape == (20, 30, 4), "a car is not upright"
     assert cutout.height_share == 40 / 200
     assert cutout.image.shape == (40, 20, 4)
@@ -96,7 +96,7 @@ def test_cut_outs_are_the_things_in_front():
 
 def test_things_mostly_stand_at_the_photos_foot_as_high_as_in_their_own():
     photo = gradient(320, 320)
-    piece = Cutout(np.full((20, 20, 4), 255, np.uint8), 0.1)
+    piece = OccluderCutout(np.full((20, 20, 4), 255, np.uint8), 0.1)
     heights = []
     for seed in range(300):
         shown = sample_view(photo, [[piece]], np.random.default_rng(seed))
@@ -116,10 +116,10 @@ def test_a_small_thing_counts_nearly_as_much_as_a_large_one():
     occluder[200:250, 60:80] = 1
     occluder[100:300, 120:320] = 1
     occluder[5, 300] = 1
-    count = occluder_weights(occluder)
+    count = occluder_loss_weights(occluder)
     assert (count[occluder == UNKNOWN] == 0).all()
     assert (count[occluder == 0] == 1).all()
     assert count[5, 300] == 4
     assert np.unique(count[200:250, 60:80]) == np.float32(np.sqrt(0.06 * 320**2 / 1000))
     assert (count[100:300, 120:320] == 1).all()
-    assert (occluder_weights(np.full((9, 9), UNKNOWN, np.uint8)) == 0).all()
+    assert (occluder_loss_weights(np.full((9, 9), UNKNOWN, np.uint8)) == 0).all()

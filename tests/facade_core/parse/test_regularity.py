@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.parsing.regularity import _group_intervals, draw_windows, window_boxes
+from facade_core.parsing.regularity import _group_intervals, draw_windows_into_labels, extract_regular_window_boxes
 
 
 def facade():
@@ -38,7 +38,7 @@ def ragged(labels, seed):
 def regularise(confidence):
     """Confidence and labels with regular windows, of a map at the size that it was made at."""
     labels, confidence = confidence.argmax(2).astype(np.uint8), confidence.copy()
-    draw_windows(labels, confidence, window_boxes(confidence))
+    draw_windows_into_labels(labels, confidence, extract_regular_window_boxes(confidence))
     return confidence, labels
 
 

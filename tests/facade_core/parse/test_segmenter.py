@@ -3,7 +3,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.elements import elements
 from facade_core.parsing.segmenter import _occluder_regions, parse
@@ -164,15 +164,15 @@ def test_refuses_other_images(image):
 
 
 def test_refuses_a_missing_model(tmp_path):
-    with pytest.raises(ModelError, match="no such file"):
+    with pytest.raises(ModelFileError, match="no such file"):
         parse(np.zeros((4, 4, 3), np.uint8), model=tmp_path / "none.onnx")
 
 
 @pytest.mark.realdata
 def test_held_out_facades_and_their_lower_storeys(data):
-    from catalogs.learning.datasets import read_ecp, split_facades
+    from catalogs.learning.datasets import read_ecp_facades, split_facades_for_training
 
-    _, held_out = split_facades(list(read_ecp(data / "facades" / "ecp")))
+    _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
     whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]
     assert np.mean(whole) > 0.84
     storeys = [(facade.image[150:], facade.labels[150:]) for facade in held_out[1::4]]
@@ -182,12 +182,12 @@ def test_held_out_facades_and_their_lower_storeys(data):
 @pytest.mark.realdata
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
-    from catalogs.learning.datasets import CMP, read_dataset, split_facades
-    from facade_core.parsing.segmenter import outside_mask
+    from catalogs.learning.datasets import CMP, read_dataset, split_facades_for_training
+    from facade_core.parsing.segmenter import facade_surroundings_mask
 
-    _, held_out = split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))
+    _, held_out = split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))
     much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]
-    found = measure_boxes(much, lambda image: outside_mask(image, np.zeros(image.shape[:2], bool)))
+    found = measure_boxes(much, lambda image: facade_surroundings_mask(image, np.zeros(image.shape[:2], bool)))
     assert found["outside_after"] < 0.5 * found["outside_before"]
     assert found["facade_lost"] < 0.05
 
@@ -195,9 +195,9 @@ def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
 @pytest.mark.realdata
 def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
     from benchmarks.in_front import marked, measure_things
-    from catalogs.learning.datasets import read_ecp, split_facades
+    from catalogs.learning.datasets import read_ecp_facades, split_facades_for_training
 
-    _, held_out = split_facades(list(read_ecp(data / "facades" / "ecp")))
+    _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
     found = measure_things(held_out[:6], marked(), lambda image: parse(image).occluded)
     vehicles, there = found["vehicles"]
     assert vehicles >= 0.8 * there

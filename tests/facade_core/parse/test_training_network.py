@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
 pytest.importorskip("torch", reason="torch is absent: make train-setup")
@@ -78,7 +78,7 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights,
 
     with pytest.raises(KeyboardInterrupt):
         train(start, state=state, progress=interrupt)
-    with pytest.raises(ModelError, match="2 of 4 steps"):
+    with pytest.raises(ModelFileError, match="2 of 4 steps"):
         network_training.read_finished_weights(state)
     told = []
     resumed = train(start, state=state, progress=lambda *step: told.append(step))
@@ -91,15 +91,15 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights,
 
 def test_the_state_of_another_run_is_refused(start, tmp_path):
     state = tmp_path / "network.state"
-    with pytest.raises(ModelError, match="no such file"):
+    with pytest.raises(ModelFileError, match="no such file"):
         network_training.read_finished_weights(state)
     train(start, state=state)
-    with pytest.raises(ModelError, match="another training run"):
+    with pytest.raises(ModelFileError, match="another training run"):
         train(start, TrainingSchedule(4, {"facades": 3}), state=state)
-    with pytest.raises(ModelError, match="another training run"):
+    with pytest.raises(ModelFileError, match="another training run"):
         train(start, TrainingSchedule(9, {"facades": 2}), state=state)  # the rate has fallen already
     state.write_bytes(b"nothing")
-    with pytest.raises(ModelError, match="not the state"):
+    with pytest.raises(ModelFileError, match="not the state"):
         train(start, state=state)
 
 
@@ -113,7 +113,7 @@ def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path,
 
     with pytest.raises(KeyboardInterrupt):
         train(start, long, state=state, progress=interrupt)
-    with pytest.raises(ModelError, match="another training run"):
+    with pytest.raises(ModelFileError, match="another training run"):
         train(start, TrainingSchedule(3, {"facades": 2}), state=state)  # there the rate would have fallen
     told = []
     train(start, TrainingSchedule(8, {"facades": 2}), state=state, progress=lambda *step: told.append(step))
@@ -131,7 +131,7 @@ def test_the_file_computes_what_the_network_does(weights, tmp_path):
     path = tmp_path / "own.onnx"
     network_export.save_network(weights, path, training_set=["facades/a"], seed=5)
     image = np.random.default_rng(2).uniform(0, 255, (1, 3, 128, 96)).astype(np.float32)
-    place = network.place_planes(128, 96, np.array([-1, -1, 1, 1]))[None]
+    place = network.cell_position_planes(128, 96, np.array([-1, -1, 1, 1]))[None]
     trained = ParserNetwork()
     trained.load_state_dict(weights)
     with torch.no_grad():

@@ -13,7 +13,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.fisheye import is_fisheye
-from facade_core.imagery.rectify.panorama import point_visibility
+from facade_core.imagery.rectify.panorama import chart_point_view_quality
 from facade_core.plan.panorama_choice import MIN_COVERED_SHARE, MIN_RELATIVE_QUALITY, choose_panoramas
 from tests.facade_core.rectify.test_panorama import scene_of
 
@@ -34,7 +34,7 @@ def facades_of(scene: Scene, roles: list[str] | None = None) -> Any:
 def is_covered(scene: Scene, poses: list[Pose], chosen: tuple[int, ...]) -> bool:
     """Whether of every wall that some panorama shows MIN_COVERED_SHARE is shown well enough, worked out anew."""
     for chart in range(len(scene.charts.size)):
-        shown = point_visibility(scene, chart, poses, [SIZE] * len(poses))
+        shown = chart_point_view_quality(scene, chart, poses, [SIZE] * len(poses))
         best = shown.max(axis=0)
         good = (shown >= MIN_RELATIVE_QUALITY * best) & (shown > 0)
         if good[list(chosen)].any(axis=0).sum() < MIN_COVERED_SHARE * (best > 0).sum():

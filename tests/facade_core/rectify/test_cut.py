@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.imagery.rectify import crop
-from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, street_mask
+from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, street_below_wall_mask
 
 
 def test_the_box_is_the_best_of_all():
@@ -66,7 +66,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
     outside[30:34, 20:24] = True  # a pane with sky in it
-    monkeypatch.setattr(crop, "outside_mask", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = crop_to_facade(image, hidden)
@@ -85,7 +85,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert find_facade_box(outside, nothing) is None
     outside[20:30, 10:20] = False
     assert find_facade_box(outside, nothing) is None
-    monkeypatch.setattr(crop, "outside_mask", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
     image = np.zeros((60, 50, 3), np.uint8)
     found = crop_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)
@@ -102,16 +102,16 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     hidden[80:94, 60:75] = True
     outside[80:94, 60:75] = False
     outside[20:30, 40:50] = True  # a pane
-    monkeypatch.setattr(crop, "outside_mask", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
     image = np.zeros((100, 90, 3), np.uint8)
     street = np.zeros_like(outside)
     street[88:, 30:] = True
-    assert (street_mask(image, hidden) == (street & ~hidden)).all()
+    assert (street_below_wall_mask(image, hidden) == (street & ~hidden)).all()
     # a plinth that is taken for street here and there is none
     outside[:] = False
     outside[96:, 10:30] = True
-    assert not street_mask(image, hidden).any()
+    assert not street_below_wall_mask(image, hidden).any()
     outside[:5] = True  # sky; a car before every other column is no street
     hidden[90:, 30:80] = True
-    assert not street_mask(image, hidden).any()
-    assert not street_mask(image, np.ones_like(hidden)).any()
+    assert not street_below_wall_mask(image, hidden).any()
+    assert not street_below_wall_mask(image, np.ones_like(hidden)).any()

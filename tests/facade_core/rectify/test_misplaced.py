@@ -9,7 +9,7 @@ import pytest
 
 from facade_core.core.types import Pose
 from facade_core.imagery.poses.misplaced import explain_misplacement
-from facade_core.imagery.poses.outlines import sample_outline
+from facade_core.imagery.poses.outlines import sample_visible_outlines
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
@@ -28,7 +28,9 @@ def shot(street: SyntheticStreet) -> tuple[Pose, np.ndarray]:
 
 def why(street: SyntheticStreet, image: np.ndarray, given: Pose) -> str:
     found = refine_pose(street.scene, image, given)
-    return explain_misplacement(street.scene, image, found.pose, sample_outline(street.scene, found.pose), found.fit)
+    return explain_misplacement(
+        street.scene, image, found.pose, sample_visible_outlines(street.scene, found.pose), found.fit
+    )
 
 
 def test_a_pose_that_is_a_little_off_is_not_doubted(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:

@@ -15,7 +15,7 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.rectify.fusion import fuse_views
-from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 
 DENSITY = 10.0
 # left end, right end (as seen from outside), bottom and top in metres
@@ -25,7 +25,7 @@ OCCLUDER = ((103.0, 195.0), (105.0, 195.0), 0.0, 20.0)
 
 def seen_from(*arguments) -> tuple[np.ndarray, np.ndarray]:
     """A wall's raster and what of it is seen."""
-    view = rectify_view(*arguments)
+    view = rectify_chart_from_panorama(*arguments)
     return view.rgb, view.seen
 
 
@@ -205,7 +205,7 @@ def test_fusing_fills_what_the_best_does_not_see_and_levels_the_exposure() -> No
     best, next_best = Pose(104.0, 190.0, 2.5, 0.0), Pose(110.0, 194.0, 2.5, 300.0)
     dark = np.round(photograph(next_best) * [0.7, 0.8, 0.75]).astype(np.uint8)
     views = [(photograph(best), best), (dark, next_best)]
-    first, second = (rectify_view(scene, 0, *view, (80, 100)) for view in views)
+    first, second = (rectify_chart_from_panorama(scene, 0, *view, (80, 100)) for view in views)
     fused = fuse_views([first, second])
     assert (fused.seen == (first.seen | second.seen)).all()
     filled = fused.seen & ~first.seen
@@ -226,7 +226,7 @@ def test_fusing_without_overlap_keeps_colours() -> None:
     image[::2] += 1  # no flat mask
     west, east = replace(whole, view=(0.0, 0.0, 0.5, 1.0)), replace(whole, view=(0.5, 0.0, 0.5, 1.0))
     views = [(image[:, :1024], west), (image[:, 1024:] + 40, east)]
-    fused = fuse_views([rectify_view(scene_of(WALL), 0, *view, (80, 100)) for view in views])
+    fused = fuse_views([rectify_chart_from_panorama(scene_of(WALL), 0, *view, (80, 100)) for view in views])
     assert fused.seen.all()
     assert (fused.rgb[:, 70] >= 116).all()
     assert (fused.rgb[:, 20] <= 78).all()
@@ -235,11 +235,11 @@ def test_fusing_without_overlap_keeps_colours() -> None:
 def test_what_a_panorama_hides_is_occluded_on_the_wall() -> None:
     scene, pose = scene_of(WALL), Pose(105.0, 190.0, 2.5, 0.0)
     image = photograph(pose)
-    plain = rectify_view(scene, 0, image, pose, (80, 100))
+    plain = rectify_chart_from_panorama(scene, 0, image, pose, (80, 100))
     assert plain.occluded is None
     hidden = np.zeros(image.shape[:2], bool)
     hidden[480:540, 980:1060] = True  # straight ahead, about the horizon
-    view = rectify_view(scene, 0, image, pose, (80, 100), hidden)
+    view = rectify_chart_from_panorama(scene, 0, image, pose, (80, 100), hidden)
     assert (view.rgb == plain.rgb).all()
     assert (view.seen == plain.seen).all()
     assert view.occluded is not None
@@ -248,6 +248,6 @@ def test_what_a_panorama_hides_is_occluded_on_the_wall() -> None:
     assert 0.8 < rows.mean() / 55 < 1.2, "2.5 m over the foot of a wall of 8 m"
     width = columns.max() - columns.min() + 1
     assert abs(width - 2 - 10 * DENSITY * 80 * 2 * np.pi / 2048) < 4, "as wide as it looks from 10 m away, and a rim"
-    again = rectify_view(scene, 0, image, pose, (80, 100), np.zeros_like(hidden))
+    again = rectify_chart_from_panorama(scene, 0, image, pose, (80, 100), np.zeros_like(hidden))
     assert again.occluded is not None
     assert not again.occluded.any()

@@ -13,7 +13,7 @@ from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
-from facade_core.geometry.overhead_view import render_from_above, roofs_seen_from_above, texel_points
+from facade_core.geometry.overhead_view import resample_aerial_to_chart, texel_points, upward_roof_mask
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
@@ -51,7 +51,7 @@ def roof(scene: Scene, building: int) -> int:
 
 def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
     chart = roof(scene, 0)
-    rgb, known = render_from_above(scene, chart, picture)
+    rgb, known = resample_aerial_to_chart(scene, chart, picture)
     points = texel_points(scene, chart, np.arange(known.shape[0]) + 0.5, np.arange(known.shape[1]) + 0.5)
     expected = picture(points.reshape(-1, 3)[:, :2], 0.1)[0].reshape(rgb.shape)
     np.testing.assert_array_equal(rgb[known], expected[known])
@@ -59,13 +59,13 @@ def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
     under = (x > 8) & (x < 12) & (y > 2) & (y < 8)
     np.testing.assert_array_equal(known, (x > 4) & ~under)
     assert under.sum() > 2000
-    top, seen = render_from_above(scene, roof(scene, 1), picture)
+    top, seen = resample_aerial_to_chart(scene, roof(scene, 1), picture)
     assert seen.all()
     assert top[..., 2].max() == 7
 
 
 def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
-    shown = roofs_seen_from_above(scene)
+    shown = upward_roof_mask(scene)
     assert (scene.charts.kind[shown] == ChartKind.ROOF).all()
     assert shown.sum() == (scene.charts.kind == ChartKind.ROOF).sum()
 
@@ -73,7 +73,7 @@ def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
 def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Scene) -> None:
     ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     # known and unknown places are both on it
-    chart = next(c for c in ground.tolist() if 0 < render_from_above(scene, c, picture)[1][:, 20:].mean() < 1)
+    chart = next(c for c in ground.tolist() if 0 < resample_aerial_to_chart(scene, c, picture)[1][:, 20:].mean() < 1)
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     seen = np.zeros(shape, bool)
     seen[:, :20] = True
@@ -89,7 +89,7 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     colour, provenance = finish_chart(
         scene, materials, chart, KnownTexture(read, (), {chart}), FinishSettings(levelling=False, aerial=picture)
     )
-    rgb, known = render_from_above(scene, chart, picture)
+    rgb, known = resample_aerial_to_chart(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
     left = contact_light(scene, chart)

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Building, Ground, Street, Way
+from facade_core.core.types import Building, GroundWay, MappedGround, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
@@ -80,7 +80,7 @@ def test_without_an_example_or_a_hole_nothing_changes(seen: int) -> None:
 
 def test_kinds_lie_where_the_map_has_them() -> None:
     """A road 6 m wide with a pavement of 2 m at its left."""
-    road = Way("r", shapely.LineString([(-40, -10), (60, -10)]), "road", 6.0, "asphalt", pavement=(2.0, 0.0))
+    road = GroundWay("r", shapely.LineString([(-40, -10), (60, -10)]), "road", 6.0, "asphalt", pavement=(2.0, 0.0))
     charts, mesh, _ = build_block_surfaces(
         [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")],
         [Street("r", None, road.line)],
@@ -91,7 +91,7 @@ def test_kinds_lie_where_the_map_has_them() -> None:
     )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
-    materials = MaterialField(scene, [], seed=1, ground=Ground((road,)))
+    materials = MaterialField(scene, [], seed=1, ground=MappedGround((road,)))
     found = set()
     for chart in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist():
         kinds = materials.ground_kinds(chart, 12)

@@ -29,7 +29,7 @@ from facade_core.street.materials.stains import (
     STAIN_DENSITY,
     stain_tones,
     stain_weights,
-    wall_deviations,
+    wall_brightness_deviations,
 )
 from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
@@ -122,7 +122,9 @@ def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_noth
     step = 1 / STAIN_DENSITY
     x = 30 + step * (np.arange(tones.shape[1]) + 0.5)
     y = -12 + step * (np.arange(tones.shape[0]) + 0.5)
-    found = wall_deviations((150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAIN_DENSITY)
+    found = wall_brightness_deviations(
+        (150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAIN_DENSITY
+    )
     assert found == pytest.approx(PHOTO_DEVIATIONS, rel=0.3)
     # cells of .35 m are meant over an eighth of a metre: nearly as at its middle
     points = 1 + sum(
@@ -132,7 +134,7 @@ def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_noth
     assert np.abs(points - tones).max() < 0.05 * np.abs(tones - 1).max() + 0.01
     stained = (even * np.kron(tones, np.ones((2, 2)))[..., None]).astype(np.uint8)
     assert np.abs(stain_tones(stained, labels, 16.0, (30.0, -12.0), seed=5) - 1).max() < 0.5 * np.abs(tones - 1).max()
-    assert wall_deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
+    assert wall_brightness_deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
 
 
 def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
@@ -142,7 +144,9 @@ def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
             y, x = (np.mgrid[:320, :320] + 0.5) / STAIN_DENSITY
             tone = 1 + 0.2 * noise(x / NOISE_CELLS_M[number], y / NOISE_CELLS_M[number], seed)
             found.append(
-                wall_deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY)
+                wall_brightness_deviations(
+                    (120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY
+                )
             )
         assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.types import Building, Finish, Ground, Roof, Street, Way
+from facade_core.core.types import Building, BuildingFinish, GroundWay, MappedGround, Roof, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
@@ -19,7 +19,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MATERIAL_GRAINS, MaterialField
 from facade_core.street.materials.field_kernels import (
     SurfaceMaterial,
-    colour_points,
+    compute_point_colours,
 )
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -70,16 +70,16 @@ def test_a_roof_as_steep_as_a_wall_is_of_what_its_walls_are(scene: Scene) -> Non
 def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scene: Scene) -> None:
     chart, materials = of_kind(scene, ChartKind.WALL), MaterialField(scene, [STREET], seed=1)
     whole = materials.chart_raster(chart)
-    kernels = set(colour_points.signatures)
+    kernels = set(compute_point_colours.signatures)
     chosen = np.zeros(whole.shape[:2], bool)
     chosen[::7, ::5] = True
     np.testing.assert_array_equal(materials.texel_colours(chart, *np.nonzero(chosen)), whole[chosen])
-    assert set(colour_points.signatures) == kernels
+    assert set(compute_point_colours.signatures) == kernels
 
 
 def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
-    stated = Finish((40, 60, 200), (200, 40, 30))
-    painted = replace(scene, finishes=(Finish(), stated))
+    stated = BuildingFinish((40, 60, 200), (200, 40, 30))
+    painted = replace(scene, finishes=(BuildingFinish(), stated))
     for kind, place in ((ChartKind.ROOF, 0), (ChartKind.WALL, 2)):
         for building in (0, 1):
             chart = int(np.flatnonzero((scene.charts.kind == kind) & (scene.charts.building == building))[0])
@@ -95,9 +95,11 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
 def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
     gabled = int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == 1))[0])
 
-    def made(finish: Finish) -> int:
+    def made(finish: BuildingFinish) -> int:
         return int(
-            MaterialField(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).arrays.charts.material[gabled]
+            MaterialField(replace(scene, finishes=(BuildingFinish(), finish)), [STREET], seed=1).arrays.charts.material[
+                gabled
+            ]
         )
 
     stated = {
@@ -108,16 +110,18 @@ def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
         "tar_paper": SurfaceMaterial.FELT,
         "thatch": SurfaceMaterial.ROOF_TILE,
     }
-    assert {name: made(Finish(roof_material=name)) for name in stated} == stated
-    assert made(Finish(roof_colour=(122, 156, 138))) == SurfaceMaterial.SHEET_METAL
-    assert made(Finish(roof_colour=(158, 66, 50))) == SurfaceMaterial.ROOF_TILE
-    metal = replace(scene, finishes=(Finish(), Finish(roof_material="metal")))
+    assert {name: made(BuildingFinish(roof_material=name)) for name in stated} == stated
+    assert made(BuildingFinish(roof_colour=(122, 156, 138))) == SurfaceMaterial.SHEET_METAL
+    assert made(BuildingFinish(roof_colour=(158, 66, 50))) == SurfaceMaterial.ROOF_TILE
+    metal = replace(scene, finishes=(BuildingFinish(), BuildingFinish(roof_material="metal")))
     raster = MaterialField(metal, [STREET], seed=1).chart_raster(gabled).astype(float).mean(axis=2)
     across, down = (np.abs(np.diff(raster.mean(axis=axis))).mean() for axis in (0, 1))
     assert across > 2 * down, "seams run down the slope"
     looks = set()
     for name in ("slate", "metal", "roof_tiles", "tar_paper"):
-        painted = replace(scene, finishes=(Finish(), Finish(roof_colour=(120, 120, 120), roof_material=name)))
+        painted = replace(
+            scene, finishes=(BuildingFinish(), BuildingFinish(roof_colour=(120, 120, 120), roof_material=name))
+        )
         raster = MaterialField(painted, [STREET], seed=1).chart_raster(gabled)
         assert 50 < raster.mean() < 130
         looks.add(raster.tobytes())
@@ -136,7 +140,7 @@ def test_a_level_roof_is_of_felt_or_under_gravel_as_a_rule(scene: Scene) -> None
     ]
     assert counts[0] > counts[1] > counts[2] > 0 == 60 - sum(counts)
     assert {int(one[leaning]) for one in made} == {SurfaceMaterial.ROOF_TILE}
-    stated = replace(scene, finishes=(Finish(roof_material="gravel"), Finish()))
+    stated = replace(scene, finishes=(BuildingFinish(roof_material="gravel"), BuildingFinish()))
     assert MaterialField(stated, [STREET], seed=1).arrays.charts.material[level] == SurfaceMaterial.ROOF_GRAVEL
 
 
@@ -182,9 +186,9 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
     """A street at an angle, dashes on it: kerbs, marks and slabs are their means over each texel, as 8 x 8 points have it."""
     line = shapely.LineString([(-30, -11), (50, 9)])
     ways = (
-        Way("s", line, "road", 7.0, "asphalt", lanes=2, pavement=(4.0, 0.0)),
-        Way("t", line, "tram", 1.0, "asphalt"),
-        Way("c", shapely.LineString([(10, 10), (10, -12)]), "crossing", 3.0, "asphalt"),
+        GroundWay("s", line, "road", 7.0, "asphalt", lanes=2, pavement=(4.0, 0.0)),
+        GroundWay("t", line, "tram", 1.0, "asphalt"),
+        GroundWay("c", shapely.LineString([(10, 10), (10, -12)]), "crossing", 3.0, "asphalt"),
     )
     charts, mesh, _ = build_block_surfaces(
         [], [Street("s", None, line)], terrain=build_terrain([], None), ground_margin=9, largest=8
@@ -195,7 +199,7 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
     chart = int(np.argmin(shapely.distance(line, shapely.points(middle[:, :2]))))
     rng = np.random.default_rng(0)
     rows, columns = (rng.integers(0, side[chart], 1500) for side in (placement.height, placement.width))
-    materials = MaterialField(scene, [], seed=1, ground=Ground(ways))
+    materials = MaterialField(scene, [], seed=1, ground=MappedGround(ways))
     found = materials.texel_colours(chart, rows, columns).astype(float)
 
     def points(right: float, down: float) -> np.ndarray:
@@ -210,13 +214,16 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
 
 
 def test_leaves_lie_by_kerbs_and_few() -> None:
-    ways = (Way("s", shapely.LineString([(-30, 0), (50, 0)]), "road", 7.0, "asphalt", pavement=(4.0, 4.0)),)
+    ways = (GroundWay("s", shapely.LineString([(-30, 0), (50, 0)]), "road", 7.0, "asphalt", pavement=(4.0, 4.0)),)
     charts, mesh, _ = build_block_surfaces(
         [], [Street("s", None, ways[0].line)], terrain=build_terrain([], None), ground_margin=9, largest=100
     )
     placement = pack_charts(charts.size, DENSITY, charts.building, page=2048, chunk=128, gutter=2)
     materials = MaterialField(
-        Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=2048)), [], seed=1, ground=Ground(ways)
+        Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=2048)),
+        [],
+        seed=1,
+        ground=MappedGround(ways),
     )
 
     rng, away, brown = np.random.default_rng(0), [], []

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.street.materials.grain import (
     DEFAULT_EXAMPLES,
     EXAMPLE_NAMES,
     GRAIN_LEVELS,
     TILE_PIXELS,
-    Grain,
+    WeightedGrain,
     add_grain,
     build_grain_tables,
     learn_grain,
@@ -23,14 +23,14 @@ from facade_core.street.materials.grain import (
 from facade_core.street.materials.grain_file import (
     SHIPPED_EXAMPLES,
     load_examples,
-    load_grains,
-    load_shipped_grains,
+    load_grain_tables,
+    load_shipped_grain_tables,
     save_examples,
 )
-from tasks.training.materials import train_materials
+from tasks.training.materials import learn_grain_examples
 
 # Each that is shipped, as it is.
-EXAMPLES = build_grain_tables([Grain(load_examples()[name]) for name in EXAMPLE_NAMES])
+EXAMPLES = build_grain_tables([WeightedGrain(load_examples()[name]) for name in EXAMPLE_NAMES])
 
 
 def patch(which: int, density: float, metres: float, seed: int = 3) -> np.ndarray:
@@ -94,12 +94,12 @@ def test_the_example_of_a_picture_keeps_its_colour_and_leaves_out_its_structure(
 
 def test_a_blocks_own_picture_takes_the_place_of_one_material_alone() -> None:
     picture = np.random.default_rng(1).integers(60, 160, (256, 512, 3), np.uint8)
-    own = load_grains({"slabs": learn_grain(picture, 0.8)})
-    assert own.first.shape == load_shipped_grains().first.shape == (len(DEFAULT_EXAMPLES), GRAIN_LEVELS)
+    own = load_grain_tables({"slabs": learn_grain(picture, 0.8)})
+    assert own.first.shape == load_shipped_grain_tables().first.shape == (len(DEFAULT_EXAMPLES), GRAIN_LEVELS)
     place = list(DEFAULT_EXAMPLES).index("slabs")
     others = [k for k in range(len(DEFAULT_EXAMPLES)) if k != place]
     for field in ("bits", "tables", "width", "weight", "colour"):
-        mine, theirs = getattr(own, field), getattr(load_shipped_grains(), field)
+        mine, theirs = getattr(own, field), getattr(load_shipped_grain_tables(), field)
         np.testing.assert_array_equal(mine[others], theirs[others])
         assert not np.array_equal(mine[place], theirs[place], equal_nan=True) or field == "bits"
     assert own.colour[place] == pytest.approx(picture.mean(axis=(0, 1)), abs=0.5)
@@ -112,13 +112,13 @@ def test_a_file_that_is_broken_is_told(tmp_path: Path) -> None:
     path = tmp_path / SHIPPED_EXAMPLES.name
     assert len(load_examples(path)) == len(EXAMPLE_NAMES)
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(ModelError, match=r"checksum differs from materials\.json; fetch both"):
+    with pytest.raises(ModelFileError, match=r"checksum differs from materials\.json; fetch both"):
         load_examples(path)
     path.with_suffix(".json").write_text(json.dumps({"format": 0}))
-    with pytest.raises(ModelError, match="of another version"):
+    with pytest.raises(ModelFileError, match="of another version"):
         load_examples(path)
     path.unlink()
-    with pytest.raises(ModelError, match=r"materials\.npz: cannot be read"):
+    with pytest.raises(ModelFileError, match=r"materials\.npz: cannot be read"):
         load_examples(path)
 
 
@@ -126,7 +126,7 @@ def test_training_tells_what_picture_is_missing(tmp_path: Path) -> None:
     from facade_core.core.errors import InputError
 
     with pytest.raises(InputError, match=r"asphalt\.jpg: cannot be read"):
-        train_materials(tmp_path, tmp_path / "out")
+        learn_grain_examples(tmp_path, tmp_path / "out")
 
 
 def test_the_same_examples_are_the_same_file(tmp_path: Path) -> None:

@@ -7,27 +7,29 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from facade_core.core.types import Area, Ground, Way
+from facade_core.core.types import GroundArea, GroundWay, MappedGround
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.marks import (
     EDGE_LINE_OFFSET_M,
     LINE_HALF_WIDTH_M,
     STOP_LINE_HALF_WIDTH_M,
-    GroundMark,
+    GroundMarkKind,
     ground_marks,
 )
 from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTiles
-from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.grain_file import load_shipped_grain_tables
 from facade_core.street.materials.ground_kernels import ground_colour
 from facade_core.street.materials.procedural import SURFACE_COLOURS, GroundSurface
 
-MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
-SIDE = Way("side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1)
-PARK = Area("park", shapely.box(-60, -60, 60, 2), "grass")
-GROUND_OF = Ground((MAIN, SIDE), (PARK,))
+MAIN = GroundWay("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
+SIDE = GroundWay(
+    "side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1
+)
+PARK = GroundArea("park", shapely.box(-60, -60, 60, 2), "grass")
+GROUND_OF = MappedGround((MAIN, SIDE), (PARK,))
 
 
-def squares(ground: Ground, *places: tuple[int, int]) -> GroundTiles:
+def squares(ground: MappedGround, *places: tuple[int, int]) -> GroundTiles:
     """Ground charts that are whole squares of the world grid."""
     count = len(places)
     own = np.arange(count, dtype=np.int32)
@@ -39,7 +41,7 @@ def squares(ground: Ground, *places: tuple[int, int]) -> GroundTiles:
     )
 
 
-def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
+def colours(ground: MappedGround, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
     out = np.empty((len(x), 3), np.uint8)
     ground_colour(
         0,
@@ -47,7 +49,7 @@ def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: t
         y,
         np.full(len(x), side),
         squares(ground, square).build_arrays([0]),
-        load_shipped_grains(),
+        load_shipped_grain_tables(),
         1,
         np.ones(len(x)),
         1.0,
@@ -68,7 +70,7 @@ def test_ground_is_what_the_map_says() -> None:
     road = colours(GROUND_OF, points[:, 0], points[:, 1] + 1.0, 0.05, (0, 0))
     assert kerb.mean() > road.mean() + 20
     # the corner between the two roads is carriageway, not a pavement with a point
-    asphalt = Ground((replace(MAIN, surface="asphalt"), SIDE))
+    asphalt = MappedGround((replace(MAIN, surface="asphalt"), SIDE))
     inner, outer = colours(asphalt, np.array([23.9, 27.0]), np.array([16.4, 19.5]), 0.3, (0, 0)).mean(axis=1)
     assert inner < 115 < 125 < outer
 
@@ -89,7 +91,9 @@ def test_the_ground_depends_on_what_lies_near_it_alone() -> None:
     before = squares(GROUND_OF, *places)
     other = squares(replace(GROUND_OF, ways=(MAIN, replace(SIDE, surface="setts"))), *places)
     assert [before.digest(c) == other.digest(c) for c in range(3)] == [False, True, True]
-    more = squares(replace(GROUND_OF, areas=(PARK, Area("pond", shapely.box(10, 200, 20, 210), "water"))), *places)
+    more = squares(
+        replace(GROUND_OF, areas=(PARK, GroundArea("pond", shapely.box(10, 200, 20, 210), "water"))), *places
+    )
     assert [before.digest(c) == more.digest(c) for c in range(3)] == [True, False, True]
     renamed = squares(replace(GROUND_OF, ways=(replace(MAIN, id="other"), SIDE)), *places)
     assert all(before.digest(c) == renamed.digest(c) for c in range(3))
@@ -100,33 +104,37 @@ def test_a_line_that_is_cut_elsewhere_is_drawn_the_same() -> None:
     marked = replace(MAIN, surface="asphalt", lanes=2)
     shorter = replace(marked, line=shapely.LineString([(-100, 10.8), (300, 14)]))
     x, y = np.meshgrid(np.linspace(0.5, 31.5, 60), np.linspace(4, 20, 60))
-    first, second = (colours(Ground((way,)), x.ravel(), y.ravel(), 0.1, (0, 0)) for way in (marked, shorter))
+    first, second = (colours(MappedGround((way,)), x.ravel(), y.ravel(), 0.1, (0, 0)) for way in (marked, shorter))
     assert np.abs(first - second).mean() < 0.5
 
 
 def test_a_road_between_places_for_cars_has_its_line_in_the_middle() -> None:
     """Its offset is what rounding leaves of nothing: 4.4e-16 of these widths, by which GEOS fails."""
     bent = shapely.LineString([(0, 0), (14, 8), (22, 12), (63, 35)])
-    way = Way("b", bent, "road", 10.2, "asphalt", lanes=2, parking=(2.1, 2.1))
+    way = GroundWay("b", bent, "road", 10.2, "asphalt", lanes=2, parking=(2.1, 2.1))
     line = ground_marks((way,), bent.buffer(way.width / 2), shapely.Point())[:, :4]
     line = line[[bent.distance(shapely.LineString(row.reshape(2, 2))) < 1e-6 for row in line]]
     assert 0 < np.hypot(*(line[:, 2:] - line[:, :2]).T).sum() < bent.length
 
 
-LARGE = Way("l", shapely.LineString([(0, 0), (120, 0)]), "road", 13.0, "asphalt", lanes=4, pavement=(3.0, 3.0), rank=7)
+LARGE = GroundWay(
+    "l", shapely.LineString([(0, 0), (120, 0)]), "road", 13.0, "asphalt", lanes=4, pavement=(3.0, 3.0), rank=7
+)
 
 
 def painted(
-    ways: tuple[Way, ...], half: float, carriageway: shapely.Geometry | None = None
+    ways: tuple[GroundWay, ...], half: float, carriageway: shapely.Geometry | None = None
 ) -> list[shapely.LineString]:
     """Painted lines of half a width."""
     place = carriageway or shapely.union_all([way.line.buffer(way.width / 2, cap_style="flat") for way in ways])
     rows = ground_marks(ways, place, shapely.Point())
-    return [shapely.LineString(row[:4].reshape(2, 2)) for row in rows if row[5] == GroundMark.PAINT and row[4] == half]
+    return [
+        shapely.LineString(row[:4].reshape(2, 2)) for row in rows if row[5] == GroundMarkKind.PAINT and row[4] == half
+    ]
 
 
 def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges() -> None:
-    def edges(way: Way) -> list[int]:
+    def edges(way: GroundWay) -> list[int]:
         away = way.width / 2 - EDGE_LINE_OFFSET_M
         lines = [one for one in painted((way,), LINE_HALF_WIDTH_M) if abs(abs(one.centroid.y) - away) < 1e-6]
         return sorted(int(np.sign(one.centroid.y)) for one in lines)
@@ -139,7 +147,7 @@ def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges()
 
 
 def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_higher_rank() -> None:
-    crossing = Way("c", shapely.LineString([(60, -8), (60, 8)]), "crossing", 3.0, "asphalt")
+    crossing = GroundWay("c", shapely.LineString([(60, -8), (60, 8)]), "crossing", 3.0, "asphalt")
     lines = sorted(painted((LARGE, crossing), STOP_LINE_HALF_WIDTH_M), key=lambda line: line.centroid.x)
     assert [round(line.centroid.x, 1) for line in lines] == [57.1, 62.9]
     assert [line.centroid.y < 0 for line in lines] == [True, False]  # who goes east keeps to the south

@@ -18,7 +18,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.relief import cast_shadows
+from facade_core.street.materials.relief import relief_shadow_share
 from facade_core.street.surfaces import ChartSunlight, KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
@@ -152,7 +152,7 @@ def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_the
     labels[80:110, 40:80] = FacadeClass.WINDOW
     colour = np.full((120, 120, 3), 160, np.uint8)
     towards = np.array([-0.5, -0.7, 0.5])  # up and to the left
-    shadow = cast_shadows(colour, labels, 20.0, towards, 0.6)
+    shadow = relief_shadow_share(colour, labels, 20.0, towards, 0.6)
     assert shadow[62:66, 55:75].min() > 0.8, "below the slab of a balcony"
     assert shadow[62:66, 82:84].min() > 0.5, "and to its right"
     assert not shadow[62:66, 20:36].any()
@@ -160,4 +160,4 @@ def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_the
     assert not shadow[100, 60:75].any()
     assert not shadow[:10].any()
     colour[62:66, 55:75] = 92  # as the shade is already
-    assert cast_shadows(colour, labels, 20.0, towards, 0.6)[62:66, 55:75].max() < 0.15
+    assert relief_shadow_share(colour, labels, 20.0, towards, 0.6)[62:66, 55:75].max() < 0.15

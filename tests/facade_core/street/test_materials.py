@@ -19,7 +19,7 @@ KERNELS: dict[str, Callable[..., None]] = {
     "tiling": roofs.roof_tile_tone,
     "plaster": procedural.plaster_tone,
     "glass": procedural.glass_reflection,
-    "wood": procedural.wood_tone,
+    "wood": procedural.door_boards_tone,
     "soffit": procedural.soffit_tone,
     "felt": roofs.felt_tone,
     "ballast": roofs.roof_gravel_tone,

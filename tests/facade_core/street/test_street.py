@@ -16,13 +16,13 @@ from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import Daylight
+from facade_core.geometry.daylight import ChartDaylight
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.visible_tiles import mark_visible_tiles
-from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render
+from facade_core.geometry.visible_tiles import mark_visible_texel_tiles
+from facade_core.street.propagation.propagate import propagate_panorama
+from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -63,7 +63,7 @@ def south_wall(scene: Scene, building: int) -> int:
 
 
 def test_untextured_is_grey_and_sky_black(scene: Scene) -> None:
-    panorama = render(scene, window(scene, []), camera(), (64, 128))
+    panorama = render_panorama(scene, window(scene, []), camera(), (64, 128))
     assert not panorama.textured.any()
     assert (panorama.rgb[panorama.chart < 0][~np.isfinite(panorama.depth[panorama.chart < 0])] == 0).all()
     seen = panorama.rgb[panorama.chart >= 0]
@@ -72,7 +72,7 @@ def test_untextured_is_grey_and_sky_black(scene: Scene) -> None:
 
 
 def test_depth_and_points_are_metres(scene: Scene) -> None:
-    panorama = render(scene, window(scene, []), camera(), (128, 256))
+    panorama = render_panorama(scene, window(scene, []), camera(), (128, 256))
     wall = panorama.chart == south_wall(scene, 0)
     assert panorama.depth[wall].min() == pytest.approx(8.0, rel=1e-3)
     np.testing.assert_allclose(panorama.points[wall][:, 1], 0, atol=1e-3)
@@ -82,12 +82,12 @@ def test_what_is_propagated_is_rendered_again(scene: Scene) -> None:
     """A gradient painted on the wall survives the way panorama -> atlas -> panorama."""
     wall = south_wall(scene, 0)
     atlas = window(scene, [wall])
-    first = render(scene, atlas, camera(), (256, 512))
+    first = render_panorama(scene, atlas, camera(), (256, 512))
     rgb = first.rgb.copy()
     on_wall = first.chart == wall
     rgb[on_wall] = np.clip(first.points[on_wall] * [10, 0, 15] + [20, 128, 30], 0, 255).astype(np.uint8)
-    propagate(scene, atlas, camera(), rgb, charts_seen=first.chart)
-    second = render(scene, atlas, camera(), (256, 512))
+    propagate_panorama(scene, atlas, camera(), rgb, charts_seen=first.chart)
+    second = render_panorama(scene, atlas, camera(), (256, 512))
     again = second.textured & on_wall
     assert again.sum() > 0.97 * on_wall.sum()
     assert np.abs(second.rgb[again].astype(int) - rgb[again]).mean() < 2
@@ -97,11 +97,11 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
     """The wall behind takes no colour where the front building hides it, and none of the front building's."""
     hidden, front = south_wall(scene, 1), south_wall(scene, 0)
     atlas = window(scene, [hidden])
-    first = render(scene, atlas, camera(), (256, 512))
+    first = render_panorama(scene, atlas, camera(), (256, 512))
     rgb = np.zeros((256, 512, 3), np.uint8)
     rgb[first.chart == front] = [255, 0, 0]
     rgb[first.chart == hidden] = [0, 255, 0]
-    propagate(scene, atlas, camera(), rgb, charts_seen=first.chart)
+    propagate_panorama(scene, atlas, camera(), rgb, charts_seen=first.chart)
     texels = atlas.layout.texel_slice(scene.placement, hidden)
     shape = (scene.placement.height[hidden], scene.placement.width[hidden])
     written = (atlas.provenance[texels] == Provenance.TRANSLATED).reshape(shape)
@@ -120,7 +120,7 @@ def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
     texels = rasters.texel_slice(scene.placement, wall)
     evidence[texels.start : texels.start + 500] = Provenance.PHOTO
     atlas = window(scene, [wall], seed, evidence)
-    propagate(scene, atlas, camera(), np.full((128, 256, 3), 200, np.uint8))
+    propagate_panorama(scene, atlas, camera(), np.full((128, 256, 3), 200, np.uint8))
     assert (atlas.colour[texels][:500] == 77).all()
     assert (atlas.provenance[texels][:500] == Provenance.PHOTO).all()
     assert set(atlas.provenance[texels][500:]) <= {Provenance.TRANSLATED, Provenance.UNSEEN}
@@ -130,13 +130,13 @@ def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
 def test_views_beyond_the_range_do_not_count(scene: Scene) -> None:
     atlas = window(scene, np.flatnonzero(scene.charts.kind == ChartKind.WALL))
     far = Viewpoint(0, 0, np.array([10.0, -60.0, 2.5]), np.array([1.0, 0.0]))
-    propagate(scene, atlas, far, np.full((64, 128, 3), 200, np.uint8))
+    propagate_panorama(scene, atlas, far, np.full((64, 128, 3), 200, np.uint8))
     assert (atlas.provenance == Provenance.UNSEEN).all()
 
 
 def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> None:
     swatches = MaterialFieldTranslator(scene, [STREET], seed=1)
-    panorama = render(scene, window(scene, []), camera(), (64, 128))
+    panorama = render_panorama(scene, window(scene, []), camera(), (64, 128))
     panorama.textured[40:50] = True
     kept = panorama.rgb[40:50].copy()
     out = swatches.translate(panorama)
@@ -150,8 +150,8 @@ def test_what_was_seen_only_from_afar_is_bare_from_near(scene: Scene) -> None:
     ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     atlas = window(scene, ground)
     first = camera(-8.0)
-    propagate(scene, atlas, first, np.full((128, 256, 3), 90, np.uint8))
-    near, far = (render(scene, atlas, camera(x), (128, 256)) for x in (12.0, -7.0))
+    propagate_panorama(scene, atlas, first, np.full((128, 256, 3), 90, np.uint8))
+    near, far = (render_panorama(scene, atlas, camera(x), (128, 256)) for x in (12.0, -7.0))
     on_ground = np.isin(near.chart, ground)
     along, behind = near.points[..., 0] - 12.0, np.abs(near.points[..., 0] + 8.0)
     close, beyond = on_ground & (np.abs(along) < 7.4), on_ground & (np.abs(along) > 7.6)
@@ -165,7 +165,7 @@ def test_what_was_seen_only_from_afar_is_bare_from_near(scene: Scene) -> None:
 
 def test_only_equirectangular_shapes(scene: Scene) -> None:
     with pytest.raises(GeometryError, match="twice as wide"):
-        render(scene, window(scene, []), camera(), (100, 100))
+        render_panorama(scene, window(scene, []), camera(), (100, 100))
 
 
 def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
@@ -176,15 +176,17 @@ def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
     visited = []
 
     def mark(*arguments):
-        tiles = mark_visible_tiles(*arguments)
+        tiles = mark_visible_texel_tiles(*arguments)
         visited.append(tiles.mean())
         return tiles
 
     with monkeypatch.context() as patched:
-        patched.setattr(module, "mark_visible_tiles", mark)
-        propagate(scene, marked, camera(), rgb)
-        patched.setattr(module, "mark_visible_tiles", lambda *arguments: np.ones_like(mark_visible_tiles(*arguments)))
-        propagate(scene, everywhere, camera(), rgb)
+        patched.setattr(module, "mark_visible_texel_tiles", mark)
+        propagate_panorama(scene, marked, camera(), rgb)
+        patched.setattr(
+            module, "mark_visible_texel_tiles", lambda *arguments: np.ones_like(mark_visible_texel_tiles(*arguments))
+        )
+        propagate_panorama(scene, everywhere, camera(), rgb)
     assert visited[0] < 0.8
     found, all_found = marked.provenance > Provenance.UNSEEN, everywhere.provenance > Provenance.UNSEEN
     assert not (found & ~all_found).any()
@@ -197,8 +199,8 @@ def test_threads_change_nothing(scene: Scene, threads: int) -> None:
     together, alone = (window(scene, range(len(scene.charts))) for _ in range(2))
     for x in (2.0, 9.0, 16.0):
         rgb = np.random.default_rng(int(x)).integers(0, 255, (128, 256, 3), dtype=np.uint8)
-        propagate(scene, together, camera(x), rgb, threads=threads)
-        propagate(scene, alone, camera(x), rgb)
+        propagate_panorama(scene, together, camera(x), rgb, threads=threads)
+        propagate_panorama(scene, alone, camera(x), rgb)
     assert (alone.provenance == Provenance.TRANSLATED).sum() > 10_000
     for one, other in zip(together.state, alone.state, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -216,7 +218,7 @@ def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
     seed[texels] = np.tile(
         np.where(np.arange(width) % 2, 200, 0).astype(np.uint8)[None, :, None], (height, 1, 3)
     ).reshape(-1, 3)
-    panorama = render(scene, window(scene, [], seed, evidence), camera(), (32, 64))
+    panorama = render_panorama(scene, window(scene, [], seed, evidence), camera(), (32, 64))
     on_wall = panorama.chart == wall
     assert panorama.textured[on_wall].all()
     assert np.abs(panorama.rgb[on_wall].astype(int) - 100).max() <= 30
@@ -225,11 +227,11 @@ def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
 def test_a_window_for_a_shorter_range_is_refused(scene: Scene) -> None:
     far = replace(scene, visibility_range=150.0)
     with pytest.raises(GeometryError, match="visibility_range"):
-        propagate(far, window(scene, range(len(scene.charts))), camera(), np.zeros((64, 128, 3), np.uint8))
+        propagate_panorama(far, window(scene, range(len(scene.charts))), camera(), np.zeros((64, 128, 3), np.uint8))
 
 
 def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
-    light = Daylight(scene.charts, scene.caster)
+    light = ChartDaylight(scene.charts, scene.caster)
     hidden, roof = (
         south_wall(scene, 1),
         int(np.flatnonzero((scene.charts.building == 1) & (scene.charts.kind == ChartKind.ROOF))[0]),
@@ -243,7 +245,7 @@ def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
     assert grid(roof).min() > 0.99  # the tallest of all
     wall = grid(hidden)
     assert wall[-1].mean() < wall[0].mean() - 0.15  # 4 m behind another house
-    other = Daylight(scene.charts, scene.caster)
+    other = ChartDaylight(scene.charts, scene.caster)
     for chart in (hidden, int(np.flatnonzero(scene.charts.kind == ChartKind.GROUND)[0]), hidden):
         other.compute([chart])
     start = other.start[hidden]

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.core.errors import ModelError
+from facade_core.core.errors import ModelFileError
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
 from facade_core.street.translator.training_views import (
     PANORAMA_WIDTHS,
     USED_ROWS,
     TrainingRendering,
-    crop_panorama,
-    crop_rendering,
     imitate_rendering,
+    random_panorama_crop,
+    random_rendering_crop,
 )
 
 RNG = np.random.default_rng(3)
@@ -80,27 +80,27 @@ def test_a_far_change_changes_nothing() -> None:
 
 
 def test_a_width_the_network_does_not_take_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"100 pixels wide.*change panorama_width"):
+    with pytest.raises(ModelFileError, match=r"100 pixels wide.*change panorama_width"):
         neural_translator.load_translator().translate_image(np.zeros((50, 100, 3), np.uint8))
 
 
 def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ModelError, match=r"none\.onnx: no such file"):
+    with pytest.raises(ModelFileError, match=r"none\.onnx: no such file"):
         neural_translator.load_translator(tmp_path / "none.onnx")
     path = tmp_path / "t.onnx"
     record = json.loads(neural_translator.SHIPPED_TRANSLATOR.with_suffix(".json").read_text())
     path.write_bytes(neural_translator.SHIPPED_TRANSLATOR.read_bytes()[:-1])
     path.with_suffix(".json").write_text(json.dumps(record))
-    with pytest.raises(ModelError, match="checksum differs"):
+    with pytest.raises(ModelFileError, match="checksum differs"):
         neural_translator.load_translator(path)
     neural_translator.write_translator(b"not a network", path, {"version": neural_translator.TRANSLATOR_VERSION})
-    with pytest.raises(ModelError, match="not a model that onnxruntime reads"):
+    with pytest.raises(ModelFileError, match="not a model that onnxruntime reads"):
         neural_translator.load_translator(path)
     neural_translator.write_translator(neural_translator.SHIPPED_TRANSLATOR.read_bytes(), path, {"version": 0})
-    with pytest.raises(ModelError, match="another version"):
+    with pytest.raises(ModelFileError, match="another version"):
         neural_translator.load_translator(path)
     path.with_suffix(".json").write_text("[]")
-    with pytest.raises(ModelError, match="not the record of a translator"):
+    with pytest.raises(ModelFileError, match="not the record of a translator"):
         neural_translator.load_translator(path)
 
 
@@ -109,7 +109,7 @@ def test_crops_show_the_street_and_know_where_they_are() -> None:
     views = [TrainingRendering(grey, grey > 100)]
     rng, places, known = np.random.default_rng(0), set(), 0
     for _ in range(40):
-        crop = crop_rendering(views, (64, 128), rng)
+        crop = random_rendering_crop(views, (64, 128), rng)
         first, height = crop.place
         assert crop.image.shape == (64, 128, 3)
         assert height in [width // 2 for width in PANORAMA_WIDTHS]
@@ -120,7 +120,7 @@ def test_crops_show_the_street_and_know_where_they_are() -> None:
         known += bool(crop.textured.any())
     assert len(places) == len(PANORAMA_WIDTHS)
     assert 0 < known < 40
-    photo = crop_panorama([np.repeat(grey[..., None], 3, 2)], (64, 128), rng)
+    photo = random_panorama_crop([np.repeat(grey[..., None], 3, 2)], (64, 128), rng)
     assert not photo.textured.any()
 
 

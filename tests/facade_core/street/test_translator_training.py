@@ -12,15 +12,15 @@ pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
 import torch
 
-from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.street.translator import training
 from facade_core.street.translator.equirectangular_taps import gather_taps
 from facade_core.street.translator.kernel_distance import image_features, kernel_distance
 from facade_core.street.translator.network import Discriminator, Generator, image_to_tensor, initialise_weights
-from facade_core.street.translator.network_export import export_onnx, store_half_precision
+from facade_core.street.translator.network_export import export_generator_onnx, store_half_precision
 from facade_core.street.translator.training import learning_rate_share, train_generator
 from facade_core.street.translator.training_steps import TrainingDomains, TrainingRecipe, step_paired
-from facade_core.street.translator.training_views import TrainingPair, TrainingRendering, crop_pair
+from facade_core.street.translator.training_views import TrainingPair, TrainingRendering, random_pair_crop
 
 COURSE = TrainingRecipe(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
 
@@ -51,9 +51,9 @@ def test_an_interrupted_run_ends_in_the_same_weights(tmp_path: Path) -> None:
     again = train_generator(domains(), COURSE, seed=1, state=tmp_path / "s")
     assert again.distances == whole.distances
     assert all(torch.equal(again.weights[name], value) for name, value in whole.weights.items())
-    with pytest.raises(ModelError, match="another training run"):
+    with pytest.raises(ModelFileError, match="another training run"):
         train_generator(domains(), COURSE, seed=2, state=tmp_path / "s")
-    with pytest.raises(ModelError, match="another training run"):
+    with pytest.raises(ModelFileError, match="another training run"):
         train_generator(
             domains(), replace(COURSE, steps=8), seed=1, state=tmp_path / "s"
         )  # the rate has fallen already
@@ -88,7 +88,7 @@ def test_the_exported_network_is_the_trained_one() -> None:
     seen = gather_taps(image_to_tensor(image)[0].numpy(), (0, 32))[None]
     with torch.no_grad():
         expected = network.decode(network.run_blocks(torch.from_numpy(seen), True, []), True).numpy()
-    content = export_onnx(network.state_dict(), COURSE)
+    content = export_generator_onnx(network.state_dict(), COURSE)
     for made, near in ((content, 1e-4), (store_half_precision(content), 5e-3)):
         session = onnxruntime.InferenceSession(made, providers=["CPUExecutionProvider"])
         np.testing.assert_allclose(session.run(None, {"seen": seen})[0], expected, atol=near)
@@ -119,7 +119,7 @@ def pairs(colour: tuple[int, int, int], columns: int = 512) -> list[TrainingPair
 def test_crops_of_pairs_show_one_place() -> None:
     rng = np.random.default_rng(1)
     for _ in range(20):
-        crop, image, true = crop_pair(pairs((200, 40, 30)), (32, 64), rng)
+        crop, image, true = random_pair_crop(pairs((200, 40, 30)), (32, 64), rng)
         assert crop.image.shape == image.shape == (32, 64, 3)
         assert (image[true] == (200, 40, 30)).all()
         assert not image[~true].any()

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from facade_core.facade.texture.floor_inpainting import _penalise_outliers
-from facade_core.facade.texture.gradient_blending import solve_membrane
+from facade_core.facade.texture.gradient_blending import solve_colour_offsets
 from facade_core.facade.texture.label_expansion import choose_sources
-from facade_core.facade.texture.mosaic import paint_sources
+from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
-from facade_core.facade.texture.translations import find_translations
+from facade_core.facade.texture.translations import find_repeat_translations
 
 
 @pytest.fixture
@@ -25,14 +25,14 @@ def known() -> np.ndarray:
 
 
 def test_repeats_are_found_down_and_across(wallpaper, known):
-    maps = {tuple(m) for m in find_translations(wallpaper.mean(2) - 0.5, known).tolist()}
+    maps = {tuple(m) for m in find_repeat_translations(wallpaper.mean(2) - 0.5, known).tolist()}
     assert {(24, 0, 0), (-24, 0, 0), (0, 20, 0), (0, -20, 0)} <= maps
 
 
 def test_a_mirror_image_is_found():
     half = np.random.default_rng(2).random((60, 40), np.float32) - 0.5
     image = np.concatenate([half, half[:, ::-1]], 1)
-    maps = find_translations(image, np.ones(image.shape, bool))
+    maps = find_repeat_translations(image, np.ones(image.shape, bool))
     assert (0, 79, 1) in {tuple(m) for m in maps.tolist()}  # x is taken from 79 - x
 
 
@@ -82,7 +82,7 @@ def test_membrane_takes_a_shade_over_into_the_hole():
     right, below = np.zeros((40, 50, 3), np.float32), np.zeros((40, 50, 3), np.float32)
     right[10:30, 9], right[10:30, 39] = 0.03, -0.03  # what is around is lighter by this
     below[9, 10:40], below[29, 10:40] = 0.03, -0.03
-    offset = solve_membrane(right, below, hidden, hidden.astype(np.int32))
+    offset = solve_colour_offsets(right, below, hidden, hidden.astype(np.int32))
     np.testing.assert_allclose(offset[hidden], 0.03, atol=0.004)
     assert (offset[~hidden] == 0).all()
 
@@ -91,7 +91,9 @@ def test_copies_are_fitted_to_the_pixel_and_known_pixels_stay(wallpaper, known):
     image = np.rint(wallpaper * 255).astype(np.uint8)
     spoiled = np.where(known[..., None], image, 0)
     chosen = np.where(known[::2, ::2], -1, 0)
-    out, done = paint_sources(spoiled, known, chosen, np.array([[0, -21, 0]]), 2, 4.0)  # 42 px; the repeat is at 40
+    out, done = fill_from_chosen_sources(
+        spoiled, known, chosen, np.array([[0, -21, 0]]), 2, 4.0
+    )  # 42 px; the repeat is at 40
     assert done.all()
     assert np.abs(out.astype(int) - image).max() <= 2
 

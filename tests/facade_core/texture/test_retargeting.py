@@ -10,7 +10,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
-from facade_core.parsing.floor_structure import count_floors, find_structure, structural_lattice, window_spans
+from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays, floor_bay_lattice, window_row_spans
 from facade_core.synth.facade import paint_facade as paint
 from facade_core.synth.styles import STYLES
 
@@ -19,7 +19,7 @@ MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
 
 def counts(labels: np.ndarray) -> tuple[int, int]:
     window = labels == FacadeClass.WINDOW
-    return len(window_spans(window)), len(window_spans(window.T))
+    return len(window_row_spans(window)), len(window_row_spans(window.T))
 
 
 @pytest.mark.parametrize(("size", "floors"), [((14.0, 20.0), 3), ((30.0, 9.0), 7), ((10.0, 40.0), 2), ((20.0, 6.0), 5)])
@@ -80,14 +80,14 @@ def test_bad_input_names_the_remedy(facade):
 
 
 def test_structure_of_the_drawn_facade(facade):
-    found = find_structure(facade.labels)
+    found = find_floors_and_bays(facade.labels)
     assert found.kinds == ("middle",) * 4
     assert len(found.bays) == 4
     assert abs(found.ground_top - (facade.labels.shape[0] - 41)) < 12
     window = facade.labels == FacadeClass.WINDOW
     assert not any((window[c - 1] & window[c]).any() for c in found.floor_cuts[1:])
     assert not any((window[:, c - 1] & window[:, c]).any() for c in found.bay_cuts[1:-1])
-    grid = structural_lattice(found)
+    grid = floor_bay_lattice(found)
     assert (np.diff(grid.rows) > 0).all()
     assert (np.diff(grid.columns) > 0).all()
 
@@ -97,7 +97,7 @@ def test_structure_of_the_drawn_facade(facade):
 def test_storeys_are_those_that_were_painted(style, floors, columns, seed):
     size = (floors * 3.4 + 1.5, columns * 2.6)
     painted = paint(size, floors=floors, columns=columns, style=style, metres_per_pixel=0.05, seed=seed)
-    in_the_roof = find_structure(painted.labels).kinds.count("roof")
+    in_the_roof = find_floors_and_bays(painted.labels).kinds.count("roof")
     assert count_floors(painted.labels) == floors + in_the_roof, "the ground floor counts, with windows or shops"
 
 
@@ -172,7 +172,7 @@ def test_haussmann_facades_keep_their_floors(data):
         assert 0.02 < scale < 0.06
         for size, floors in (((19.0, 24.0), 6), ((16.0, 8.0), 4), ((25.0, 14.0), 8)):
             (result,) = retarget(image, labels, size, floors=floors, metres_per_pixel=scale)
-            rows = window_spans(result.labels == FacadeClass.WINDOW)
+            rows = window_row_spans(result.labels == FacadeClass.WINDOW)
             street = [np.isin(result.labels[a:b], (FacadeClass.DOOR, FacadeClass.SHOP)).mean() > 0.1 for a, b in rows]
             assert len(rows) - sum(street) == floors - 1
             assert count_floors(result.labels) == floors

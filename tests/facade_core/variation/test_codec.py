@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from facade_core.core.errors import InputError
-from facade_core.facade.variation.codec import decode_file, encode_file, quantise_light
+from facade_core.facade.variation.codec import decode_hierarchy_file, encode_hierarchy_file, quantise_light
 from facade_core.facade.variation.contents import ElementGroup
 
 
@@ -32,9 +32,9 @@ def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data
     matrices = [[np.where(c >= 0, rng.integers(0, 5, c.shape), -1).astype(np.int32) for c in cells]] * levels
     representatives = rng.integers(0, max(1, elements), 5).astype(np.int32)
 
-    coded = encode_file(photo, groups, cells, representatives, matrices)
-    assert coded == encode_file(photo, groups, cells, representatives, matrices)
-    contents = decode_file(coded)
+    coded = encode_hierarchy_file(photo, groups, cells, representatives, matrices)
+    assert coded == encode_hierarchy_file(photo, groups, cells, representatives, matrices)
+    contents = decode_hierarchy_file(coded)
     assert contents.photo.shape == photo.shape
     np.testing.assert_array_equal(contents.representatives, representatives)
     assert len(contents.levels) == levels
@@ -48,7 +48,7 @@ def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data
         np.testing.assert_array_equal(found.types, group.types)
         np.testing.assert_array_equal(found.light, quantise_light(group.light))
     with pytest.raises(InputError, match="encode the facade again"):
-        decode_file(coded[: int(rng.integers(0, len(coded)))])
+        decode_hierarchy_file(coded[: int(rng.integers(0, len(coded)))])
 
 
 def test_a_file_of_an_earlier_format_says_what_to_do() -> None:
@@ -57,4 +57,4 @@ def test_a_file_of_an_earlier_format_says_what_to_do() -> None:
         archive.writestr("header.json", json.dumps({"format": "streetloom variation 2", "groups": []}))
         archive.writestr("wall.webp", b"")
     with pytest.raises(InputError, match=r"format 'streetloom variation 2' is not .*; encode the facade again"):
-        decode_file(out.getvalue())
+        decode_hierarchy_file(out.getvalue())

@@ -8,7 +8,7 @@ import pytest
 from facade_core.core.errors import InputError
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
-from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
@@ -39,7 +39,7 @@ def test_a_bare_wall_is_drawn_without_types() -> None:
 def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed() -> None:
     def wall(seed: int) -> Facade:
         size = PAINTED.labels.shape
-        style = extract_style(PAINTED.image, PAINTED.labels)
+        style = analyse_exemplar(PAINTED.image, PAINTED.labels)
         wall_of_style = FacadeWall.freestanding(13.0, 14.0, floors=4)
         return build_facade_from_exemplar(ScaledStyle(style, 0.06), wall_of_style, size, seed=seed)
 

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score, silhouette_score
 
-from facade_core.facade.variation.appearance import project_patches, relabelling_cost
+from facade_core.facade.variation.appearance import project_on_principal_components, relabelling_cost
 from facade_core.facade.variation.element_types import (
     cluster_types,
     compute_descriptors,
-    fill_from_similar,
+    fill_unknown_from_similar,
     mean_shift,
     mean_silhouette,
 )
@@ -32,11 +32,11 @@ def test_projected_patches_lie_as_far_apart_as_the_patches():
     images, _ = patches(0)
     rng = np.random.default_rng(0)
     flat = (rng.uniform(0, 20, (30, 5)) @ rng.uniform(0, 10, (5, images[0].size))).reshape(images.shape)
-    found = project_patches(flat)
+    found = project_on_principal_components(flat)
     assert found.shape == (30, 7)
     apart = np.linalg.norm((flat[:, None] - flat[None]).reshape(30, 30, -1), axis=2)
     np.testing.assert_allclose(np.linalg.norm(found[:, None] - found[None], axis=2), apart, rtol=1e-4, atol=1e-3)
-    assert project_patches(flat[:1]).shape == (1, 1)
+    assert project_on_principal_components(flat[:1]).shape == (1, 1)
 
 
 def test_planted_types_are_found():
@@ -77,16 +77,16 @@ def test_what_hides_an_element_makes_no_type():
     images[hidden, 20:] = (40, 160, 60)
     seen = all_seen(images)
     seen[hidden, 20:] = False
-    types, _ = types_of(fill_from_similar(images, seen), seen)
+    types, _ = types_of(fill_unknown_from_similar(images, seen), seen)
     assert adjusted_rand_score(planted, types) >= 0.9
 
 
 def test_hidden_values_are_those_of_the_most_alike():
     values = np.array([[1.0, 5.0], [3.0, 7.0], [2.8, 0.0], [9.0, 0.0]]).reshape(4, 1, 2, 1)
     known = np.array([[True, True], [True, True], [True, False], [True, False]]).reshape(4, 1, 2)
-    assert fill_from_similar(values, known)[:, 0, 1, 0].tolist() == [5, 7, 7, 7]
+    assert fill_unknown_from_similar(values, known)[:, 0, 1, 0].tolist() == [5, 7, 7, 7]
     known[:, 0, 1] = False
-    assert np.array_equal(fill_from_similar(values, known), values)
+    assert np.array_equal(fill_unknown_from_similar(values, known), values)
 
 
 def test_mean_shift_puts_the_largest_first():

@@ -11,8 +11,8 @@ from facade_core.core.types import Element
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.enlargement import enlarge_facade
 from facade_core.facade.variation.hierarchy import Hierarchy
-from facade_core.facade.variation.photo_exchange import exchange_in_photo
-from facade_core.facade.variation.sampling import assign_by_type, permute_within_types
+from facade_core.facade.variation.photo_exchange import permute_photo_elements
+from facade_core.facade.variation.sampling import assign_elements_by_type, permute_within_types
 from facade_core.facade.variation.variations import find_variations
 
 WIDTH, HEIGHT = 30, 44
@@ -156,7 +156,7 @@ def test_neighbours_on_a_larger_facade_show_different_elements(coded):
     rng = np.random.default_rng(1)
     larger = enlarge_facade(hierarchy.wall, hierarchy.groups, hierarchy.cells, 10, 16, rng)
     types = hierarchy.types_at(len(hierarchy.levels) - 1)
-    shown = assign_by_type(types, larger.places, larger.boxes, rng)
+    shown = assign_elements_by_type(types, larger.places, larger.boxes, rng)
     _, counts = np.unique(shown, return_counts=True)
     assert len(counts) == 40
     assert np.ptp(counts) <= 2
@@ -194,7 +194,7 @@ def test_samples_are_numbered_from_zero(coded, seed):
     for sample in (
         lambda: hierarchy.sample(0, seed),
         lambda: hierarchy.sample(0, seed, floors=9),
-        lambda: exchange_in_photo(image, find_variations(image, elements), 0, seed),
+        lambda: permute_photo_elements(image, find_variations(image, elements), 0, seed),
     ):
         with pytest.raises(InputError, match="numbered from 0"):
             sample()
@@ -203,11 +203,11 @@ def test_samples_are_numbered_from_zero(coded, seed):
 def test_exchanged_in_the_photo_the_wall_stays_and_windows_are_other_windows(coded):
     image, elements, *_ = coded
     of = find_variations(image, elements)
-    made, _ = exchange_in_photo(image, of, 1, 7)
+    made, _ = permute_photo_elements(image, of, 1, 7)
     near = inside([Element("", e.x0 - 6, e.y0 - 6, e.x1 + 6, e.y1 + 6) for e in elements], image.shape[:2])
     assert np.array_equal(made[~near], image[~near])
     assert rms(made, image, inside(elements, image.shape[:2])) > 20
-    assert np.array_equal(made, exchange_in_photo(image, of, 1, 7)[0])
+    assert np.array_equal(made, permute_photo_elements(image, of, 1, 7)[0])
 
 
 def test_samples_of_level_zero_keep_each_places_type(coded):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_rectangle_sizes
 
 
 def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarray, list[float]]:
@@ -13,7 +13,7 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
     x, types = previous.copy(), len(cost)
 
     def total(label: int) -> float:
-        return sum_reciprocal_sizes(x == label)
+        return sum_reciprocal_rectangle_sizes(x == label)
 
     def regular(label: int) -> float:
         count = (x == label).sum()
@@ -55,7 +55,7 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
                 data = 0.0
                 for at in zip(*np.nonzero(x == a), strict=True):
                     data += cost[previous[at], b] - cost[previous[at], a]
-                merged = sum_reciprocal_sizes((x == a) | (x == b)) - total(a) - total(b)
+                merged = sum_reciprocal_rectangle_sizes((x == a) | (x == b)) - total(a) - total(b)
                 change = 1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + merged / FIXED_POINT_ONE
                 if data + alpha * change < gain:
                     best_pair, gain = (a, b), data + alpha * change
@@ -82,5 +82,5 @@ def test_the_same_moves_as_computing_everything_again(seed: int) -> None:
         found = run_icm(moves, cost, alpha)
         np.testing.assert_array_equal(moves.labels, expected)
         np.testing.assert_array_equal(found, energies)
-        assert [sum_reciprocal_sizes(expected == t) for t in range(types)] == moves.reciprocal_sums.tolist()
+        assert [sum_reciprocal_rectangle_sizes(expected == t) for t in range(types)] == moves.reciprocal_sums.tolist()
         labels = expected

@@ -2,7 +2,7 @@ import numpy as np
 
 from facade_core.core.types import Element
 from facade_core.facade.variation.encoding import encode_variations
-from facade_core.facade.variation.photo_exchange import exchange_in_photo
+from facade_core.facade.variation.photo_exchange import permute_photo_elements
 from facade_core.facade.variation.variations import find_variations
 
 
@@ -16,7 +16,7 @@ def test_nothing_burns_out_that_moves_from_beside_a_darker_wall():
             image[y : y + 24, x : x + 20] = rng.integers(215, 236)
             image[y + 4 : y + 20, x + 4 : x + 16] = rng.integers(60, 160, 3)
             elements.append(Element("window", x, y, x + 20, y + 24))
-    made, _ = exchange_in_photo(image, find_variations(image, elements), 1, 1)
+    made, _ = permute_photo_elements(image, find_variations(image, elements), 1, 1)
     assert not np.array_equal(made, image)
     assert (made >= 254).mean() < 0.001
 
@@ -31,7 +31,7 @@ def test_a_storey_keeps_its_heads():
             if y == 20:  # round heads: wall in the corners of the top storey's windows
                 image[y : y + 6, [*range(x, x + 5), *range(x + 15, x + 20)]] = 190
             elements.append(Element("window", x, y, x + 20, y + 30))
-    made, _ = exchange_in_photo(image, find_variations(image, elements), 1, 1)
+    made, _ = permute_photo_elements(image, find_variations(image, elements), 1, 1)
     assert not np.array_equal(made, image)
     for e in elements:
         head = made[int(e.y0) + 1 : int(e.y0) + 5, int(e.x0) + 1 : int(e.x0) + 4].mean()
@@ -49,7 +49,7 @@ def test_the_variations_of_what_was_exchanged_are_those_of_its_picture():
             image[y : y + (0, 12, 26)[states[row, column]], x : x + 20] = 220
             elements.append(Element("window", x, y, x + 20, y + 30))
     before = find_variations(image, elements)
-    made, after = exchange_in_photo(image, before, 1, 3)
+    made, after = permute_photo_elements(image, before, 1, 3)
     again = find_variations(made, elements)
     assert (before.types != after.types).any()
     np.testing.assert_array_equal(np.sort(before.types), np.sort(after.types))

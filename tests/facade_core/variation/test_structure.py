@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.structure import regularity_terms, relax_structure
+from facade_core.facade.variation.structure import regularise_structure_matrix, regularity_terms
 
 
 def rectangles_by_search(structure):
@@ -70,7 +70,7 @@ def test_sub_rectangles_match_a_search(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_energy_falls_and_matches_its_definition(seed):
     previous, cost = random_case(seed)
-    found = relax_structure(previous, cost)
+    found = regularise_structure_matrix(previous, cost)
     for step in found:
         if np.isfinite(step.alpha):
             assert (np.diff(step.energies) < 0).all()
@@ -84,7 +84,7 @@ def test_energy_falls_and_matches_its_definition(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_no_single_change_improves_a_solution(seed):
     previous, cost = random_case(seed)
-    for step in relax_structure(previous, cost):
+    for step in regularise_structure_matrix(previous, cost):
         if not np.isfinite(step.alpha):
             continue
         lowest = energy(previous, step.labels, cost, step.alpha)
@@ -99,10 +99,10 @@ def test_no_single_change_improves_a_solution(seed):
 def test_cheap_relabelling_comes_first():
     structure = np.array([[0, 0, 1], [0, 0, 2], [0, 0, 0]], np.int32)
     cost = np.array([[0, 0.01, 1], [0.01, 0, 1], [1, 1, 0]])
-    states = [r.labels for r in relax_structure(structure, cost)]
+    states = [r.labels for r in regularise_structure_matrix(structure, cost)]
     assert any((s[0, 2], s[1, 2]) == (0, 2) for s in states)
     assert not any((s[0, 2], s[1, 2]) == (1, 0) for s in states)
 
 
 def test_uniform_matrix_has_nothing_to_relax():
-    assert relax_structure(np.zeros((2, 3), np.int32), np.zeros((1, 1))) == []
+    assert regularise_structure_matrix(np.zeros((2, 3), np.int32), np.zeros((1, 1))) == []

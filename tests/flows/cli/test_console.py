@@ -12,9 +12,9 @@ from rich.console import Console
 
 from facade_core.core.errors import InputError, MachineError
 from flows import console
-from flows.cli.exit_codes import describe_error
+from flows.cli.exit_codes import exit_code_and_message
 from flows.console import ProgressLines, print_summary
-from flows.log_file import find_log, log_to
+from flows.log_file import find_error_log, log_to_run_folder
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.outcome import log_units
 from tasks.engine.progress import begin_stage, report_progress
@@ -57,7 +57,7 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
     ],
 )
 def test_the_code_tells_whose_fault_it_is(error: Exception, code: int, says: str) -> None:
-    ended, line = describe_error(error)
+    ended, line = exit_code_and_message(error)
     assert ended == code
     assert says in line
     assert len(line.splitlines()) == 1
@@ -69,8 +69,8 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     done = {"unit": "a/2", "status": "done", "seconds": {"read": 0.1}, "worker": "two"}
 
     def run() -> None:
-        with log_to(tmp_path, file_only=True):
-            with log_to(tmp_path):
+        with log_to_run_folder(tmp_path, file_only=True):
+            with log_to_run_folder(tmp_path):
                 log_units("facades", [failed, done])
             raise ZeroDivisionError
 
@@ -78,8 +78,8 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
         run()
     log_units("facades", [failed])  # of another run
     (path,) = (tmp_path / "logs").iterdir()
-    assert path == find_log(ended.value)
-    assert find_log(ZeroDivisionError()) is None  # of no run
+    assert path == find_error_log(ended.value)
+    assert find_error_log(ZeroDivisionError()) is None  # of no run
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [(line["level"], line.get("unit")) for line in lines] == [
         ("warning", "a/1"),
@@ -92,11 +92,11 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     assert lines[2]["traceback"].startswith("Traceback")
     assert "ZeroDivisionError" in lines[2]["traceback"]
     assert logging.getLogger("tasks").level == before
-    assert str(path) in describe_error(ended.value)[1]
+    assert str(path) in exit_code_and_message(ended.value)[1]
 
 
 def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
-    with log_to(tmp_path):
+    with log_to_run_folder(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
 

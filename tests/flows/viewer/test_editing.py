@@ -14,13 +14,13 @@ import pytest
 from facade_core.core.errors import InputError
 from flows.viewer.app import create_application, serve
 from flows.viewer.background_run import describe_outcome
-from flows.viewer.editing import MAX_BODY_BYTES, TOKEN_HEADER, Editor
+from flows.viewer.editing import MAX_BODY_BYTES, TOKEN_HEADER, EditorUser
 
 HERE = "http://127.0.0.1:PORT"
 ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
 
 
-def served(out: Path, editor: Editor | None) -> Iterator[int]:
+def served(out: Path, editor: EditorUser | None) -> Iterator[int]:
     import socket
 
     import uvicorn
@@ -41,7 +41,7 @@ def served(out: Path, editor: Editor | None) -> Iterator[int]:
 @pytest.fixture(scope="module")
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     photos = tmp_path_factory.mktemp("photos")
-    yield from served(tmp_path_factory.mktemp("out"), Editor("anna", photos, "right"))
+    yield from served(tmp_path_factory.mktemp("out"), EditorUser("anna", photos, "right"))
 
 
 def ask(port: int, method: str, path: str, headers: dict[str, str], body: bytes = b"{}") -> tuple[int, bytes]:
@@ -110,7 +110,7 @@ def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
 
 def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^--host 0\.0\.0\.0: what --edit writes is for this machine") as refused:
-        serve(tmp_path, "0.0.0.0", 0, print, Editor("anna"))
+        serve(tmp_path, "0.0.0.0", 0, print, EditorUser("anna"))
     assert "\n" not in str(refused.value)
     said: list[Any] = []
 
@@ -118,11 +118,11 @@ def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path
         said.extend(what)
         raise KeyboardInterrupt
 
-    editor = Editor("anna")
+    editor = EditorUser("anna")
     with pytest.raises(KeyboardInterrupt):
         serve(tmp_path, "localhost", 0, ready, editor)
     assert said[0].endswith(f"/#/token/{editor.token}")
-    assert editor.token != Editor("anna").token
+    assert editor.token != EditorUser("anna").token
     assert len(editor.token) >= 32
 
 

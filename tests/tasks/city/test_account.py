@@ -19,8 +19,8 @@ from tasks.city import city_log as accounts
 from tasks.city.city_log import (
     BlockResult,
     CityLog,
-    is_up_to_date,
-    prepare_city,
+    is_block_up_to_date,
+    load_or_partition_city,
     read_city_log,
     write_block_result,
 )
@@ -44,42 +44,42 @@ def town(folder: Path, houses: dict[str, tuple[float, ...]] = HOUSES, **keys: ob
 
 
 def test_a_house_that_changes_makes_those_due_that_read_it(tmp_path: Path) -> None:
-    before, files = prepare_city(town(tmp_path), tmp_path / "out")
+    before, files = load_or_partition_city(town(tmp_path), tmp_path / "out")
     assert len(before.blocks) == 4
     assert all((file.parent / yaml.safe_load(file.read_text())["part"]["path"]).is_file() for file in files.values())
-    after, _ = prepare_city(town(tmp_path, HOUSES | {"h1": (340, 5, 12, 6, 9.0)}), tmp_path / "out")
+    after, _ = load_or_partition_city(town(tmp_path, HOUSES | {"h1": (340, 5, 12, 6, 9.0)}), tmp_path / "out")
     changed = [name for name in before.digests if before.digests[name] != after.digests[name]]
     assert len(changed) == 1
 
 
 def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file, out = town(tmp_path), tmp_path / "out"
-    found, _ = prepare_city(file, out)
+    found, _ = load_or_partition_city(file, out)
 
     def read_city(path: Path, out: Path, before: object) -> None:
         raise AssertionError("read again")
 
-    monkeypatch.setattr(accounts, "read_city", read_city)
-    again, _ = prepare_city(file, out)
+    monkeypatch.setattr(accounts, "partition_city_file", read_city)
+    again, _ = load_or_partition_city(file, out)
     assert again == read_city_log(out)
     assert again.digests == found.digests
     (tmp_path / "exemplars" / "0.labels.txt").write_text("one more")
     with pytest.raises(AssertionError, match="read again"):
-        prepare_city(file, out)
+        load_or_partition_city(file, out)
 
 
 def test_who_asks_a_city_of_which_no_block_is_done_is_told_of_its_command(tmp_path: Path) -> None:
-    prepare_city(town(tmp_path), out := tmp_path / "out")
+    load_or_partition_city(town(tmp_path), out := tmp_path / "out")
     for command in (["query", str(out)], ["metrics", str(out)], ["doctor", str(out)], ["catalog", str(out)]):
         said = CliRunner().invoke(command_line, command)
         assert f"`streetloom city CITY.yaml --out {out}`" in said.output, command
 
 
 def test_a_block_that_was_cut_is_told_to_be_one(tmp_path: Path) -> None:
-    _, files = prepare_city(town(tmp_path), tmp_path / "out")
+    _, files = load_or_partition_city(town(tmp_path), tmp_path / "out")
     file = next(iter(files.values()))
     with pytest.raises(BlockFileError, match=f"`streetloom run {file}` textures it alone"):
-        prepare_city(file, tmp_path / "other")
+        load_or_partition_city(file, tmp_path / "other")
 
 
 def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> 
     file = town(tmp_path)
     said = CliRunner().invoke(command_line, ["plan", str(file), "--json"], catch_exceptions=False)
     told = json.loads(said.stdout)
-    _, files = prepare_city(file, tmp_path / "out")
+    _, files = load_or_partition_city(file, tmp_path / "out")
     assert told["facades"] == sum(len(make_plan(read_block(one)).facades) for one in files.values())
     off = told["fitted"]["error_planned"]
     printed = CliRunner().invoke(command_line, ["plan", str(file)], catch_exceptions=False).stdout
@@ -100,9 +100,9 @@ def test_a_block_file_is_cut_as_usual(tmp_path: Path) -> None:
 
 
 def test_blocks_that_a_new_cut_does_not_have_are_put_away(tmp_path: Path) -> None:
-    prepare_city(town(tmp_path), tmp_path / "out")
+    load_or_partition_city(town(tmp_path), tmp_path / "out")
     (tmp_path / "out" / "blocks" / "x1y1" / "store").mkdir(parents=True)
-    prepare_city(town(tmp_path, cut={"metres": 5000}), tmp_path / "out")
+    load_or_partition_city(town(tmp_path, cut={"metres": 5000}), tmp_path / "out")
     assert not list((tmp_path / "out" / "blocks").iterdir())
     assert (tmp_path / "out" / ".gone" / "x1y1" / "store").is_dir()
 
@@ -114,15 +114,17 @@ def test_a_block_stands_where_it_was_done_by_this_code_of_what_it_reads(tmp_path
         (folder / name).touch()
     (tmp_path / "blocks" / "a" / "current").write_text("S1\n")
     done = BlockResult(code=0, digest="d", version=block_code_version(), snapshot="S1")
-    assert is_up_to_date(tmp_path, "a", done, "d")
-    assert is_up_to_date(tmp_path, "a", replace(done, code=1), "d"), "what its input spoils fails again"
-    assert not is_up_to_date(tmp_path, "a", done, "d", tiles=True)
+    assert is_block_up_to_date(tmp_path, "a", done, "d")
+    assert is_block_up_to_date(tmp_path, "a", replace(done, code=1), "d"), "what its input spoils fails again"
+    assert not is_block_up_to_date(tmp_path, "a", done, "d", tiles=True)
     (tmp_path / "blocks" / "a" / "exports" / "3dtiles").mkdir(parents=True)
     (tmp_path / "blocks" / "a" / "exports" / "3dtiles" / "tileset.json").touch()
-    assert is_up_to_date(tmp_path, "a", replace(done, tiles="S1"), "d", tiles=True)
-    assert not is_up_to_date(tmp_path, "a", replace(done, tiles="S0"), "d", tiles=True), "of what it published before"
+    assert is_block_up_to_date(tmp_path, "a", replace(done, tiles="S1"), "d", tiles=True)
+    assert not is_block_up_to_date(tmp_path, "a", replace(done, tiles="S0"), "d", tiles=True), (
+        "of what it published before"
+    )
     others = [{"code": 2}, {"digest": "e"}, {"version": "0"}, {"snapshot": "S0"}]
-    assert not any(is_up_to_date(tmp_path, "a", replace(done, **one), "d") for one in others)  # type: ignore[arg-type]
+    assert not any(is_block_up_to_date(tmp_path, "a", replace(done, **one), "d") for one in others)  # type: ignore[arg-type]
 
 
 def test_what_cannot_be_read_is_known_of_no_block(tmp_path: Path) -> None:
@@ -131,7 +133,7 @@ def test_what_cannot_be_read_is_known_of_no_block(tmp_path: Path) -> None:
 
 
 def test_each_block_has_a_record_of_its_own(tmp_path: Path) -> None:
-    account, _ = prepare_city(town(tmp_path), tmp_path / "out")
+    account, _ = load_or_partition_city(town(tmp_path), tmp_path / "out")
     held = (tmp_path / "out" / "city.json").stat()
     one, other, *_ = account.blocks
     how = BlockResult(0, digest="d", snapshot="S1", summary={"facades_done": 3}, seconds=2.0)
@@ -157,12 +159,12 @@ def test_failed_blocks_are_told_and_the_others_added_up(tmp_path: Path) -> None:
 
 
 def test_two_cities_do_not_share_a_folder(tmp_path: Path) -> None:
-    prepare_city(town(tmp_path / "a"), tmp_path / "out")
+    load_or_partition_city(town(tmp_path / "a"), tmp_path / "out")
     with pytest.raises(InputError, match="holds city small; give city other a folder"):
-        prepare_city(town(tmp_path / "b", name="other"), tmp_path / "out")
+        load_or_partition_city(town(tmp_path / "b", name="other"), tmp_path / "out")
     (tmp_path / "run" / "store").mkdir(parents=True)
     with pytest.raises(InputError, match="holds the run of a block"):
-        prepare_city(town(tmp_path / "a"), tmp_path / "run")
+        load_or_partition_city(town(tmp_path / "a"), tmp_path / "run")
 
 
 def test_block_files_of_the_users_are_read_again_only_where_they_changed(
@@ -180,15 +182,15 @@ def test_block_files_of_the_users_are_read_again_only_where_they_changed(
     (tmp_path / "blocks" / "none.yaml").write_text("name: none")
     (tmp_path / "out").mkdir()
     (tmp_path / "city.yaml").write_text("name: c\nblocks: {path: blocks}")
-    found, files = prepare_city(tmp_path / "city.yaml", tmp_path / "out")
+    found, files = load_or_partition_city(tmp_path / "city.yaml", tmp_path / "out")
     assert list(files) == ["a", "b", "none"]
     assert found.digests["none"] == ""
     read: list[str] = []
     monkeypatch.setattr(blocks, "read_block", lambda file: (read.append(file.stem), read_block(file))[1])
-    assert prepare_city(tmp_path / "city.yaml", tmp_path / "out")[0] == found
+    assert load_or_partition_city(tmp_path / "city.yaml", tmp_path / "out")[0] == found
     assert read == ["none"]
     write_block(tmp_path / "b", buildings={"h": (4, 5, 12, 6, 12.0)}, streets={"1": [(0, 0), (45, 0)]})
-    after, _ = prepare_city(tmp_path / "city.yaml", tmp_path / "out")
+    after, _ = load_or_partition_city(tmp_path / "city.yaml", tmp_path / "out")
     assert read == ["none", "b", "none"]
     assert after.digests["a"] == found.digests["a"]
     assert after.digests["b"] != found.digests["b"]

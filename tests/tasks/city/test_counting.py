@@ -8,13 +8,13 @@ import pytest
 
 from benchmarks.city.reading import write_town
 from catalogs.block.reader import read_block
-from tasks.city.block_counts import BlockCounts, count_from_map, count_from_plan
+from tasks.city.block_counts import BlockCounts, block_counts_from_map, block_counts_from_plan
 from tasks.stages.ingest.planning import make_plan
 
 
 def counted(folder: Path, texels: float, panorama: int = 128) -> BlockCounts:
     write_town(folder, 2, 1, texels=texels, panorama=panorama)
-    return count_from_map(read_block(folder / "block.yaml"))
+    return block_counts_from_map(read_block(folder / "block.yaml"))
 
 
 @pytest.mark.parametrize("texels", [3.0, 16.0, 32.0])
@@ -25,7 +25,10 @@ def test_texels_are_told_as_they_will_be(tmp_path: Path, texels: float) -> None:
     texels = float((placement.width.astype(float) * placement.height)[plan.in_core].sum()) / 1e6
     assert told.megatexels == pytest.approx(texels, rel=0.35)
     assert told.facades == pytest.approx(len(plan.facades), rel=0.1)
-    assert count_from_plan(read_block(tmp_path / "block.yaml")) == {"facades": len(plan.facades), "megatexels": texels}
+    assert block_counts_from_plan(read_block(tmp_path / "block.yaml")) == {
+        "facades": len(plan.facades),
+        "megatexels": texels,
+    }
 
 
 def test_a_panorama_twice_as_wide_has_four_times_the_pixels(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.plan.plan_tables import read_plan
-from tasks.city.blocks import read_city
+from tasks.city.blocks import partition_city_file
 from tasks.stages.order import STAGES_IN_ORDER
 from tests.pipeline.stages import texture, write_block
 
@@ -46,7 +46,7 @@ def made(town: Path, metres: int) -> tuple[int, dict[str, str], dict[int, np.nda
     out = town / f"out-{metres}"
     facades: dict[str, str] = {}
     charts: dict[int, np.ndarray] = {}
-    blocks = read_city(town / f"{metres}.yaml", out).blocks
+    blocks = partition_city_file(town / f"{metres}.yaml", out).blocks
     for block in blocks:
         run = texture(block.file, out / block.name).run
         session = open_repository(run.store).readonly_session("main")

@@ -22,7 +22,7 @@ from facade_core.core.errors import FacadeError
 from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.compute.connect import SerialCompute, connect
-from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, piece_memory, process_batch
+from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, process_batch, unit_group_memory
 from tasks.engine.pending import PendingUnits
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.poses.stage import POSES
@@ -55,11 +55,11 @@ def test_batches_keep_order_lose_nothing_and_fit(work: list[UnitGroup], memory: 
     for batch in made:
         assert batch
         if len(batch) > 1:
-            assert BATCHES_AT_ONCE * sum(piece_memory(piece) for piece in batch) <= memory
+            assert BATCHES_AT_ONCE * sum(unit_group_memory(piece) for piece in batch) <= memory
             assert len(batch) <= most
     for batch, following in zip(made[:-1], made[1:], strict=True):  # and none is smaller than it need be
         joined = [*batch, following[0]]
-        assert sum(piece_memory(piece) for piece in joined) > memory // BATCHES_AT_ONCE or len(joined) > most
+        assert sum(unit_group_memory(piece) for piece in joined) > memory // BATCHES_AT_ONCE or len(joined) > most
 
 
 def test_a_stage_counts_units_not_pieces() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from zarr.errors import GroupNotFoundError
 
-from facade_core.core.errors import FacadeError, ImageError, MachineError, ModelError, StoreError
+from facade_core.core.errors import FacadeError, ImageError, MachineError, ModelFileError, StoreError
 from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone, WorkersDied
 from tasks.engine.compute.connect import connect
@@ -77,7 +77,7 @@ MACHINES: dict[str, tuple[BaseException, str]] = {
     "store": (StoreError("gone"), "facades a/1: gone; see to"),
     "store without room": (icechunk.IcechunkError(STORE_FULL), "No space left on device; free some space"),
     "array lost": (GroupNotFoundError("a", "b"), "a"),
-    "model": (ModelError("network.onnx: checksum"), "network.onnx: checksum"),
+    "model": (ModelFileError("network.onnx: checksum"), "network.onnx: checksum"),
     "installation": (ImportError("libGL.so.1"), "libGL.so.1"),
     "picture on a dying disk": (wrapped(OSError(errno.EIO, "i/o"), ImageError("a.png: not readable")), "Input/output"),
     "while handling": (while_handling(FULL, ValueError("cannot close")), "No space left"),

@@ -11,27 +11,27 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
-from tasks.engine.outcome import Outcome, failure_record, is_done
+from tasks.engine.outcome import UnitOutcomeCounts, failure_record, is_done_for_keys
 from tasks.engine.progress import StageProgress, add_listener, begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
 from tasks.stages.exemplars.stage import exemplar_key
-from tasks.stages.shared.images import read_image, read_labels
+from tasks.stages.shared.images import read_image_and_mask, read_labels
 
 RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 
 
 def test_outcomes_add_up() -> None:
     records = [{"unit": "a", "status": "done"}, {"unit": "b", "status": "failed", "reason": "r"}]
-    total = Outcome(skipped=2).add(records) + Outcome(done=1)
+    total = UnitOutcomeCounts(skipped=2).add(records) + UnitOutcomeCounts(done=1)
     assert (total.done, total.skipped, total.failed, total.processed_count) == (2, 2, (("b", "r"),), 5)
 
 
 def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -> None:
-    assert is_done({"status": "done", "key": "k"}, "k")
-    assert not is_done({"status": "done", "key": "k"}, "other")
-    assert not is_done(failure_record("u", "k", FacadeError("no")), "k")
-    assert not is_done(None, "k")
+    assert is_done_for_keys({"status": "done", "key": "k"}, "k")
+    assert not is_done_for_keys({"status": "done", "key": "k"}, "other")
+    assert not is_done_for_keys(failure_record("u", "k", FacadeError("no")), "k")
+    assert not is_done_for_keys(None, "k")
 
 
 def test_reasons_are_one_line() -> None:
@@ -61,7 +61,7 @@ def test_alpha_is_what_hides(tmp_path: Path) -> None:
     rgba = np.full((4, 6, 4), 200, np.uint8)
     rgba[1, 2, 3] = 0
     Image.fromarray(rgba).save(tmp_path / "a.png")
-    rgb, hidden = read_image(tmp_path / "a.png")
+    rgb, hidden = read_image_and_mask(tmp_path / "a.png")
     assert rgb.shape == (4, 6, 3)
     assert hidden.sum() == 1
     assert hidden[1, 2]
@@ -71,7 +71,7 @@ def test_alpha_is_what_hides(tmp_path: Path) -> None:
 def test_any_mode_becomes_rgb(tmp_path: Path, mode: str) -> None:
     suffix = "jpg" if mode == "CMYK" else "png"
     Image.new(mode, (5, 3)).save(tmp_path / f"a.{suffix}")
-    rgb, hidden = read_image(tmp_path / f"a.{suffix}")
+    rgb, hidden = read_image_and_mask(tmp_path / f"a.{suffix}")
     assert rgb.shape == (3, 5, 3)
     assert rgb.dtype == np.uint8
     assert not hidden.any()
@@ -79,7 +79,7 @@ def test_any_mode_becomes_rgb(tmp_path: Path, mode: str) -> None:
 
 def test_sixteen_bits_are_scaled_not_clipped(tmp_path: Path) -> None:
     Image.fromarray(np.full((4, 4), 0x8000, np.uint16)).save(tmp_path / "a.png")
-    assert (read_image(tmp_path / "a.png")[0] == 128).all()
+    assert (read_image_and_mask(tmp_path / "a.png")[0] == 128).all()
 
 
 def test_exif_turns_the_image(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_exif_turns_the_image(tmp_path: Path) -> None:
     exif = image.getexif()
     exif[0x0112] = 6
     image.save(tmp_path / "a.jpg", exif=exif)
-    assert read_image(tmp_path / "a.jpg")[0].shape == (8, 4, 3)
+    assert read_image_and_mask(tmp_path / "a.jpg")[0].shape == (8, 4, 3)
 
 
 def test_a_truncated_image_is_named(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_a_truncated_image_is_named(tmp_path: Path) -> None:
     Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)).save(path)
     path.write_bytes(path.read_bytes()[:700])
     with pytest.raises(ImageError, match=r"broken\.jpg"):
-        read_image(path)
+        read_image_and_mask(path)
 
 
 def test_labels_lie_beside_an_exemplar(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine import stage_code as module
-from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, stage_code, worker_module
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, stage_code_digest, worker_module
 from tasks.stages.order import CODE_STAGES
 
 Codes = Callable[[], dict[str, str]]
@@ -25,10 +25,10 @@ def codes(tmp_path: Path) -> Codes:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
 
     def now() -> dict[str, str]:
-        for cached in (stage_code, module._load_module, module._content_digest):
+        for cached in (stage_code_digest, module._load_module, module._content_digest):
             cached.cache_clear()
-        found = {stage: stage_code(stage, root=tmp_path) for stage in CODE_STAGES}
-        return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}
+        found = {stage: stage_code_digest(stage, root=tmp_path) for stage in CODE_STAGES}
+        return found | {"swatches": stage_code_digest("streets", neural=False, root=tmp_path)}
 
     return now
 

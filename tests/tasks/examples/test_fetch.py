@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.block.keys import check_keys
+from catalogs.block.keys import validate_block_settings
 from catalogs.block.yaml_files import read_yaml
-from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, SourceFile
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataFile, ExampleDataSource
 from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
 
@@ -42,29 +42,31 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, ExampleSource]]:
+def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, ExampleDataSource]]:
     """Fetch the block delfshaven, whose one file is published at loopback, with a checksum, and paint nothing."""
 
-    def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, ExampleSource]:
-        source = ExampleSource("open data", (SourceFile(PATH, address + name, sha256),))
+    def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, ExampleDataSource]:
+        source = ExampleDataSource("open data", (ExampleDataFile(PATH, address + name, sha256),))
         return fetch_block("delfshaven", folder, {"delfshaven": source}, lambda library: library.mkdir(exist_ok=True))
 
     return fetched
 
 
 def test_a_fetched_block_names_what_was_fetched(
-    fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path
+    fetch: Callable[..., tuple[Path, ExampleDataSource]], tmp_path: Path
 ) -> None:
     block, source = fetch(tmp_path / "blocks", "model.json", hashlib.sha256(CONTENT).hexdigest())
     assert source.licence == "open data"
-    keys = check_keys(read_yaml(block))
+    keys = validate_block_settings(read_yaml(block))
     assert (block.parent / str(keys.buildings.path)).read_bytes() == CONTENT
     assert keys.imagery.exemplars is not None
     assert keys.imagery.exemplars.path == "exemplars"
     assert "$" not in block.read_text()
 
 
-def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path) -> None:
+def test_what_is_there_is_not_fetched_again(
+    fetch: Callable[..., tuple[Path, ExampleDataSource]], tmp_path: Path
+) -> None:
     (tmp_path / PATH).parent.mkdir(parents=True)
     (tmp_path / PATH).write_bytes(CONTENT)
     fetch(tmp_path, "gone.json", hashlib.sha256(CONTENT).hexdigest())
@@ -75,7 +77,7 @@ def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, Exa
     [("model.json", "0" * 64, "checksum differs"), ("gone.json", "0" * 64, "cannot be fetched from http")],
 )
 def test_a_file_that_is_not_what_it_was_is_refused(
-    fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path, name: str, sha256: str, words: str
+    fetch: Callable[..., tuple[Path, ExampleDataSource]], tmp_path: Path, name: str, sha256: str, words: str
 ) -> None:
     with pytest.raises(InputError, match=words) as error:
         fetch(tmp_path, name, sha256)

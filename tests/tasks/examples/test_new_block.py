@@ -180,11 +180,11 @@ def test_two_at_once_in_a_folder_share_a_whole_library(osm: MapFiles, exemplars:
 
 
 def test_block_files_of_the_package_are_block_files() -> None:
-    from catalogs.block.keys import check_keys
+    from catalogs.block.keys import validate_block_settings
     from catalogs.block.yaml_files import read_yaml
     from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 
-    names = {path.stem: check_keys(read_yaml(path)).name for path in EXAMPLE_BLOCKS_FOLDER.glob("*.yaml")}
+    names = {path.stem: validate_block_settings(read_yaml(path)).name for path in EXAMPLE_BLOCKS_FOLDER.glob("*.yaml")}
     assert names == {
         name: name for name in ("amsterdam-dam", "amsterdam-ij", "delfshaven", "helsinki", "ingolstadt", "plateau")
     }

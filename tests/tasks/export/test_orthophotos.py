@@ -11,7 +11,7 @@ import pystac
 import pytest
 import rasterio
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.export.pictures.stage_pictures import read_chart_raster
 from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
@@ -26,9 +26,9 @@ def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_facade_is_a_picture_of_its_texels_without_loss(found: PublishedBlock, folder: Path) -> None:
     facades, placement = found.plan.facades, found.plan.scene.placement
-    assert {file.stem for file in folder.glob("*.tif")} == {file_stem(name) for name in facades.id}
+    assert {file.stem for file in folder.glob("*.tif")} == {safe_file_stem(name) for name in facades.id}
     for name, chart in zip(facades.id, facades.chart.tolist(), strict=True):
-        with rasterio.open(folder / f"{file_stem(name)}.tif") as image:
+        with rasterio.open(folder / f"{safe_file_stem(name)}.tif") as image:
             texels = np.moveaxis(image.read(), 0, -1)
             assert (texels == read_chart_raster(found.group, placement, chart, "atlas/colour")).all()
             assert (image.dataset_mask() > 0).mean() > 0.4
@@ -38,7 +38,7 @@ def test_a_texel_is_where_its_tags_say(found: PublishedBlock, folder: Path) -> N
     """From column and row by GDAL's transform and the pose to the world, and from there by the atlas to the texel again."""
     scene = found.plan.scene
     for name, chart in zip(found.plan.facades.id, found.plan.facades.chart.tolist(), strict=True):
-        with rasterio.open(folder / f"{file_stem(name)}.tif") as image:
+        with rasterio.open(folder / f"{safe_file_stem(name)}.tif") as image:
             tags, transform = image.tags(), image.transform
             assert 'UNIT["metre",1' in image.crs.to_wkt()
             assert not image.crs.is_geographic

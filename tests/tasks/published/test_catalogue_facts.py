@@ -14,8 +14,8 @@ import shapely
 from shapely import LineString
 
 from catalogs.block.reader import TextureSettings
-from catalogs.block.sources import OPENSTREETMAP, block_sources
-from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
+from catalogs.block.sources import OPENSTREETMAP, block_data_sources
+from facade_core.core.types import SHIPPED_MODELS, Street, TrainedModelFiles
 from facade_core.geometry.walls import WallRole
 from tasks.publish.catalogue_facts import (
     FACADE_MODELS,
@@ -26,7 +26,7 @@ from tasks.publish.catalogue_facts import (
     run_facts,
     street_facts,
 )
-from tasks.publish.item_rows import facade_facts
+from tasks.publish.item_rows import facade_item_columns
 
 START = 1_800_000_000.0
 
@@ -58,7 +58,7 @@ def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
 def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     for suffix, text in ((".onnx", "weights"), (".json", '{"trained_on": {"our photos": "ours"}}')):
         (tmp_path / f"mine{suffix}").write_text(text)
-    run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=ModelFiles(parser=tmp_path / "mine.onnx")))
+    run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(parser=tmp_path / "mine.onnx")))
     network, layouts = models_used(run, [{"lattice": {}}], [])
     assert (network.file, network.title, network.card) == ("mine.onnx", "facade parser of the block", None)
     assert network.trained_on == {"our photos": "ours"}
@@ -148,10 +148,10 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
 def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
     sizes = {"height": np.array([12.0]), "width": np.array([9.0]), "floors": np.array([4])}
     facades = cast(Any, SimpleNamespace(**sizes, role=np.array([WallRole.STREET])))
-    made = facade_facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
+    made = facade_item_columns(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)
-    assert facade_facts(facades, 0, record("a", "failed"), source)["quality"] is None
+    assert facade_item_columns(facades, 0, record("a", "failed"), source)["quality"] is None
 
 
 def test_sources_of_a_block_file(tmp_path: Path) -> None:
@@ -163,13 +163,13 @@ def test_sources_of_a_block_file(tmp_path: Path) -> None:
         "name: x\nbuildings: {path: city.osm.pbf}\nstreets: {path: streets.geojson}\n"
         "imagery: {exemplars: {path: wanted}}\n"
     )
-    assert [(s.key, s.name, s.licence) for s in block_sources(block)] == [
+    assert [(s.key, s.name, s.licence) for s in block_data_sources(block)] == [
         ("buildings.path", "city.osm.pbf", OPENSTREETMAP),
         ("streets.path", "streets.geojson", None),
         ("imagery.exemplars.path", "wanted", None),
     ]
     (tmp_path / "streets.geojson").unlink()
-    assert block_sources(block) == ()
+    assert block_data_sources(block) == ()
 
 
 @pytest.mark.realdata
@@ -178,6 +178,6 @@ def test_the_licence_of_a_fetched_file_is_known_by_its_content(tmp_path: Path, d
     model = next(city.glob("*.json"))
     (tmp_path / "renamed.city.json").write_bytes(model.read_bytes())
     (tmp_path / "block.yaml").write_text("name: x\nbuildings: {path: renamed.city.json}\n")
-    (source,) = block_sources(tmp_path / "block.yaml")
+    (source,) = block_data_sources(tmp_path / "block.yaml")
     assert source.licence
     assert source.licence.startswith("Rotterdam 3D")

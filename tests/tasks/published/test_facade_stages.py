@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.features import file_stem
+from catalogs.features import safe_file_stem
 from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import WallRole
@@ -40,14 +40,14 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
             continue
         declared = [stage.report for stage in iterate_stage_pictures(view.open_facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
-        names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
+        names = [f"{safe_file_stem(facade)}-{stage.name}.webp" for stage in declared]
         assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
         if "cut_kept" in view.records[index]:
             assert sum(stage.title.startswith("Photo") for stage in declared) == 1, "what was cut out is shown"
             photos += 1
         files |= set(names)
         building = view.tables.buildings[int(view.tables.facades.building[index])]
-        item = report.parents[1] / "stac" / "facades" / file_stem(building) / f"{file_stem(facade)}.json"
+        item = report.parents[1] / "stac" / "facades" / safe_file_stem(building) / f"{safe_file_stem(facade)}.json"
         assets = json.loads(item.read_text())["assets"]
         assert set(assets) == {stage.name for stage in declared}
         assert [name for name, asset in assets.items() if "thumbnail" in asset["roles"]] == ["result"]
@@ -68,7 +68,7 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
     ]
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
-        kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
+        kept = np.asarray(Image.open(images / f"{safe_file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
         assert np.abs(draw_stage_picture(view, index, here.name).astype(int) - kept).mean() < 8, here.name
 
 

@@ -54,13 +54,13 @@ def exemplar(height, width):
 
 def retargeted(height, width):
     from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
-    from facade_core.facade.texture.retargeting import extract_style
+    from facade_core.facade.texture.retargeting import analyse_exemplar
     from facade_core.facade.texture.wall_floors import FacadeWall
     from facade_core.synth.exemplars import paint_exemplar_set
 
     made = paint_exemplar_set(1, seed=5)[0]
     wall = FacadeWall.freestanding(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
-    style = ScaledStyle(extract_style(made.image, made.labels), 0.05)
+    style = ScaledStyle(analyse_exemplar(made.image, made.labels), 0.05)
     return lambda: build_facade_from_exemplar(style, wall, (height, width))
 
 
@@ -75,8 +75,8 @@ def street(height, width):
     from facade_core.geometry.scene import Scene
     from facade_core.geometry.streets import Viewpoint
     from facade_core.street.propagation.blend import blend_views
-    from facade_core.street.propagation.propagate import propagate
-    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.propagate import propagate_panorama
+    from facade_core.street.propagation.render import render_panorama
     from facade_core.street.propagation.texel_buffer import TexelBuffer
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
@@ -98,8 +98,8 @@ def street(height, width):
         window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
         for x in (0.0, 5.0, 10.0):
             viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
-            panorama = render(scene, window, viewpoint, (width // 2, width))
-            propagate(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)
+            panorama = render_panorama(scene, window, viewpoint, (width // 2, width))
+            propagate_panorama(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)
         blend_views(window.state)
         return rasters.total
 

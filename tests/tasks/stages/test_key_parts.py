@@ -21,12 +21,12 @@ from catalogs.block.keys import SunSettings
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
-from facade_core.core.types import Building, Pose, Shell, Street
+from facade_core.core.types import Building, BuildingShell, Pose, Street
 from facade_core.imagery.poses.joint_refinement import PriorPose
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
+from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
 from tasks.stages.bundles.stage import bundle_key
 from tasks.stages.bundles.worker import BundleMember
 from tasks.stages.exemplars.stage import exemplar_key
@@ -72,7 +72,7 @@ def carrying(name: str, x: float, y: float) -> Building:
     count = len(box.faces)
     wall = np.abs(box.face_normals[:, 2]) < 0.5
     uv = np.broadcast_to(np.float32([[0, 0], [1, 0], [1, 1]]), (count, 3, 2)) * wall[:, None, None]
-    shell = Shell(
+    shell = BuildingShell(
         box.vertices.astype(np.float64),
         box.faces.astype(np.int32),
         np.where(wall, 0, 1).astype(np.uint8),
@@ -96,7 +96,7 @@ def planned(*kinds: str) -> Plan:
     lines = {"1": [(-10, -4), (30, -4)]} | (
         {"2": [(-20, -14), (-20, 30)], "3": [(40, -14), (40, 30)]} if "streets" in kinds else {}
     )
-    return ingest(
+    return build_plan(
         [first, *(building for kind, building in others.items() if kind in kinds)],
         [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
         IngestSettings(
@@ -293,7 +293,7 @@ def test_exactly_what_changed_is_told(tmp_path_factory: pytest.TempPathFactory, 
     assert len(now) == len(before)
     for key, other in zip(before, now, strict=True):
         there = split_key(key).keys() | split_key(other).keys()
-        assert set(differing_parts(key, other)) == expected & there
+        assert set(diff_key_parts(key, other)) == expected & there
 
 
 def test_every_part_of_a_facade_is_changed_by_something(tmp_path: Path) -> None:
@@ -318,8 +318,8 @@ def test_parts_of_a_key_are_told_apart(parts: dict[str, Any], code: str, data: s
     assert split_key(key).keys() == {"code", *parts}
     others = data.draw(st.sets(st.sampled_from(sorted(parts)))) if parts else set()
     changed = parts | {name: [parts[name]] for name in others}
-    assert differing_parts(key, join_key_parts(code, **changed)) == sorted(others)
-    assert differing_parts(key, join_key_parts(code + "0", **changed)) == sorted({"code", *others})
+    assert diff_key_parts(key, join_key_parts(code, **changed)) == sorted(others)
+    assert diff_key_parts(key, join_key_parts(code + "0", **changed)) == sorted({"code", *others})
 
 
 def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) -> Any:
@@ -359,13 +359,13 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
     now = street_keys(run, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
     seen = [(viewpoint, chart) in pairs for viewpoint in own]
-    assert differing_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
+    assert diff_key_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
     assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else seen)
 
     looked = data.draw(st.integers(0, len(own) - 1))
     looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.view_digests))
     now = street_keys(run, replace(plan, view_digests=looks), group, street)
-    assert differing_parts(before.street, now.street) == ["views"]
+    assert diff_key_parts(before.street, now.street) == ["views"]
     assert other_viewpoints(before, now) == [k >= looked if blends else k == looked for k in range(len(own))]
 
     name, value = data.draw(
@@ -375,7 +375,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     )
     now = street_keys(changed(run, {name: value}), plan, group, street)
     of_streets = name in {"seed", *KEY_SETTINGS}
-    assert differing_parts(before.street, now.street) == (["settings"] if of_streets else [])
+    assert diff_key_parts(before.street, now.street) == (["settings"] if of_streets else [])
     assert (now == before) == (not of_streets)
 
 
@@ -391,7 +391,7 @@ def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
             shown = plan.views[plan.views[:, 0] == viewpoint.id, 1]
             shares = np.isin(shown, mine) & plan.writable[shown]
             earlier = bool(plan.wave[viewpoint.street] < plan.wave[street] and shares.any())
-            assert differing_parts(before.street, now.street) == ["earlier"] * earlier
+            assert diff_key_parts(before.street, now.street) == ["earlier"] * earlier
             told.add(earlier)
         assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
 
@@ -409,7 +409,7 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
     plain, once, wider = keys(), keys(MaterialPicture("slabs", path, 1.0)), keys(MaterialPicture("slabs", path, 2.0))
     for before, now in ((plain, once), (once, wider)):
         for one, other in zip(before, now, strict=True):
-            assert differing_parts(one, other) == ["settings"]
+            assert diff_key_parts(one, other) == ["settings"]
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:
@@ -419,7 +419,7 @@ def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() 
         return surface_key(run, plan, charts, [], {}, {})
 
     sunny = changed(RUN, {"sun": SunSettings(200.0, 30.0)})
-    assert {"settings"} <= set(differing_parts(key(RUN), key(sunny))) <= {"settings", "around"}
+    assert {"settings"} <= set(diff_key_parts(key(RUN), key(sunny))) <= {"settings", "around"}
     assert key(sunny) != key(changed(RUN, {"sun": SunSettings(200.0, 31.0)}))
     assert key(RUN) == key(RUN, "far")
     assert key(sunny) == key(sunny, "far")

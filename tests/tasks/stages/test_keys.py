@@ -14,11 +14,11 @@ import shapely
 from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
-from facade_core.plan.ingest import IngestSettings, ingest
+from facade_core.plan.ingest import IngestSettings, build_plan
 from facade_core.plan.plan import Plan
-from tasks.engine.stage import match_by_key_or_name
+from tasks.engine.stage import match_units_by_key_or_name
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
+from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
 from tasks.stages.streets.keys import KEY_SETTINGS
@@ -28,17 +28,17 @@ from tasks.stages.streets.stage import STREETS
 def test_keys_differ_in_the_parts_that_changed() -> None:
     one = join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1})
     assert join_key_parts("c", settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
-    assert differing_parts(one, join_key_parts("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == [
+    assert diff_key_parts(one, join_key_parts("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == [
         "photo",
         "settings",
     ]
-    assert differing_parts(one, join_key_parts("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
+    assert diff_key_parts(one, join_key_parts("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
         "exemplar",
         "photo",
     ]
-    assert differing_parts(one, one) == []
+    assert diff_key_parts(one, one) == []
     other = join_key_parts("d", settings=[1, 2.0], photo="a", geometry={"b": 1})
-    assert differing_parts(one, other) == ["code"]
+    assert diff_key_parts(one, other) == ["code"]
     assert [split_key(key).get("code") for key in (one, other, "0f")] == ["c", "d", None]
 
 
@@ -71,7 +71,7 @@ def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
 
 def test_units_are_found_again_by_their_keys() -> None:
     def again(records: Any, *units: tuple[str, str]) -> dict[int, int]:
-        return match_by_key_or_name(records, [Unit(i, name, (key,)) for i, (name, key) in enumerate(units)])
+        return match_units_by_key_or_name(records, [Unit(i, name, (key,)) for i, (name, key) in enumerate(units)])
 
     records = [{"key": "a", "unit": "1"}, None, {"key": "c", "unit": "2"}]
     assert again(records, ("x", "c"), ("y", "b"), ("z", "a")) == {0: 2, 2: 0}
@@ -110,14 +110,14 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     pose = Pose(5.0, -3.0, 2.5, 0.0, 0.0, 0.0)
     wall, kiosk, behind = house("a", 0, 5), house("k", 4, 0.5), house("z", 0, 30)
     alone = key([wall], pose)
-    assert differing_parts(alone, key([wall, behind], pose)) == []
-    assert differing_parts(alone, key([wall, kiosk], pose)) == ["between"]
-    assert differing_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
+    assert diff_key_parts(alone, key([wall, behind], pose)) == []
+    assert diff_key_parts(alone, key([wall, kiosk], pose)) == ["between"]
+    assert diff_key_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
 
 
 def _plan(buildings: list[Building]) -> Plan:
     street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
-    return ingest(
+    return build_plan(
         buildings,
         [street],
         IngestSettings(

@@ -64,18 +64,18 @@ def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: py
     from facade_core.parsing.network_training import TrainingSchedule
     from facade_core.parsing.segmenter import parse
     from tasks.training import parser
-    from tasks.training.parser import train_corrected
+    from tasks.training.parser import fine_tune_on_corrections
 
     course = TrainingSchedule(steps=1, per_step={"corrected": 2}, freeze_norms=True)
     with pytest.raises(InputError, match="pictures show 1 of 1"):
-        train_corrected([facade()], tmp_path, seed=0, schedule=course)
+        fine_tune_on_corrections([facade()], tmp_path, seed=0, schedule=course)
     better = {SHIPPED_NETWORK: 0.5, tmp_path / "network.onnx": 0.5}
-    monkeypatch.setattr(parser, "correct_pixel_share", lambda photos, model: better[model])
+    monkeypatch.setattr(parser, "parser_pixel_accuracy", lambda photos, model: better[model])
     with pytest.raises(InputError, match=r"of 2 corrected facades .* 50\.0% .* nothing is kept"):
-        train_corrected([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
+        fine_tune_on_corrections([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
     assert not (tmp_path / "network.onnx").exists()
     better[tmp_path / "network.onnx"] = 0.6
-    made = train_corrected([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
+    made = fine_tune_on_corrections([facade()] * corrected_facades.MIN_FACADES, tmp_path, seed=0, schedule=course)
     assert made == tmp_path / "network.onnx"
     assert parse(PAINTED.image, model=made).labels.shape == (HEIGHT, WIDTH)
     assert load_calibration(made) == load_calibration()

@@ -82,11 +82,13 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
 
 @pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
-    from catalogs.learning.datasets import CMP, read_dataset, split_facades
-    from tasks.training.parser import read_cmp_photos
+    from catalogs.learning.datasets import CMP, read_dataset, split_facades_for_training
+    from tasks.training.parser import split_cmp_photos
 
-    trained, apart = ({facade.name for facade in part} for part in read_cmp_photos(data))
-    held_out = {facade.name for facade in split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[1]}
+    trained, apart = ({facade.name for facade in part} for part in split_cmp_photos(data))
+    held_out = {
+        facade.name for facade in split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))[1]
+    }
     assert len(trained | apart | held_out) == len(trained) + len(apart) + len(held_out) == 317
     assert len(apart) == 32
 

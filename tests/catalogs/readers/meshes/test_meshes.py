@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 
 from catalogs.features import BuildingModel, BuildingModels
-from catalogs.readers.meshes.models import read_meshes
+from catalogs.readers.meshes.models import read_mesh_buildings
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
 
@@ -65,7 +65,9 @@ HOUSE = 10 * 8 * 6 + 10 * 8 * 4 / 2
 
 @pytest.mark.parametrize("key", ["g", "o"])
 def test_obj_names_are_buildings_and_materials_kinds(tmp_path: Path, key: str) -> None:
-    found = read_meshes(obj(tmp_path / "city.obj", f"{key} House 1\n{house(0)}{key} House 2\n{house(30)}{key} none\n"))
+    found = read_mesh_buildings(
+        obj(tmp_path / "city.obj", f"{key} House 1\n{house(0)}{key} House 2\n{house(30)}{key} none\n")
+    )
     assert found.crs is None
     assert [model.id for model in found.items] == ["House 1", "House 2"]
     for model in found.items:
@@ -80,7 +82,7 @@ def test_obj_groups_of_surfaces_are_one_building_each(tmp_path: Path) -> None:
     text += (
         "g 7|WallSurface\nf 1 2 6 5\ng 7|RoofSurface\nf 5 6 7 8\ng 7|ClosureSurface\nf 2 3 7 6\ng 9|Window\nf 3 4 8 7\n"
     )
-    found = read_meshes(obj(tmp_path / "city.obj", text))
+    found = read_mesh_buildings(obj(tmp_path / "city.obj", text))
     assert [(model.id, kinds(model), len(model.shell.triangles)) for model in found.items] == [
         ("7", {"wall", "roof"}, 4),
         ("9", {"window"}, 2),
@@ -90,14 +92,14 @@ def test_obj_groups_of_surfaces_are_one_building_each(tmp_path: Path) -> None:
 def test_obj_objects_with_groups_of_kinds(tmp_path: Path) -> None:
     text = "".join(f"v {x} 0 {z}\n" for x in (0, 5, 20, 25) for z in (0, 5))
     text += "o A\ng walls\nf 1 3 4\ng Door.001\nf 1 4 2\no B\ng walls\nf 5 7 8\n"
-    found = read_meshes(obj(tmp_path / "city.obj", text))
+    found = read_mesh_buildings(obj(tmp_path / "city.obj", text))
     assert [(model.id, kinds(model)) for model in found.items] == [("A", {"wall", "door"}), ("B", {"wall"})]
 
 
 def test_obj_concave_polygons_are_cut_inside(tmp_path: Path) -> None:
     ring = [(0, 0), (9, 0), (9, 9), (6, 9), (6, 3), (3, 3), (3, 9), (0, 9)]
     text = "".join(f"v {x} {y} 0\n" for x, y in ring) + "f " + " \\\n".join(str(i + 1) for i in range(8)) + "\n"
-    (model,) = read_meshes(obj(tmp_path / "u.obj", text)).items
+    (model,) = read_mesh_buildings(obj(tmp_path / "u.obj", text)).items
     assert model.id == "u"
     corners = model.shell.vertices[model.shell.triangles]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
@@ -107,7 +109,7 @@ def test_obj_concave_polygons_are_cut_inside(tmp_path: Path) -> None:
 
 def test_obj_without_names_falls_into_its_parts(tmp_path: Path) -> None:
     text = house(50) + house(0) + "v 52 1 9\nv 53 1 9\nv 53 2 12\nf -3 -2 -1\n"
-    found = read_meshes(obj(tmp_path / "block.obj", text))
+    found = read_mesh_buildings(obj(tmp_path / "block.obj", text))
     assert [model.id for model in found.items] == ["block-0", "block-1"], "from west to east, the dormer with its house"
     assert [model.shell.vertices[:, 0].min() for model in found.items] == [0, 50]
     assert len(found.items[1].shell.triangles) == len(found.items[0].shell.triangles) + 1
@@ -117,11 +119,11 @@ def test_a_broken_vertex_costs_one_building(tmp_path: Path) -> None:
     wrong = ["v nan 0 0\n", "v one 0 0\n", "v 1 0\n", "v inf 0 0\n"]
     text = "".join(f"g bad{i}\n{line}v 0 0 0\nv 1 0 0\nf -1 -2 -3\n" for i, line in enumerate(wrong))
     text += "g missing\nv 0 0 0\nv 1 0 0\nf -1 -2 999999\ng good\n" + house(0)
-    found = read_meshes(obj(tmp_path / "city.obj", text))
+    found = read_mesh_buildings(obj(tmp_path / "city.obj", text))
     assert [model.id for model in found.items] == ["good"]
     assert [fault.id for fault in found.faults] == ["bad0", "bad1", "bad2", "bad3", "missing"]
     assert found.faults[0].place.bounds[2] == 1
-    unnamed = read_meshes(obj(tmp_path / "block.obj", house(50).replace("v 50 0 0", "v 50 0 nan") + house(0)))
+    unnamed = read_mesh_buildings(obj(tmp_path / "block.obj", house(50).replace("v 50 0 0", "v 50 0 nan") + house(0)))
     assert [model.id for model in unnamed.items] == ["block-0"]
     assert [fault.id for fault in unnamed.faults] == ["block-1"]
 
@@ -141,7 +143,7 @@ def test_obj_textures_are_files(tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("\n".join(lines))
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 1 0.5\nvt 0 0.5\n"
     text += "usemtl roof\nf 1/1 2/2 3/3\nusemtl wall\nf 1/1/1 2/2/1 3/3/1 4/4/1\n"
-    found = read_meshes(obj(tmp_path / "a.obj", text))
+    found = read_mesh_buildings(obj(tmp_path / "a.obj", text))
     assert found.textures == (tmp_path / "pictures/wall.png",)
     assert [remark.id for remark in found.remarks] == ["gone.png"]
     shell = found.items[0].shell
@@ -164,7 +166,7 @@ def glb(path: Path, meshes: dict[str, trimesh.Trimesh], origin: list[float] | No
 @pytest.mark.parametrize("suffix", [".glb", ".gltf"])
 def test_gltf_is_turned_and_moved_to_its_origin(tmp_path: Path, suffix: str) -> None:
     path = glb(tmp_path / f"city{suffix}", {"12": box(), "a": box(20)}, [1000.0, 2000.0, 30.0])
-    found = read_meshes(path)
+    found = read_mesh_buildings(path)
     assert [model.id for model in found.items] == ["12", "a"]
     np.testing.assert_allclose(found.items[1].shell.vertices.min(axis=0), [1020, 2000, 30], atol=1e-4)
     np.testing.assert_allclose(found.items[1].shell.vertices.max(axis=0), [1030, 2008, 36], atol=1e-4)
@@ -196,11 +198,11 @@ def test_gltf_parts_of_a_building_hang_under_its_node(tmp_path: Path) -> None:
         header["scenes"][0]["nodes"] = [len(nodes) - 2, len(nodes) - 1]
 
     path = glb(tmp_path / "city.gltf", {"r": box(0, 0, (10, 8, 1)), "w": box(), "o": box(50)})
-    found = read_meshes(edited(path, edit))
+    found = read_mesh_buildings(edited(path, edit))
     assert [(model.id, kinds(model)) for model in found.items] == [("B1", {"roof", "wall"}), ("B2", {"wall"})]
     assert found.items[0].shell.vertices[:, 0].min() == pytest.approx(100)
     assert found.items[1].shell.vertices[:, 2].max() == pytest.approx(12)
-    assert read_meshes(path).items[1].shell.vertices.tolist() == found.items[1].shell.vertices.tolist()
+    assert read_mesh_buildings(path).items[1].shell.vertices.tolist() == found.items[1].shell.vertices.tolist()
 
 
 def textured(path: Path) -> Path:
@@ -215,13 +217,13 @@ def textured(path: Path) -> Path:
 
 def test_gltf_textures_are_kept_as_files_and_dropped_when_embedded(tmp_path: Path) -> None:
     before = sorted(tmp_path.iterdir())
-    inside = read_meshes(textured(tmp_path / "a.glb"))
+    inside = read_mesh_buildings(textured(tmp_path / "a.glb"))
     assert inside.textures == ()
     assert [remark.id for remark in inside.remarks] == ["a"]
     assert sorted(tmp_path.iterdir()) == [*before, tmp_path / "a.glb"], "nothing is written"
     Image.new("RGB", (4, 4)).save(tmp_path / "red wall.png")
     path = textured(tmp_path / "b.gltf")
-    beside = read_meshes(edited(path, lambda header: header.update(images=[{"uri": "red%20wall.png"}])))
+    beside = read_mesh_buildings(edited(path, lambda header: header.update(images=[{"uri": "red%20wall.png"}])))
     assert beside.textures == (tmp_path / "red wall.png",)
     shell = beside.items[0].shell
     assert shell.texture.tolist() == [0, 0]
@@ -233,7 +235,7 @@ def test_compressed_gltf_is_refused(tmp_path: Path) -> None:
     path = glb(tmp_path / "a.gltf", {"a": box()})
     edited(path, lambda header: header.update(extensionsUsed=["KHR_draco_mesh_compression"]))
     with pytest.raises(InputError, match=r"a\.gltf is compressed"):
-        read_meshes(path)
+        read_mesh_buildings(path)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
@@ -243,7 +245,7 @@ def test_one_mesh_falls_into_buildings(tmp_path: Path, suffix: str) -> None:
     terrace.apply_translation([0.02, 1.0, 0])
     path = tmp_path / f"row{suffix}"
     trimesh.util.concatenate([chimney, terrace, box()]).export(path)
-    found = read_meshes(path)
+    found = read_mesh_buildings(path)
     assert [(model.id, len(model.shell.triangles)) for model in found.items] == [("row-0", 12), ("row-1", 24)]
     assert kinds(found.items[0]) == {"unknown"}
 
@@ -257,7 +259,9 @@ def test_npz_features_are_buildings(tmp_path: Path) -> None:
     corners = np.concatenate([box().triangles, box(30).triangles, box(60).triangles]).astype(np.float32)
     feature = np.repeat([5, 3, 8], 12)
     corners[-1, 0, 0] = np.nan
-    found = read_meshes(npz(tmp_path / "a.npz", triangles=corners, feature=feature, origin=[1e6, 2e6, 5.0], epsg=3946))
+    found = read_mesh_buildings(
+        npz(tmp_path / "a.npz", triangles=corners, feature=feature, origin=[1e6, 2e6, 5.0], epsg=3946)
+    )
     assert found.crs == "EPSG:3946"
     assert [model.id for model in found.items] == ["3", "5"]
     np.testing.assert_allclose(found.items[1].shell.vertices.min(axis=0), [1e6, 2e6, 5])
@@ -269,7 +273,7 @@ def test_npz_features_that_are_single_surfaces_are_put_together(tmp_path: Path) 
     normals = np.round(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).astype(int)
     feature = np.unique(np.column_stack([np.repeat([0, 1], 12), normals]), axis=0, return_inverse=True)[1].ravel()
     assert len(np.unique(feature)) == 12
-    found = read_meshes(npz(tmp_path / "town.npz", triangles=corners, feature=feature))
+    found = read_mesh_buildings(npz(tmp_path / "town.npz", triangles=corners, feature=feature))
     assert [model.id for model in found.items] == ["town-0", "town-1"]
     assert found.crs is None
     assert [volume(model) for model in found.items] == pytest.approx([480, 480])
@@ -288,7 +292,7 @@ def test_npz_features_that_are_single_surfaces_are_put_together(tmp_path: Path) 
 )
 def test_npz_of_other_arrays_is_refused(tmp_path: Path, arrays: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"a\.npz"):
-        read_meshes(npz(tmp_path / "a.npz", **arrays))
+        read_mesh_buildings(npz(tmp_path / "a.npz", **arrays))
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".glb", ".gltf", ".ply", ".stl", ".npz"])
@@ -297,12 +301,12 @@ def test_broken_files_are_refused_by_name(tmp_path: Path, suffix: str, content: 
     path = tmp_path / f"broken{suffix}"
     path.write_bytes(content)
     with pytest.raises(InputError, match=rf"broken\{suffix}"):
-        read_meshes(path)
+        read_mesh_buildings(path)
 
 
 @pytest.fixture(scope="module")
 def ingolstadt(data: Path) -> BuildingModels:
-    return read_meshes(data / "city/ingolstadt/lod2_shell.obj")
+    return read_mesh_buildings(data / "city/ingolstadt/lod2_shell.obj")
 
 
 @pytest.mark.realdata
@@ -315,6 +319,6 @@ def test_ingolstadt(ingolstadt: BuildingModels) -> None:
 
 @pytest.mark.realdata
 def test_amsterdam_has_dutch_groups_of_one_building(data: Path) -> None:
-    (model,) = read_meshes(data / "city/amsterdam/0363100012143961.obj").items
+    (model,) = read_mesh_buildings(data / "city/amsterdam/0363100012143961.obj").items
     assert model.id == "0363100012143961"
     assert kinds(model) == {"wall", "roof"}

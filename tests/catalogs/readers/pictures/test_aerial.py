@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pyproj import CRS, Transformer
 
-from catalogs.readers.pictures.aerial import read_aerial
+from catalogs.readers.pictures.aerial import open_orthophoto
 from facade_core.core.errors import InputError
 
 rasterio = pytest.importorskip("rasterio")
@@ -40,7 +40,7 @@ def north_up(pixel: float = 0.1):
 def test_colours_lie_where_they_are_to_the_centimetre(tmp_path: Path) -> None:
     """Pixels of 10 cm in squares of 1 m: 6 cm from a square's border its colour is pure, on the border both are halved."""
     path = write(tmp_path / "a.tif", chessboard(400, 400, 10), north_up(), tiled=True, blockxsize=64, blockysize=64)
-    aerial = read_aerial(path, None, FRAME, PLACES)
+    aerial = open_orthophoto(path, None, FRAME, PLACES)
     x, y = np.meshgrid(np.arange(3, 25), np.arange(3, 25))
     for dx, dy in ((0.06, 0.06), (0.94, 0.5), (0.5, 0.94)):
         points = np.column_stack([EAST + x.ravel() + dx, NORTH + y.ravel() + dy])
@@ -56,7 +56,7 @@ def test_a_partial_and_a_transparent_tile_say_what_they_do_not_know(tmp_path: Pa
     image = np.concatenate([chessboard(400, 400, 10), np.full((1, 400, 400), 255, np.uint8)])
     image[3, :, 200:] = 0
     path = write(tmp_path / "a.tif", image, north_up(), photometric="RGB", alpha="yes")
-    aerial = read_aerial(path, None, FRAME, PLACES)
+    aerial = open_orthophoto(path, None, FRAME, PLACES)
     points = np.array(
         [[EAST + 19.9, NORTH + 5.5], [EAST + 20.1, NORTH + 5.5], [EAST - 0.1, NORTH + 5], [EAST + 1, NORTH + 0.01]]
     )
@@ -75,8 +75,8 @@ def test_a_turned_world_file_beside_a_picture(tmp_path: Path) -> None:
     a, d, b, e = pixel * np.cos(turn), pixel * np.sin(turn), pixel * np.sin(turn), -pixel * np.cos(turn)
     (tmp_path / "a.pgw").write_text("\n".join(map(str, (a, d, b, e, EAST + (a + b) / 2, NORTH + (d + e) / 2))))
     with pytest.raises(InputError, match=r"a\.png states no frame; write imagery\.aerial\.crs"):
-        read_aerial(path, None, FRAME, PLACES)
-    aerial = read_aerial(path, "EPSG:3879", FRAME, np.array([[EAST + 10, NORTH]]))
+        open_orthophoto(path, None, FRAME, PLACES)
+    aerial = open_orthophoto(path, "EPSG:3879", FRAME, np.array([[EAST + 10, NORTH]]))
     column, row = np.meshgrid(np.arange(15) * 20 + 3.0, np.arange(10) * 20 + 17.0)
     points = np.column_stack(
         [EAST + a * column.ravel() + b * row.ravel(), NORTH + d * column.ravel() + e * row.ravel()]
@@ -98,7 +98,7 @@ def test_a_tile_in_another_frame(tmp_path: Path) -> None:
         rasterio.Affine(step, 0, west, 0, -step, south + 800 * step),
         "EPSG:4326",
     )
-    aerial = read_aerial(path, None, FRAME, PLACES)
+    aerial = open_orthophoto(path, None, FRAME, PLACES)
     longitude = west + step * (np.arange(20) * 60 + 30)
     latitude = south + 800 * step - step * np.linspace(90, 690, 20).round(-1)
     points = np.column_stack(to_degrees.transform(longitude, latitude, direction="INVERSE"))
@@ -112,7 +112,7 @@ def test_fine_pixels_are_averaged_at_a_coarse_spacing(tmp_path: Path) -> None:
     image = np.zeros((3, 800, 800), np.uint8)
     image[:, ::2, ::2] = image[:, 1::2, 1::2] = 255
     image[0, :, 400:] = 255
-    aerial = read_aerial(write(tmp_path / "a.tif", image, north_up(0.05)), None, FRAME, PLACES)
+    aerial = open_orthophoto(write(tmp_path / "a.tif", image, north_up(0.05)), None, FRAME, PLACES)
     x = EAST + np.arange(0.75, 39, 0.5)
     colour, known = aerial.sample(np.column_stack([x, np.full(len(x), NORTH + 20.25)]), 0.5)
     assert known.all()
@@ -122,13 +122,15 @@ def test_fine_pixels_are_averaged_at_a_coarse_spacing(tmp_path: Path) -> None:
 
 
 def test_grey_and_palette_pictures(tmp_path: Path) -> None:
-    grey = read_aerial(write(tmp_path / "g.tif", np.full((1, 400, 400), 77, np.uint8), north_up()), None, FRAME, PLACES)
+    grey = open_orthophoto(
+        write(tmp_path / "g.tif", np.full((1, 400, 400), 77, np.uint8), north_up()), None, FRAME, PLACES
+    )
     assert grey.sample(PLACES, 0.1)[0].tolist() == [[77] * 3] * 2
     path = tmp_path / "p.tif"
     write(path, np.full((1, 400, 400), 5, np.uint8), north_up(), photometric="palette")
     with rasterio.open(path, "r+") as raster:
         raster.write_colormap(1, {5: (10, 200, 30, 255)})
-    assert read_aerial(path, None, FRAME, PLACES).sample(PLACES, 0.1)[0].tolist() == [[10, 200, 30]] * 2
+    assert open_orthophoto(path, None, FRAME, PLACES).sample(PLACES, 0.1)[0].tolist() == [[10, 200, 30]] * 2
 
 
 def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -150,6 +152,6 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path) -> None:
     cases |= {"cut.tif cannot be read": cut, "text.tif is no orthophoto": text, "linked.tif is no orthophoto": vrt}
     for message, path in cases.items():
         with pytest.raises(InputError, match=message) as caught:
-            read_aerial(path, None, FRAME, PLACES)
+            open_orthophoto(path, None, FRAME, PLACES)
         assert "\n" not in str(caught.value), message
         assert path.name in str(caught.value), message

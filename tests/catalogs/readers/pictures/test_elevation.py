@@ -15,7 +15,7 @@ from rasterio.transform import from_origin
 from catalogs.readers.pictures import elevation
 from catalogs.readers.pictures.elevation import read_elevation
 from facade_core.core.errors import InputError
-from facade_core.core.types import Elevation
+from facade_core.core.types import ElevationRaster
 
 UTM = CRS.from_epsg(32635)
 WEST, NORTH = 385_000.0, 6_672_000.0
@@ -48,12 +48,12 @@ def tilted(step: float = 2.0, size: float = 400.0) -> np.ndarray:
     return plane(WEST + at[None], NORTH - at[:, None]).astype(np.float32)
 
 
-def places(found: Elevation) -> tuple[np.ndarray, np.ndarray]:
+def places(found: ElevationRaster) -> tuple[np.ndarray, np.ndarray]:
     rows, columns = found.heights.shape
     return found.x + found.step * np.arange(columns)[None], found.y - found.step * np.arange(rows)[:, None]
 
 
-def check_covers(found: Elevation) -> None:
+def check_covers(found: ElevationRaster) -> None:
     x, y = places(found)
     assert x[0, 0] <= BOX[0] <= BOX[2] <= x[0, -1]
     assert y[-1, 0] <= BOX[1] <= BOX[3] <= y[0, 0]

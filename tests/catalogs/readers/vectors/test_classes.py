@@ -11,12 +11,12 @@ import shapely
 from pyproj import CRS
 from shapely import LineString, Point
 
-from catalogs.block.ground import block_ground
-from catalogs.features import Centrelines
-from catalogs.readers.formats import read_centrelines, read_ground
-from catalogs.readers.vectors.ground_classes import ground_tags
+from catalogs.block.ground import build_block_ground
+from catalogs.features import CentrelinesAndGround
+from catalogs.readers.formats import read_centrelines, read_ground_features
+from catalogs.readers.vectors.ground_classes import osm_ground_tags
 from facade_core.core.errors import InputError
-from facade_core.core.types import Ground
+from facade_core.core.types import MappedGround
 
 METRIC = "EPSG:3067"
 SUFFIXES = [".gpkg", ".geojson", ".parquet", ".shp", ".fgb"]
@@ -39,8 +39,8 @@ def written(path: Path, shapes: list[Any], layer: str | None = None, **columns: 
     return path
 
 
-def drawn(*sources: Centrelines) -> Ground:
-    return block_ground(sources, CRS(METRIC), AROUND, None)
+def drawn(*sources: CentrelinesAndGround) -> MappedGround:
+    return build_block_ground(sources, CRS(METRIC), AROUND, None)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -82,7 +82,7 @@ AREAS = [
 def test_areas_by_a_column_of_classes(suffix: str, tmp_path: Path) -> None:
     boxes = [shapely.box(20 * i, 0, 20 * i + 10, 10) for i in range(len(AREAS))]
     path = written(tmp_path / f"cover{suffix}", boxes, landcover=[word for word, _ in AREAS])
-    found = drawn(read_ground(path)).areas
+    found = drawn(read_ground_features(path)).areas
     expected = {20 * i: surface for i, (_, surface) in enumerate(AREAS) if surface}
     assert {round(area.outline.bounds[0] - EAST): area.surface for area in found} == expected
 
@@ -99,10 +99,10 @@ def test_layers_say_what_their_features_are(tmp_path: Path) -> None:
     assert sorted(way.kind for way in ground.ways) == ["crossing", "road"]
     assert [area.surface for area in ground.areas] == ["grass"]
     again = drawn(read_centrelines(written(tmp_path / "one.gpkg", [LineString([(0, 0), (90, 0)])], name=["A"])),
-                  read_ground(written(tmp_path / "park.shp", [shapely.box(0, 10, 30, 40)], id=["7"])))  # fmt: skip
+                  read_ground_features(written(tmp_path / "park.shp", [shapely.box(0, 10, 30, 40)], id=["7"])))  # fmt: skip
     assert [area.outline for area in again.areas] == [area.outline for area in ground.areas]
     with pytest.raises(InputError, match="holds nothing of the ground"):
-        read_ground(written(tmp_path / "halls.gpkg", [shapely.box(0, 0, 9, 9)], height=[3.0]))
+        read_ground_features(written(tmp_path / "halls.gpkg", [shapely.box(0, 0, 9, 9)], height=[3.0]))
 
 
 def test_what_two_files_call_the_same_is_two_things(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_what_two_files_call_the_same_is_two_things(tmp_path: Path) -> None:
         written(tmp_path / name, [shapely.box(x, 0, x + 9, 9)], id=["1"], leisure=["park"])
         for name, x in (("a.gpkg", 0), ("b.gpkg", 50))
     )
-    areas = drawn(read_ground(one), read_ground(two)).areas
+    areas = drawn(read_ground_features(one), read_ground_features(two)).areas
     assert len({area.id for area in areas}) == len(areas) == 2
 
 
@@ -126,11 +126,11 @@ def test_what_two_files_call_the_same_is_two_things(tmp_path: Path) -> None:
     ],
 )
 def test_classes_of_streets(tags: dict[str, str], highway: str | None) -> None:
-    assert ground_tags(tags).get("highway") == highway
+    assert osm_ground_tags(tags).get("highway") == highway
 
 
 def test_one_way_and_tunnels_in_other_words() -> None:
-    assert ground_tags({"oneway": "FT"})["oneway"] == "yes"
-    assert ground_tags({"oneway": "B"})["oneway"] == "B"
-    assert ground_tags({"tunnel": "F", "parking:left": "true"}) == {"tunnel": "no", "parking:left": "lane"}
-    assert ground_tags({"class": "tram"}) == {"railway": "tram"}
+    assert osm_ground_tags({"oneway": "FT"})["oneway"] == "yes"
+    assert osm_ground_tags({"oneway": "B"})["oneway"] == "B"
+    assert osm_ground_tags({"tunnel": "F", "parking:left": "true"}) == {"tunnel": "no", "parking:left": "lane"}
+    assert osm_ground_tags({"class": "tram"}) == {"railway": "tram"}

@@ -6,8 +6,8 @@ import pytest
 from shapely import box
 
 from catalogs.readers.vectors import osm
-from catalogs.readers.vectors.colours import NAMED_COLOURS, parse_colour, parse_finish
-from facade_core.core.types import Finish
+from catalogs.readers.vectors.colours import NAMED_COLOURS, parse_building_finish, parse_colour
+from facade_core.core.types import BuildingFinish
 
 
 @pytest.mark.parametrize(
@@ -36,4 +36,4 @@ def test_materials_give_a_colour_where_none_is_stated() -> None:
     assert found.finish.wall_colour is not None
     assert found.finish.wall_colour[0] > found.finish.wall_colour[2] + 40, "bricks are red"
     assert (found.finish.roof_material, found.finish.roof_colour) == ("copper", (128, 128, 128))
-    assert parse_finish({}) == Finish()
+    assert parse_building_finish({}) == BuildingFinish()

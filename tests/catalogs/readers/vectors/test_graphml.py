@@ -8,7 +8,7 @@ from typing import Any
 import networkx
 import pytest
 
-from catalogs.readers.vectors.graphml import read_graphml
+from catalogs.readers.vectors.graphml import read_graphml_centrelines
 from facade_core.core.errors import InputError
 
 
@@ -36,7 +36,7 @@ def written(tmp_path: Path) -> Any:
 def test_both_directions_are_one_street(written: Any) -> None:
     bent = "LINESTRING (24.95 60.16, 24.96 60.165, 24.95 60.17)"
     back = "LINESTRING (24.95 60.17, 24.96 60.165, 24.95 60.16)"
-    found = read_graphml(
+    found = read_graphml_centrelines(
         written(
             [
                 ("1", "2", street("Main Street")),
@@ -58,12 +58,12 @@ def test_footways_service_roads_and_tunnels_are_left_out(written: Any) -> None:
     edges = [
         ("1", "2", street(str(i), highway=kind, geometry=f"LINESTRING (0 {i}, 1 {i})")) for i, kind in enumerate(kinds)
     ]
-    found = read_graphml(written([*edges, ("2", "3", street("under", tunnel="yes"))]))
+    found = read_graphml_centrelines(written([*edges, ("2", "3", street("under", tunnel="yes"))]))
     assert [piece.name for piece in found.items] == ["2", "4"]
 
 
 def test_what_is_broken_is_a_fault(written: Any) -> None:
-    found = read_graphml(
+    found = read_graphml_centrelines(
         written(
             [
                 ("1", "2", street("good")),
@@ -85,12 +85,12 @@ def test_what_is_broken_is_a_fault(written: Any) -> None:
     ("crs", "expected"), [("{'init': 'epsg:3067'}", "EPSG:3067"), (None, None), ("EPSG:28992", "EPSG:28992")]
 )
 def test_frames(written: Any, crs: str | None, expected: str | None) -> None:
-    assert read_graphml(written([("1", "2", street())], crs=crs)).crs == expected
+    assert read_graphml_centrelines(written([("1", "2", street())], crs=crs)).crs == expected
 
 
 def test_an_unknown_frame_is_refused(written: Any) -> None:
     with pytest.raises(InputError, match=r"streets\.graphml.*nonsense"):
-        read_graphml(written([("1", "2", street())], crs="nonsense"))
+        read_graphml_centrelines(written([("1", "2", street())], crs="nonsense"))
 
 
 BOMB = '<?xml version="1.0"?><!DOCTYPE g [<!ENTITY a "b">]><graphml xmlns="http://graphml.graphdrawing.org/xmlns"/>'
@@ -101,4 +101,4 @@ def test_other_files_are_refused_by_name(tmp_path: Path, text: str) -> None:
     path = tmp_path / "streets.graphml"
     path.write_text(text)
     with pytest.raises(InputError, match=r"streets\.graphml"):
-        read_graphml(path)
+        read_graphml_centrelines(path)

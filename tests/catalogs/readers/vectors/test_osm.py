@@ -11,10 +11,10 @@ import pytest
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
-from catalogs.block.streets import block_streets
+from catalogs.block.streets import build_block_streets
 from catalogs.buildings.assembly import MIN_FOOTPRINT_M2, assemble_buildings
 from catalogs.crs import utm_crs
-from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
+from catalogs.features import Centreline, CentrelinesAndGround, Footprint, Footprints, Remark
 from catalogs.readers.vectors import osm
 from facade_core.core.types import Roof
 
@@ -27,7 +27,7 @@ def footprints(pbf: Path) -> Footprints:
 
 
 @pytest.fixture(scope="module")
-def centrelines(pbf: Path) -> Centrelines:
+def centrelines(pbf: Path) -> CentrelinesAndGround:
     return osm.read_osm_centrelines(pbf)
 
 
@@ -56,10 +56,10 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
     assert all(2 <= b.height <= 80 for b in buildings if not b.part_of)
 
 
-def test_real_streets_are_merged_without_loss(centrelines: Centrelines) -> None:
-    streets = block_streets(centrelines, UTM, area=None)[0]
+def test_real_streets_are_merged_without_loss(centrelines: CentrelinesAndGround) -> None:
+    streets = build_block_streets(centrelines, UTM, area=None)[0]
     pieces = [replace(piece, name=piece.id) for piece in centrelines.items]
-    unmerged = block_streets(Centrelines(centrelines.crs, tuple(pieces)), UTM, area=None)[0]
+    unmerged = build_block_streets(CentrelinesAndGround(centrelines.crs, tuple(pieces)), UTM, area=None)[0]
     assert len(centrelines.items) > 700
     assert len(streets) == 110
     length = sum(s.line.length for s in streets)
@@ -70,7 +70,7 @@ def test_real_streets_are_merged_without_loss(centrelines: Centrelines) -> None:
     assert len({s.id for s in streets}) == len(streets)
 
 
-def test_order_of_the_source_does_not_matter(footprints: Footprints, centrelines: Centrelines) -> None:
+def test_order_of_the_source_does_not_matter(footprints: Footprints, centrelines: CentrelinesAndGround) -> None:
     shuffled = [list(footprints.items), list(centrelines.items)]
     for items in shuffled:
         random.Random(1).shuffle(items)
@@ -79,8 +79,8 @@ def test_order_of_the_source_does_not_matter(footprints: Footprints, centrelines
     two = assemble_buildings([replace(footprints, items=tuple(shuffled[0]))], UTM, area=area, floor_height=3.2).items
     assert len(one) > 50
     assert one == two
-    expected = block_streets(centrelines, UTM, area=area)[0]
-    assert block_streets(replace(centrelines, items=tuple(shuffled[1])), UTM, area=area)[0] == expected
+    expected = build_block_streets(centrelines, UTM, area=area)[0]
+    assert build_block_streets(replace(centrelines, items=tuple(shuffled[1])), UTM, area=area)[0] == expected
     assert [s.id for s in expected] == sorted((s.id for s in expected), key=lambda id: (len(id.split("-")[0]), id))
     assert all(area.buffer(1e-6).contains(s.line) for s in expected)
 
@@ -108,7 +108,7 @@ def test_lengths(text: str, metres: float | None) -> None:
     ("text", "levels"), [("5", 5.0), ("3.5", 3.5), ("4;5", 5.0), ("many", None), ("0", None), ("nan", None)]
 )
 def test_levels(text: str, levels: float | None) -> None:
-    assert osm.parse_levels(text) == levels
+    assert osm.parse_floor_count(text) == levels
 
 
 def tagged(**tags: str) -> tuple[Footprint | None, list[str]]:
@@ -233,7 +233,7 @@ def test_pieces_of_one_name_meet_end_to_end() -> None:
         Centreline("w5", LineString([(100, 0), (100, 90)]), "Side Street"),
         Centreline("w6", LineString([(0, 0), (0, 0.5)]), "Crumb"),
     )
-    streets = block_streets(Centrelines("EPSG:32635", pieces), UTM, area=None)[0]
+    streets = build_block_streets(CentrelinesAndGround("EPSG:32635", pieces), UTM, area=None)[0]
     assert [(s.id, s.name) for s in streets] == [("s3", "High Street"), ("s5", "Side Street")]
     assert list(streets[0].line.coords) == [(200, 0), (100, 0), (0, 0)], "it runs as its first piece does"
 
@@ -241,6 +241,6 @@ def test_pieces_of_one_name_meet_end_to_end() -> None:
 def test_a_street_cut_in_two_by_the_area_keeps_both_parts() -> None:
     area = square(0, 0, 100).difference(square(40, 0, 20).buffer(1))
     pieces = (Centreline("w3", LineString([(-50, 10), (150, 10)]), "High Street"),)
-    streets = block_streets(Centrelines("EPSG:32635", pieces), UTM, area=area)[0]
+    streets = build_block_streets(CentrelinesAndGround("EPSG:32635", pieces), UTM, area=area)[0]
     assert [s.id for s in streets] == ["s3-0", "s3-1"]
     assert [round(s.line.length) for s in streets] == [39, 39]

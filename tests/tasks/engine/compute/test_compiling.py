@@ -58,9 +58,9 @@ def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], m
 def test_the_parts_reach_what_takes_longest_to_compile() -> None:
     from facade_core.facade.layout.statistics import measure_layout
     from facade_core.facade.texture.genetic import _evolve
-    from facade_core.street.materials.field_kernels import colour_points
+    from facade_core.street.materials.field_kernels import compute_point_colours
 
     for part in kernel_warmup.WARMUPS:
         part()
-    for kernel in (measure_layout, _evolve, colour_points):
+    for kernel in (measure_layout, _evolve, compute_point_colours):
         assert kernel.signatures

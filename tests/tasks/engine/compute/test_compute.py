@@ -21,7 +21,7 @@ from facade_core.core.errors import InputError
 from tasks.engine.compute import connect as compute
 from tasks.engine.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
 from tasks.engine.compute.connect import connect
-from tasks.engine.compute.scheduler_view import SchedulerView, Worker
+from tasks.engine.compute.scheduler_view import SchedulerView, WorkerState
 from tasks.engine.compute.timeouts import Timeouts
 from tests.pipeline.runs import ROOT, environment
 
@@ -127,7 +127,7 @@ class Machines:
             raise TimeoutError
         named = self.workers.items()
         return SchedulerView(
-            {n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named}
+            {n: WorkerState(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named}
         )
 
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import pytest
 
 from tasks.engine.compute.deadlines import MAX_MEDIAN_FACTOR, Deadlines
-from tasks.engine.compute.leases import Lease, Leases
-from tasks.engine.compute.scheduler_view import SchedulerView, Worker, WorkerRegistry
+from tasks.engine.compute.leases import WorkerLease, WorkerLeases
+from tasks.engine.compute.scheduler_view import SchedulerView, WorkerRegistry, WorkerState
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS
 
 
-def workers(**named: tuple[int, int]) -> dict[str, Worker]:
-    return {name: Worker(name, threads, memory) for name, (threads, memory) in named.items()}
+def workers(**named: tuple[int, int]) -> dict[str, WorkerState]:
+    return {name: WorkerState(name, threads, memory) for name, (threads, memory) in named.items()}
 
 
 def test_leases_spread_over_threads_and_none_is_given_twice() -> None:
-    leases, there = Leases(), workers(one=(1, 10**9), two=(2, 10**9))
-    held = [Lease("", 10) for _ in range(4)]
+    leases, there = WorkerLeases(), workers(one=(1, 10**9), two=(2, 10**9))
+    held = [WorkerLease("", 10) for _ in range(4)]
     assert [leases.take(str(i), lease, there) for i, lease in enumerate(held)] == [True, True, True, False]
     assert sorted(lease.address for lease in held) == ["", "one", "two", "two"]
     leases.end("0")
@@ -24,18 +24,18 @@ def test_leases_spread_over_threads_and_none_is_given_twice() -> None:
 
 
 def test_a_lease_waits_for_memory_but_one_of_any_size_is_let_in() -> None:
-    leases, there = Leases(), workers(one=(8, 1000))  # of which units may declare 600
-    assert leases.take("big", Lease("", 5000), there)
-    assert not leases.take("small", Lease("", 400), there)
+    leases, there = WorkerLeases(), workers(one=(8, 1000))  # of which units may declare 600
+    assert leases.take("big", WorkerLease("", 5000), there)
+    assert not leases.take("small", WorkerLease("", 400), there)
     leases.end("big")
-    assert leases.take("small", Lease("", 400), there)
-    assert leases.take("other", Lease("", 200), there)
-    assert not leases.take("last", Lease("", 1), there)
+    assert leases.take("small", WorkerLease("", 400), there)
+    assert leases.take("other", WorkerLease("", 200), there)
+    assert not leases.take("last", WorkerLease("", 1), there)
 
 
 def test_a_lost_workers_lease_waits_for_room() -> None:
-    leases, both = Leases(), workers(one=(1, 10**9), two=(1, 10**9))
-    first, second = Lease("", 10), Lease("", 10)
+    leases, both = WorkerLeases(), workers(one=(1, 10**9), two=(1, 10**9))
+    first, second = WorkerLease("", 10), WorkerLease("", 10)
     assert leases.take("first", first, both)
     assert leases.take("second", second, both)
     left = {name: worker for name, worker in both.items() if name != first.address}
@@ -49,7 +49,7 @@ def test_a_lost_workers_lease_waits_for_room() -> None:
 def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.LogCaptureFixture) -> None:
     def view(one: float, running: bool = True) -> SchedulerView:
         return SchedulerView(
-            {"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)}
+            {"one": WorkerState("one", 1, running=running, last_seen=one), "two": WorkerState("two", 1, last_seen=one)}
         )
 
     half = DEFAULT_TIMEOUTS.worker_silence / 2

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from tasks.stages.facades.captures import split_captures
+from tasks.stages.facades.captures import split_panoramas_by_capture
 
 
 @pytest.mark.parametrize(
@@ -24,5 +24,5 @@ from tasks.stages.facades.captures import split_captures
 def test_the_newest_capture_counts_and_the_one_before_is_compared(
     days: Mapping[int, str], newest: tuple[int, ...], before: tuple[int, ...]
 ) -> None:
-    found = split_captures([5, 3, 8, 1, 2, 7], days)
+    found = split_panoramas_by_capture([5, 3, 8, 1, 2, 7], days)
     assert (found.newest, found.before) == (newest, before)

@@ -7,13 +7,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from facade_core.plan.exemplar_style import StyleTargets
+from facade_core.plan.exemplar_style import ExemplarTargetWalls
 from tasks.stages.facades.stage import choose_facade_exemplars
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     one = np.ones(1)
-    walls = StyleTargets(12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one)
+    walls = ExemplarTargetWalls(
+        12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one
+    )
     plan = cast(Any, SimpleNamespace(facades=_Facades()))
     fits = {
         "status": "done",

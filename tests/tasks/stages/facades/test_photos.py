@@ -10,7 +10,7 @@ import pytest
 from PIL import ExifTags, Image
 
 from facade_core.core.errors import ImageError
-from facade_core.imagery.detect.detection import Detections, detectors_available
+from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence, read_facade_photo
@@ -84,11 +84,11 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     assert not read_facade_photo(path, True, size).seen.has_private_boxes() or detectors_available()
     looks = []
 
-    def look(image: np.ndarray) -> Detections:
+    def look(image: np.ndarray) -> FacesPlatesAndText:
         looks.append(image.shape)
-        return Detections(faces=np.array([[40.0, 60, 60, 84]]))
+        return FacesPlatesAndText(faces=np.array([[40.0, 60, 60, 84]]))
 
-    monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", look)
+    monkeypatch.setattr("tasks.stages.facades.evidence.detect_faces_plates_text", look)
     photo = read_facade_photo(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
@@ -107,7 +107,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     hidden = np.zeros((150, 50), bool)
     cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False)
     monkeypatch.setattr("tasks.stages.facades.evidence.crop_to_facade", lambda image, hidden, model: cut)
-    monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", lambda image: Detections())
+    monkeypatch.setattr("tasks.stages.facades.evidence.detect_faces_plates_text", lambda image: FacesPlatesAndText())
     kept, found, stretched = read_facade_photo(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found

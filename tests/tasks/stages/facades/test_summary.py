@@ -10,7 +10,7 @@ import pytest
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
-from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.worker import _summarize
@@ -23,7 +23,7 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 def of_exemplar() -> Facade:
     size = (270, 334)
     return build_facade_from_exemplar(
-        ScaledStyle(extract_style(PAINTED.image, PAINTED.labels), 0.06),
+        ScaledStyle(analyse_exemplar(PAINTED.image, PAINTED.labels), 0.06),
         FacadeWall.freestanding(16.2, 20.0, floors=5),
         size,
         seed=3,

@@ -19,7 +19,7 @@ from PIL import Image
 from catalogs.block.reader import Block, read_block
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
-from facade_core.geometry.chart_packing import PreviousPlacement
+from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from flows.block import _publish_connection
@@ -27,7 +27,7 @@ from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import MIN_RUN_ITEMS, map_on_workers
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest import task as stage
-from tasks.stages.ingest.planning import make_plan, plan_key, update_plan
+from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
 from tasks.stages.ingest.task import ingest_block
 from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 
@@ -73,10 +73,10 @@ def assert_equal(one: Any, other: Any) -> None:
 def test_with_a_panorama_more_it_is_the_plan_made_anew(tmp_path: Path, z: float | None) -> None:
     first, before = ingested(write_block(tmp_path / "in"), tmp_path / "out")
     second = read_block(add_panorama(tmp_path / "in", z))
-    assert plan_key(second) == plan_key(first)
-    again = update_plan(second, before)
+    assert plan_reuse_key(second) == plan_reuse_key(first)
+    again = update_plan_panoramas(second, before)
     assert len(again.sightings.facade)
-    assert_equal(again, make_plan(second, PreviousPlacement(before.ids, before.scene.placement)))
+    assert_equal(again, make_plan(second, PreviousChartPlacements(before.ids, before.scene.placement)))
 
 
 def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_changed(
@@ -98,7 +98,7 @@ def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_change
         assert len(made) == number
         assert open_root(open_repository(tmp_path / "out" / "store").readonly_session(BRANCH)).attrs[
             "plan"
-        ] == plan_key(block)
+        ] == plan_reuse_key(block)
 
 
 def test_a_plan_whose_rays_are_cast_by_workers_is_the_same(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_who_waits_for_workers_that_do_not_come_is_told() -> None:
 
 def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     block = read_block(write_block(tmp_path / "in"))
-    key = plan_key(block)
-    assert plan_key(replace(block, seed=99, photos={})) == key
-    monkeypatch.setattr("tasks.stages.ingest.planning.stage_code", lambda stage: "other")
-    assert plan_key(block) != key
+    key = plan_reuse_key(block)
+    assert plan_reuse_key(replace(block, seed=99, photos={})) == key
+    monkeypatch.setattr("tasks.stages.ingest.planning.stage_code_digest", lambda stage: "other")
+    assert plan_reuse_key(block) != key

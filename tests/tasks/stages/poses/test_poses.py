@@ -8,7 +8,7 @@ from typing import Any, cast
 import shapely
 
 from facade_core.core.types import Building, Pose
-from tasks.stages.poses.stage import carries_heights
+from tasks.stages.poses.stage import ground_height_preferred_flags
 
 
 def block(*poses: Pose, source: str) -> Any:
@@ -21,9 +21,9 @@ def block(*poses: Pose, source: str) -> Any:
 
 def test_a_height_is_carried_without_a_stated_one_and_near_roofs_that_are_guessed() -> None:
     stated, without, beyond = Pose(30.0, 5.0, 2.0, 0.0), Pose(30.0, 5.0, None, 0.0), Pose(300.0, 5.0, 2.0, 0.0)
-    assert carries_heights(block(stated, without, beyond, source="height")) == [False, True, False]
-    assert carries_heights(block(stated, without, beyond, source="model")) == [False, True, False]
-    assert carries_heights(block(stated, without, beyond, source="levels")) == [True, True, False]
-    assert carries_heights(block(source="levels")) == []
+    assert ground_height_preferred_flags(block(stated, without, beyond, source="height")) == [False, True, False]
+    assert ground_height_preferred_flags(block(stated, without, beyond, source="model")) == [False, True, False]
+    assert ground_height_preferred_flags(block(stated, without, beyond, source="levels")) == [True, True, False]
+    assert ground_height_preferred_flags(block(source="levels")) == []
     empty = SimpleNamespace(buildings=[], panoramas=[SimpleNamespace(pose=stated)])
-    assert carries_heights(cast(Any, empty)) == [False]
+    assert ground_height_preferred_flags(cast(Any, empty)) == [False]

@@ -15,7 +15,7 @@ import tasks.stages.shared.panorama_cameras as module
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.types import Pose
-from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
 from facade_core.synth.street_truth import synthetic_street
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -69,11 +69,11 @@ def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
         alive += 1
         return Held(IMAGE, asked.pose, IMAGE[..., 0] > 0, np.ones(3), None)
 
-    def show(chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
+    def show(chart: int, cameras: Sequence[PanoramaCamera]) -> FusedCameraView | None:
         shown.append((chart, [camera.pose.x for camera in cameras]))
         return None
 
-    found, used = module.collect_views(taken, opens, show)
+    found, used = module.collect_chart_views(taken, opens, show)
     assert found == {}
     assert used == {8: [one, two], 5: [one, two], 7: [two, three], 6: [three], 9: []}
     assert shown == [(8, [0, 1]), (5, [0, 1]), (7, [1, 2]), (6, [2])]
@@ -92,8 +92,8 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
     for chart, own in ((0, [1]), (1, [0, 2])):
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         camera = np.resize(np.array(own, np.int8), size)
-        found[chart] = CameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
-    digests, told = module.write_views(group, plan, found, used)
+        found[chart] = FusedCameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
+    digests, told = module.write_chart_views(group, plan, found, used)
     assert sorted(digests) == [f"{0:016x}", f"{1:016x}"]
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)

@@ -17,14 +17,14 @@ from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
 from facade_core.street.propagation.blend import blend_views
 from tasks.engine.compute.connect import SerialCompute
-from tasks.engine.context import plan_of_run
+from tasks.engine.context import load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.store.commits import fork_store
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.streets import task
 from tasks.stages.streets import worker as viewpoint
-from tasks.stages.streets.redo import street_chunks
+from tasks.stages.streets.redo import street_read_write_chunks
 from tasks.stages.streets.task import _claim_chunks, texture_street
 from tests.pipeline.stages import STREETS, texture, write_block
 
@@ -73,7 +73,7 @@ def fail(*arguments: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "where"), [("process_viewpoints", "viewpoint 0"), ("process_street", "end of the street")]
+    ("what", "where"), [("process_viewpoints", "viewpoint 0"), ("write_street_texels", "end of the street")]
 )
 def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
@@ -127,7 +127,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
 ) -> None:
     block = write_block(tmp_path / "in", streets={k: STREETS[k] for k in "12"}, texture={"walls": "translate"})
     run = texture(block, tmp_path / "out").run
-    plan = plan_of_run(run)
+    plan = load_run_plan(run)
     first = int(np.argmin(plan.wave))
     session = open_repository(run.store).writable_session(BRANCH)
     clear_record(open_root(session), "viewpoints", plan.street_viewpoints(first)[0].id)
@@ -146,8 +146,8 @@ def test_a_street_waits_for_those_of_earlier_waves_whose_chunks_it_touches(tmp_p
     block = read_block(write_block(tmp_path / "in", streets=STREETS | {"far": [(400.0, 0.0), (430.0, 0.0)]}))
     run = create_run(block, out)
     outline = ingest_block.fn(run, block)
-    plan = plan_of_run(replace(run, ingested=outline.ingested))
-    chunks = [street_chunks(plan, street) for street in range(len(plan.streets))]
+    plan = load_run_plan(replace(run, ingested=outline.ingested))
+    chunks = [street_read_write_chunks(plan, street) for street in range(len(plan.streets))]
     for street, (reads, writes) in enumerate(chunks):
         share = [other for other, (r, w) in enumerate(chunks) if other != street and (reads & w or writes & r)]
         assert outline.after[street] == tuple(o for o in share if plan.wave[o] < plan.wave[street])

@@ -16,12 +16,12 @@ from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import IngestSettings, ingest, replace_panoramas
+from facade_core.plan.ingest import IngestSettings, build_plan, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import differing_parts
+from tasks.engine.unit_key import diff_key_parts
 from tasks.stages.bundles.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
-from tasks.stages.walls.stage import WALLS, wall_names, wall_units
+from tasks.stages.walls.stage import WALLS, list_wall_units, wall_building_names
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
@@ -36,7 +36,7 @@ def planned(*poses: Pose) -> Plan:
         for name, x in (("a", 0.0), ("b", 16.0), ("c", 202.0))
     ]
     shed = Building("shed", shapely.box(9.5, 3, 14.5, 6), 2.3, "height")
-    plan = ingest(
+    plan = build_plan(
         [*houses, shed],
         [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))],
         IngestSettings(
@@ -54,7 +54,7 @@ def planned(*poses: Pose) -> Plan:
 
 def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> None:
     plan = planned(*POSES)
-    assert wall_names(plan) == ["a", "b", "c", "shed"]
+    assert wall_building_names(plan) == ["a", "b", "c", "shed"]
     charts = plan.scene.charts
     for building, own in plan.walls_near_cameras().items():
         assert set(charts.kind[own]) <= {ChartKind.WALL, ChartKind.ROOF}
@@ -65,9 +65,9 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
     assert ChartKind.WALL in charts.kind[shed]
     assert charts.normals()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
     assert charts.normals()[shed][:, 1].max() < 0.9
-    assert wall_names(planned(POSES[1])) == ["c"]
+    assert wall_building_names(planned(POSES[1])) == ["c"]
     assert planned().walls_near_cameras() == {}
-    assert wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
+    assert list_wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Posed:
             place = [pose.x, pose.y, pose.z, pose.heading, 0.0, 0.0]
             write_record(group, "poses", number, known | {"pose": place})  # type: ignore[arg-type]
         block: Any = Value(panoramas=[Value(path=self.path(number)) for number in range(len(poses))])
-        return {unit.name: unit for unit in wall_units(run, block, self.plan, group)}
+        return {unit.name: unit for unit in list_wall_units(run, block, self.plan, group)}
 
 
 def written(plan: Plan, folder: Path) -> Posed:
@@ -102,7 +102,7 @@ def written(plan: Plan, folder: Path) -> Posed:
 
 
 def due(units: dict[str, Unit], first: dict[str, Unit]) -> dict[str, list[str]]:
-    return {name: differing_parts(unit.key, first[name].key) for name, unit in units.items()}
+    return {name: diff_key_parts(unit.key, first[name].key) for name, unit in units.items()}
 
 
 def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_par
 def long_planned() -> Plan:
     """A hall of 120 m on a street with a panorama each 6 m; the last stands before its end, beyond it."""
     hall = Building("hall", shapely.box(0, 0, 120, 12), 8.0, "height", roof=Roof("gabled", 12.0))
-    plan = ingest(
+    plan = build_plan(
         [hall],
         [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))],
         IngestSettings(
