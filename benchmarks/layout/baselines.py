@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from catalogs.learning.layouts import LayoutRecord
+from facade_core.core.arrays import BoolArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.completion import complete
@@ -32,9 +33,9 @@ _NOTHING = np.zeros((0, 5))
 def cleared(rows: np.ndarray, seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[Element]:
     """Rows (N, 5) of label and corners, first come first served, without what overlaps, was seen or lies outside."""
     box, label = rows[:, 1:], rows[:, 0].astype(int)
-    inside = (box[:, :2] >= domain[:2]).all(axis=1) & (box[:, 2:] <= domain[2:]).all(axis=1)
+    inside: BoolArray = np.all(box[:, :2] >= domain[:2], axis=1) & np.all(box[:, 2:] <= domain[2:], axis=1)
     other = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
-    inside &= ~(overlap_mask(box, box_array(seen)) & ~labels_may_overlap(label, other)).any(axis=1)
+    inside &= ~np.any(overlap_mask(box, box_array(seen)) & ~labels_may_overlap(label, other), axis=1)
     kept = select_proposals(box, label, -np.arange(len(box), dtype=float), inside, np.array(region))
     return [Element(ELEMENT_CLASSES[label[i]], *box[i].tolist()) for i in np.sort(kept)]
 

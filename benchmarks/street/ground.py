@@ -75,7 +75,16 @@ def _raster(drawn: GroundTileArrays, grains: GrainTables, left: float, bottom: f
         y = np.full(PIECE, bottom + (row + 0.5) / DENSITY)
         for start in range(0, SIDE, PIECE):
             ground_colour(
-                0, left + (start + np.arange(PIECE) + 0.5) / DENSITY, y, side, drawn, grains, 7, light, 1.0, out
+                0,
+                left + (start + np.arange(PIECE, dtype=np.float64) + 0.5) / DENSITY,
+                y,
+                side,
+                drawn,
+                grains,
+                7,
+                light,
+                1.0,
+                out,
             )
 
 
