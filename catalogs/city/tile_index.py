@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
+from catalogs.gdal_paths import gdal_read_path
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -118,7 +119,7 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
     try:
         parquet = index.suffix.lower() in (".parquet", ".geoparquet")
-        table = gpd.read_parquet(index) if parquet else gpd.read_file(index)
+        table = gpd.read_parquet(index) if parquet else gpd.read_file(gdal_read_path(index))
     except Exception as error:  # libraries raise errors of any kind for damaged files
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.gdal_paths import gdal_write_path
 from catalogs.published.folders import Folder
 from catalogs.readers.annotations import IS_FACADE_COLUMN
 from facade_core.core.errors import InputError
@@ -81,10 +82,11 @@ def write_geopackage_layers(path: Path, content: GeoPackageContent) -> None:
     changed = rows.updated.max().strftime("%Y-%m-%dT%H:%M:%S.000Z") if len(rows) else None
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": changed})
     try:
-        for name, layer in layers.items():
-            if layer is not None and not layer.empty:
-                pyogrio.write_dataframe(
-                    layer, path, layer=name, driver="GPKG", dataset_metadata=about, layer_metadata=about
-                )
+        with gdal_write_path(path) as target:
+            for name, layer in layers.items():
+                if layer is not None and not layer.empty:
+                    pyogrio.write_dataframe(
+                        layer, target, layer=name, driver="GPKG", dataset_metadata=about, layer_metadata=about
+                    )
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
+from catalogs.gdal_paths import gdal_read_path
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -185,18 +186,17 @@ def _parse_correction(one: object) -> Iterator[Annotation]:
 
 def _read_geopackage(path: Path) -> list[Annotation]:
     """Return the annotations of the tables `buildings` and `facades`; missing tables and columns have none."""
-    import geopandas
     import pyogrio
 
     facade_columns = {IS_FACADE_COLUMN: "facade"}
     found: list[Annotation] = []
     known = False
     try:
-        layers = set(pyogrio.list_layers(path)[:, 0].tolist())
+        layers = set(pyogrio.list_layers(gdal_read_path(path))[:, 0].tolist())
         for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", facade_columns)):
             if layer not in layers:
                 continue
-            table = geopandas.read_file(path, layer=layer, ignore_geometry=True)
+            table = pyogrio.read_dataframe(gdal_read_path(path), layer=layer, read_geometry=False)
             if "id" not in table or table.columns.intersection(list(names)).empty:
                 continue
             known = True

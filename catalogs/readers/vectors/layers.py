@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from catalogs.crs import LONLAT
+from catalogs.gdal_paths import gdal_read_path
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_known_columns, tags_from_records
@@ -120,14 +121,14 @@ def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]],
             return [_read_table(path, path.stem, ())]
         import pyogrio
 
-        layers = [str(name) for name, geometry in pyogrio.list_layers(path) if geometry is not None]
+        layers = [str(name) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None]
         return [
             _read_table(path, layer, ())
             for layer in layers
             if is_wanted(
                 layer,
                 match_known_columns(
-                    pyogrio.read_info(path, layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)
+                    pyogrio.read_info(gdal_read_path(path), layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)
                 ),
             )
         ]
@@ -184,7 +185,7 @@ def _check_start(path: Path) -> None:
 def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
     import pyogrio
 
-    listed = {str(name): str(geometry) for name, geometry in pyogrio.list_layers(path) if geometry is not None}
+    listed = {str(name): str(geometry) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None}
     fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
     if not fitting:
@@ -197,7 +198,7 @@ def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str
 def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     import pyogrio
 
-    info = pyogrio.read_info(path, layer=layer)
+    info = pyogrio.read_info(gdal_read_path(path), layer=layer)
     if info["driver"] not in _DRIVERS:  # some formats of GDAL read other files and addresses
         raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
     columns = match_known_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
@@ -205,7 +206,7 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # read as text
         frame = pyogrio.read_dataframe(
-            path,
+            gdal_read_path(path),
             layer=layer,
             columns=sorted(set(columns.values())),
             on_invalid="ignore",
@@ -232,7 +233,7 @@ def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[
 def _read_integers(path: Path, layer: str, names: list[str]) -> pa.Table:
     import pyogrio
 
-    return pyogrio.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
+    return pyogrio.read_arrow(gdal_read_path(path), layer=layer, columns=names, read_geometry=False)[1]
 
 
 def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
