@@ -21,7 +21,7 @@ from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render_panorama
@@ -57,8 +57,9 @@ def compile_texture_kernels() -> None:
 def compile_street_kernels() -> None:
     """Texture a street from one viewpoint, finish its surfaces, and render a picture of them."""
     plan = build_plan(
-        [Building("a", box(0, 0, 12, 10), 9.0, "height")],
-        [Street("s", "s", LineString([(0, -6), (12, -6)]))],
+        BlockInputs(
+            [Building("a", box(0, 0, 12, 10), 9.0, "height")], [Street("s", "s", LineString([(0, -6), (12, -6)]))]
+        ),
         IngestSettings(
             texels_per_metre=DENSITY,
             viewpoint_spacing=6.0,

@@ -69,15 +69,31 @@ class IngestSettings:
     page: int = 2048
 
 
+@dataclass(frozen=True)
+class BlockInputs:
+    """Geometry and panoramas of a block that its plan is built from.
+
+    Attributes
+    ----------
+    buildings : buildings of the block.
+    streets : centrelines; without any they are derived from the gaps between the buildings.
+    ground : mapped ground; None assumes carriageways along the streets.
+    elevation : ground heights; None follows the bases of the buildings.
+    poses, panorama_sizes : poses and (rows, columns) of the panoramas.
+    """
+
+    buildings: Sequence[Building]
+    streets: Sequence[Street]
+    ground: MappedGround | None = None
+    elevation: ElevationRaster | None = None
+    poses: Sequence[Pose] = ()
+    panorama_sizes: Sequence[tuple[int, int]] = ()
+
+
 def build_plan(
-    buildings: Sequence[Building],
-    streets: Sequence[Street],
+    inputs: BlockInputs,
     settings: IngestSettings,
     *,
-    ground: MappedGround | None = None,
-    elevation: ElevationRaster | None = None,
-    poses: Sequence[Pose] = (),
-    panorama_sizes: Sequence[tuple[int, int]] = (),
     previous: PreviousChartPlacements | None = None,
     parallel_map: ParallelMap = map_in_this_process,
     core: CoreRegion | None = None,
@@ -86,12 +102,8 @@ def build_plan(
 
     Parameters
     ----------
-    buildings : buildings of the block.
-    streets : centrelines; without any they are derived from the gaps between the buildings.
+    inputs : geometry and panoramas of the block.
     settings : settings of the block.
-    ground : mapped ground; None assumes carriageways along the streets.
-    elevation : ground heights; None follows the bases of the buildings.
-    poses, panorama_sizes : poses and (rows, columns) of the panoramas.
     previous : earlier placement; known charts keep their places in the atlas.
     parallel_map : runs the ray casts, which are most of the work.
     core : part that is textured; the halo gets the lowest density. None textures everything.
@@ -101,10 +113,11 @@ def build_plan(
     GeometryError
         Where the block has no geometry.
     """
+    buildings = inputs.buildings
     footprints = [building.footprint for building in buildings]
-    streets = tuple(streets) or derive_streets(footprints)
-    ground = fit_ground_between_buildings(ground or MappedGround(), streets, footprints)
-    terrain = build_terrain(buildings, elevation)
+    streets = tuple(inputs.streets) or derive_streets(footprints)
+    ground = fit_ground_between_buildings(inputs.ground or MappedGround(), streets, footprints)
+    terrain = build_terrain(buildings, inputs.elevation)
     one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page)
     charts, mesh, refused = build_block_surfaces(
         buildings,
@@ -186,7 +199,8 @@ def build_plan(
         view_digests=looks,
         in_core=owned,
     )
-    return replace_panoramas(plan, fill_pose_heights(poses, terrain, settings.viewpoint_height), panorama_sizes)
+    poses = fill_pose_heights(inputs.poses, terrain, settings.viewpoint_height)
+    return replace_panoramas(plan, poses, inputs.panorama_sizes)
 
 
 def _place_cameras(

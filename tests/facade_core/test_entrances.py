@@ -18,7 +18,7 @@ from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facade_walls import facade_wall
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.stage import facade_entrance_positions
@@ -36,11 +36,13 @@ def plan() -> Plan:
 
 def plan_of(buildings: list[Building]) -> Plan:
     return build_plan(
-        buildings,
-        [
-            Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
-            Street("b", "b", shapely.LineString([(-8, -30), (-8, 12)])),
-        ],
+        BlockInputs(
+            buildings,
+            [
+                Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
+                Street("b", "b", shapely.LineString([(-8, -30), (-8, 12)])),
+            ],
+        ),
         IngestSettings(
             texels_per_metre=8.0,
             viewpoint_spacing=6.0,

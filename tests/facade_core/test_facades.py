@@ -19,7 +19,7 @@ from facade_core.geometry.buildings.roof_shapes import build_shell_with_roof
 from facade_core.geometry.walls import WallRole, wall_outline_and_free_part
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import paint_facade as paint
 
@@ -38,8 +38,7 @@ BUILDINGS = [
 
 def plan_of(walls: str, buildings: Sequence[Building] = BUILDINGS) -> Plan:
     return build_plan(
-        buildings,
-        [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))],
+        BlockInputs(buildings, [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))]),
         IngestSettings(
             texels_per_metre=8.0,
             viewpoint_spacing=8.0,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 
 from facade_core.core.types import Building, Roof, Street
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 
 HOUSE = Building("h", shapely.box(0, 0, 9, 20), 6.0, "levels", 2)
 STREETS = [
@@ -17,8 +17,7 @@ STREETS = [
 def facades(roof: Roof) -> set[tuple[str, float, int]]:
     house = Building(HOUSE.id, HOUSE.footprint, HOUSE.height, HOUSE.height_source, HOUSE.levels, roof=roof)
     plan = build_plan(
-        [house],
-        STREETS,
+        BlockInputs([house], STREETS),
         IngestSettings(
             texels_per_metre=8.0,
             viewpoint_spacing=8.0,

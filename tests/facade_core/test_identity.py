@@ -14,7 +14,7 @@ from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 
 
@@ -36,8 +36,7 @@ def plan(
     from facade_core.geometry.chart_packing import PreviousChartPlacements
 
     return build_plan(
-        houses,
-        streets,
+        BlockInputs(houses, streets, poses=poses, panorama_sizes=[(256, 512)] * len(poses)),
         IngestSettings(
             texels_per_metre=4,
             viewpoint_spacing=6.0,
@@ -47,8 +46,6 @@ def plan(
             floor_height=3.2,
             walls="exemplar",
         ),
-        poses=poses,
-        panorama_sizes=[(256, 512)] * len(poses),
         previous=PreviousChartPlacements(last.ids, last.scene.placement) if last else None,
     )
 

@@ -9,7 +9,7 @@ from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.identity import ParallelMap, map_in_this_process
-from facade_core.plan.ingest import IngestSettings, build_plan, fill_pose_heights, replace_panoramas
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, fill_pose_heights, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.stage_code import stage_code_digest
 from tasks.stages.shared.images import image_size
@@ -31,8 +31,14 @@ def make_plan(
     """
     texture = block.texture
     plan = build_plan(
-        block.buildings,
-        block.streets,
+        BlockInputs(
+            block.buildings,
+            block.streets,
+            ground=block.ground,
+            elevation=block.terrain,
+            poses=[panorama.pose for panorama in block.panoramas],
+            panorama_sizes=_panorama_sizes(block),
+        ),
         IngestSettings(
             texels_per_metre=texture.texels_per_metre,
             viewpoint_spacing=texture.viewpoint_spacing,
@@ -42,10 +48,6 @@ def make_plan(
             floor_height=block.storey,
             walls=texture.walls,
         ),
-        ground=block.ground,
-        elevation=block.terrain,
-        poses=[panorama.pose for panorama in block.panoramas],
-        panorama_sizes=_panorama_sizes(block),
         previous=last,
         parallel_map=each,
         core=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),

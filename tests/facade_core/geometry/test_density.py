@@ -9,15 +9,14 @@ import shapely
 
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 
 
 def plan_of(buildings: list[Building], texels_per_metre: float = 32.0) -> Plan:
     street = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))
     return build_plan(
-        buildings,
-        [street],
+        BlockInputs(buildings, [street]),
         IngestSettings(
             texels_per_metre=texels_per_metre,
             viewpoint_spacing=6,
@@ -74,8 +73,7 @@ def test_ids_tell_densities_apart() -> None:
     before = plan_of([house("a", 0, 0)])
     street = Street("t", None, shapely.LineString([(-20, 18), (60, 18)]))
     after = build_plan(
-        [house("a", 0, 0)],
-        [replace(before.streets[0]), street],
+        BlockInputs([house("a", 0, 0)], [replace(before.streets[0]), street]),
         IngestSettings(
             texels_per_metre=32,
             viewpoint_spacing=6,

@@ -23,7 +23,7 @@ from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, BuildingShell, Pose, Street
 from facade_core.imagery.poses.joint_refinement import PriorPose
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
@@ -97,8 +97,10 @@ def planned(*kinds: str) -> Plan:
         {"2": [(-20, -14), (-20, 30)], "3": [(40, -14), (40, 30)]} if "streets" in kinds else {}
     )
     return build_plan(
-        [first, *(building for kind, building in others.items() if kind in kinds)],
-        [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
+        BlockInputs(
+            [first, *(building for kind, building in others.items() if kind in kinds)],
+            [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
+        ),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=6.0,

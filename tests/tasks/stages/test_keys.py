@@ -14,7 +14,7 @@ import shapely
 from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
-from facade_core.plan.ingest import IngestSettings, build_plan
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
 from tasks.engine.stage import match_units_by_key_or_name
 from tasks.engine.unit import Unit
@@ -118,8 +118,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
 def _plan(buildings: list[Building]) -> Plan:
     street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
     return build_plan(
-        buildings,
-        [street],
+        BlockInputs(buildings, [street]),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=6.0,

@@ -16,7 +16,7 @@ from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import IngestSettings, build_plan, replace_panoramas
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import diff_key_parts
@@ -37,8 +37,7 @@ def planned(*poses: Pose) -> Plan:
     ]
     shed = Building("shed", shapely.box(9.5, 3, 14.5, 6), 2.3, "height")
     plan = build_plan(
-        [*houses, shed],
-        [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))],
+        BlockInputs([*houses, shed], [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))]),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=20.0,
@@ -124,8 +123,7 @@ def long_planned() -> Plan:
     """A hall of 120 m on a street with a panorama each 6 m; the last stands before its end, beyond it."""
     hall = Building("hall", shapely.box(0, 0, 120, 12), 8.0, "height", roof=Roof("gabled", 12.0))
     plan = build_plan(
-        [hall],
-        [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))],
+        BlockInputs([hall], [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))]),
         IngestSettings(
             texels_per_metre=4.0,
             viewpoint_spacing=40.0,
