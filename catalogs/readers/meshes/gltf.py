@@ -15,6 +15,12 @@ import numpy as np
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_TRIANGLES
+from catalogs.readers.meshes.gltf_materials import (
+    base_colour_texture,
+    check_extensions,
+    decode_normalized,
+    header_item,
+)
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
@@ -24,9 +30,9 @@ from catalogs.readers.referenced_files import (
 )
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
+from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-_COMPRESSION_EXTENSIONS = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
 MAX_NODES = 50_000
 _MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
@@ -45,8 +51,7 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
     """
     try:
         header, rest = _split_header(path)
-        if packed := sorted(_COMPRESSION_EXTENSIONS.intersection(header.get("extensionsUsed", []))):
-            raise InputError(f"{path} is compressed ({', '.join(packed)}); export it without compression")
+        check_extensions(path, header)
         return _read_scene(path, header, rest)
     except InputError:
         raise
@@ -78,7 +83,7 @@ def _read_scene(
     parents = {child: index for index, node in enumerate(header["nodes"]) for child in node.get("children", [])}
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
-    embedded, refused = set(), set()
+    embedded, refused, unplaced = set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -86,11 +91,12 @@ def _read_scene(
             continue
         owner, mesh_index, primitive = primitives[int(node)]
         names = _primitive_names(header, owner, mesh_index, parents)
-        material = _header_item(header, "materials", primitive.get("material"))
+        material = header_item(header, "materials", primitive.get("material"))
         if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
             continue
         building = _building_name(names)
-        uri = _base_colour_uri(header, material)
+        texture = base_colour_texture(header, material)
+        uri = texture.uri if texture else None
         picture = find_referenced_file(path, *filename_variants(uri)) if uri else None
         if uri and picture is None and is_outside_folder(path, *filename_variants(uri)):
             refused.add(uri)
@@ -98,23 +104,34 @@ def _read_scene(
             embedded.add(building or path.stem)
         if picture is not None and picture not in pictures:
             pictures.append(picture)
-        uv = mesh.vertex_attributes.get("_UV")
-        textured = picture is not None and uv is not None
-        vertices = (mesh.vertices @ transform[:3, :3].T + transform[:3, 3]) @ _Z_UP_FROM_Y_UP.T + origin
+        coordinates = mesh.vertex_attributes.get("_UV")
+        uv = None
+        if texture is not None and picture is not None and coordinates is not None:
+            attribute = f"TEXCOORD_{texture.coordinate_set}"
+            uv = texture.apply_transform(
+                decode_normalized(header, primitive["attributes"][attribute], np.asarray(coordinates))
+            )
+        elif picture is not None:
+            unplaced.add(building or path.stem)
+        corners = decode_normalized(header, primitive["attributes"]["POSITION"], mesh.vertices)
+        vertices = (corners @ transform[:3, :3].T + transform[:3, 3]) @ _Z_UP_FROM_Y_UP.T + origin
         surfaces.append(
             MeshSurface(
                 building=building,
                 semantic=semantic_from_names(*(_surface_kind(name) for name in names), material.get("name")),
                 corners=vertices[mesh.faces],
-                texture=pictures.index(picture) if picture is not None and textured else -1,
-                uv=(np.asarray(uv) * (1.0, -1.0) + (0.0, 1.0))[mesh.faces] if textured else None,
+                texture=-1 if picture is None or uv is None else pictures.index(picture),
+                uv=None if uv is None else (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces],
             )
         )
-    reason = (
-        "models whose pictures are inside the glTF file or absent: read without; save the pictures as files beside it"
-    )
-    remarks = [Remark(name, reason, None) for name in sorted(embedded)]
-    return surfaces, tuple(pictures), [*remarks, *(Remark(uri, OUTSIDE_FOLDER_REASON, None) for uri in sorted(refused))]
+    reasons = {
+        "models whose pictures are inside the glTF file, of another format or absent: read without; "
+        "save the pictures as PNG, JPEG or WebP beside it": embedded,
+        "models whose pictures have no texture coordinates: read without": unplaced,
+        OUTSIDE_FOLDER_REASON: refused,
+    }
+    remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]
+    return surfaces, tuple(pictures), remarks
 
 
 def _check_counts(path: Path, header: JsonObject) -> None:
@@ -138,7 +155,7 @@ def _check_counts(path: Path, header: JsonObject) -> None:
 
 def _split_header(path: Path) -> tuple[JsonObject, bytes]:
     """Return the JSON of a file and, of a .glb, the chunks behind it."""
-    data = path.read_bytes()
+    data = read_regular(path, MAX_MODEL_BYTES)
     if path.suffix.lower() != ".glb":
         return json.loads(data), b""
     magic, version, _, length, kind = struct.unpack_from("<4sIII4s", data)
@@ -166,8 +183,10 @@ def _split_primitives(header: JsonObject) -> tuple[JsonObject, dict[int, tuple[i
         places[index] = range(len(meshes), len(meshes) + len(mesh["primitives"]))
         for primitive in mesh["primitives"]:
             attributes = {key: value for key, value in primitive["attributes"].items() if key == "POSITION"}
-            if "TEXCOORD_0" in primitive["attributes"]:
-                attributes["_UV"] = primitive["attributes"]["TEXCOORD_0"]
+            texture = base_colour_texture(header, header_item(header, "materials", primitive.get("material")))
+            coordinate_set = f"TEXCOORD_{texture.coordinate_set}" if texture else ""
+            if coordinate_set in primitive["attributes"]:
+                attributes["_UV"] = primitive["attributes"][coordinate_set]
             kept = {key: primitive[key] for key in ("indices", "mode") if key in primitive}
             meshes.append({"name": str(len(meshes)), "primitives": [kept | {"attributes": attributes}]})
     drawn = {}
@@ -215,20 +234,6 @@ def _surface_kind(name: str) -> str | None:
     return name.partition("|")[2] or (name if is_surface_name(name) else None)
 
 
-def _header_item(header: JsonObject, kind: str, index: int | None) -> JsonObject:
-    items = header.get(kind, [])
-    return items[index] if index is not None and 0 <= index < len(items) else {}
-
-
-def _base_colour_uri(header: JsonObject, material: JsonObject) -> str | None:
-    """Return the URI of the picture of a material, empty where it is embedded; None without one."""
-    index = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}).get("index")
-    if index is None:
-        return None
-    uri = str(_header_item(header, "images", _header_item(header, "textures", index).get("source")).get("uri", ""))
-    return "" if uri.startswith("data:") else uri
-
-
 def _read_buffers(path: Path, header: JsonObject) -> dict[str, bytes]:
     """Return the geometry buffers of a .gltf by URI.
 
@@ -247,5 +252,5 @@ def _read_buffers(path: Path, header: JsonObject) -> dict[str, bytes]:
                     "lies outside its folder" if is_outside_folder(path, *filename_variants(uri)) else "is not there"
                 )
                 raise InputError(f"{path}: its buffer {uri} {where}; copy it beside the model")
-            found[uri] = file.read_bytes()
+            found[uri] = read_regular(file, MAX_MODEL_BYTES)
     return found

@@ -17,6 +17,7 @@ from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 
 def read_mesh_buildings(path: Path, lod: str | None = None) -> BuildingModels:
@@ -67,7 +68,7 @@ def _read_plain_mesh(path: Path) -> list[MeshSurface]:
 
     try:
         # no path, or trimesh opens referenced pictures anywhere
-        content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
+        content, kind = io.BytesIO(read_regular(path, MAX_MODEL_BYTES)), path.suffix.lower()[1:]
         scene = trimesh.load(content, file_type=kind, force="scene", process=False)
         assert isinstance(scene, trimesh.Scene)
     except Exception as error:  # trimesh raises errors of any class

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from catalogs.readers.referenced_files import (
     is_outside_folder,
 )
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
@@ -131,7 +133,7 @@ def _parse_obj(path: Path) -> _ObjContent:
 def _logical_lines(path: Path) -> Iterator[str]:
     """Yield the lines of a file, joined after a backslash."""
     start = ""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
         for line in file:
             if line.endswith("\\\n"):
                 start += line[:-2] + " "

@@ -1,0 +1,127 @@
+"""Extensions, material pictures and texture coordinates of glTF."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from facade_core.core.arrays import AnyArray, Float64Array
+from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
+
+TEXTURE_TRANSFORM = "KHR_texture_transform"
+_SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
+# Extensions of a texture that name another picture, in order of preference.
+_PICTURE_EXTENSIONS = ("EXT_texture_webp",)
+# Required extensions that are read, or that change neither shape nor base colour.
+_SUPPORTED_EXTENSIONS = frozenset(
+    (
+        *_PICTURE_EXTENSIONS,
+        TEXTURE_TRANSFORM,
+        _SPECULAR_GLOSSINESS,
+        "KHR_mesh_quantization",
+        "KHR_materials_unlit",
+        "KHR_materials_clearcoat",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_ior",
+        "KHR_materials_sheen",
+        "KHR_materials_specular",
+        "KHR_lights_punctual",
+        "KHR_xmp_json_ld",
+        "EXT_mesh_features",
+        "EXT_structural_metadata",
+    )
+)
+# Extensions without which the shape is wrong, even where the file does not require them.
+_COMPRESSION_EXTENSIONS = frozenset(
+    ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+)
+_INSTANCING = "EXT_mesh_gpu_instancing"
+# Largest value by component type: normalised integers are shares of it.
+_MAX_COMPONENT = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
+_TRIANGLE_FAN = 6
+
+
+@dataclass(frozen=True, slots=True)
+class BaseColourTexture:
+    """Picture of a material and the placement of its texture coordinates.
+
+    Attributes
+    ----------
+    uri : URI of the picture; empty where it is embedded or of a format that is not read.
+    coordinate_set : number n of the attribute TEXCOORD_n.
+    transform : (2, 3) affine transform of the texture coordinates.
+    """
+
+    uri: str
+    coordinate_set: int
+    transform: Float64Array
+
+    def apply_transform(self, uv: Float64Array) -> Float64Array:
+        """Return the transformed coordinates (n, 2), v down."""
+        return uv @ self.transform[:, :2].T + self.transform[:, 2]
+
+
+def check_extensions(path: Path, header: JsonObject) -> None:
+    """Raise InputError where a file needs an extension or a kind of geometry that is not read."""
+    used, required = ({*map(str, header.get(key) or [])} for key in ("extensionsUsed", "extensionsRequired"))
+    if packed := sorted(_COMPRESSION_EXTENSIONS & (used | required)):
+        raise InputError(f"{path} is compressed ({', '.join(packed)}); export it without compression")
+    unknown = required - _SUPPORTED_EXTENSIONS
+    if any(_INSTANCING in node.get("extensions", {}) for node in header.get("nodes", [])):
+        unknown.add(_INSTANCING)
+    if unknown:
+        raise InputError(f"{path} needs {', '.join(sorted(unknown))}, which is not read; export it without")
+    primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
+    if any(primitive.get("mode") == _TRIANGLE_FAN for primitive in primitives):
+        raise InputError(f"{path} has triangle fans, which are not read; export it as triangles")
+    if any("sparse" in accessor for accessor in header.get("accessors", [])):
+        raise InputError(f"{path} has sparse accessors, which are not read; export it without")
+
+
+def decode_normalized(header: JsonObject, index: int, values: AnyArray) -> Float64Array:
+    """Return the values of an accessor as floats: normalised integers become shares of 1.
+
+    Parameters
+    ----------
+    header : JSON of the file.
+    index : index of the accessor.
+    values : numbers as stored.
+    """
+    accessor = header["accessors"][index]
+    numbers = np.asarray(values, np.float64)
+    if not accessor.get("normalized") or accessor["componentType"] not in _MAX_COMPONENT:
+        return numbers
+    return np.maximum(numbers / _MAX_COMPONENT[accessor["componentType"]], -1.0)
+
+
+def base_colour_texture(header: JsonObject, material: JsonObject) -> BaseColourTexture | None:
+    """Return the base colour texture of a material; None without one."""
+    info = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
+    if info is None:
+        info = material.get("extensions", {}).get(_SPECULAR_GLOSSINESS, {}).get("diffuseTexture")
+    if info is None or "index" not in info:
+        return None
+    texture = header_item(header, "textures", info["index"])
+    sources = [texture.get("extensions", {}).get(name, {}).get("source") for name in _PICTURE_EXTENSIONS]
+    source = next((one for one in sources if one is not None), texture.get("source"))
+    uri = str(header_item(header, "images", source).get("uri", ""))
+    stated = info.get("extensions", {}).get(TEXTURE_TRANSFORM, {})
+    coordinate_set = stated.get("texCoord", info.get("texCoord", 0))
+    return BaseColourTexture("" if uri.startswith("data:") else uri, int(coordinate_set), _uv_transform(stated))
+
+
+def _uv_transform(stated: JsonObject) -> Float64Array:
+    """Return the matrix (2, 3) of KHR_texture_transform: scale, then counter-clockwise rotation, then offset."""
+    cos, sin = math.cos(float(stated.get("rotation", 0.0))), math.sin(float(stated.get("rotation", 0.0)))
+    turned = np.array([[cos, sin], [-sin, cos]]) @ np.diag(np.asarray(stated.get("scale", (1.0, 1.0)), np.float64))
+    return np.column_stack([turned, np.asarray(stated.get("offset", (0.0, 0.0)), np.float64)])
+
+
+def header_item(header: JsonObject, kind: str, index: int | None) -> JsonObject:
+    """Return an item of a list of the header, empty where it is missing."""
+    items = header.get(kind, [])
+    return items[index] if index is not None and 0 <= index < len(items) else {}
