@@ -28,7 +28,7 @@ from flows.artifacts import describe_failure_count, publish_outcome, publish_vie
 from flows.console import print_status
 from flows.lock import lock_folder
 from flows.log_file import forward_log_to_prefect
-from flows.run_entry import HeldRun, mark_suspect_on_error, open_run
+from flows.run_entry import HeldRun, handle_store_and_machine_faults, open_run
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import map_on_workers
@@ -164,7 +164,10 @@ def _texture_block(
     map_units = partial(map_on_workers, ready)
     ingest = submit(ingest_block, run, block, map_units) if dask is None else None
     # again here, because the error must also end the flow where the command line opened the run
-    with mark_suspect_on_error(run), _publish_connection(connect(workers, dask, run.out, deadline), ready) as compute:
+    with (
+        handle_store_and_machine_faults(run),
+        _publish_connection(connect(workers, dask, run.out, deadline), ready) as compute,
+    ):
         outline = (ingest or submit(ingest_block, run, block, map_units)).result()
         run = replace(run, ingested=outline.ingested)
         for line in describe_rejected_inputs(outline):

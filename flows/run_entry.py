@@ -84,7 +84,7 @@ def open_run(
     with (
         lock_folder(out),
         log_to_run_folder(local_run_folder(out), file_only=file_only),
-        mark_suspect_on_error(run),
+        handle_store_and_machine_faults(run),
         cache_journals(run.store),
     ):
         record_run_block_file(out, source)
@@ -100,7 +100,7 @@ def open_run(
 
 
 @contextmanager
-def mark_suspect_on_error(run: Run) -> Iterator[None]:
+def handle_store_and_machine_faults(run: Run) -> Iterator[None]:
     """Raise faults of the machine as machine errors; after a fault of the store, the next run checks it."""
     with convert_machine_faults(run.block):
         try:

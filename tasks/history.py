@@ -14,7 +14,7 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
-from tasks.stages.shared.materials import read_material_field
+from tasks.stages.shared.materials import rebuild_material_field
 from tasks.stages.streets.worker import replay_street
 
 
@@ -77,7 +77,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> StreetState:
         )
     if not group[journal_path("viewpoints")][viewpoints[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    field = read_material_field(group, plan)
+    field = rebuild_material_field(group, plan)
     window = replay_street(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
     if field is not None:
         paint_visible_texels(window, plan.scene.placement, field)

@@ -17,7 +17,7 @@ from benchmarks.street.step import cameras, steps
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Street
 from facade_core.geometry.chart_packing import pack_charts
-from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
+from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes_right_down
 from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -121,7 +121,9 @@ def _scene(
     kind = np.where(np.abs(normal[:, 2]) < UPRIGHT, ChartKind.WALL, ChartKind.ROOF)
     pieces = ChartBuilder()
     corners = np.arange(3 * len(triangles)).reshape(-1, 3)
-    pieces.add_surfaces(kind, np.arange(len(kind)), 0, *chart_axes(normal), triangles.reshape(-1, 3), corners, chart)
+    pieces.add_surfaces(
+        kind, np.arange(len(kind)), 0, *chart_axes_right_down(normal), triangles.reshape(-1, 3), corners, chart
+    )
     cells = _ground_cells(streets)
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]]) * CELL_M
     floor = np.dstack([cells[:, None] * CELL_M + square, np.full((len(cells), 6), level)]).reshape(-1, 3)
@@ -129,7 +131,13 @@ def _scene(
     numbers = np.arange(6 * len(cells)).reshape(-1, 3)
     kinds = np.full(len(cells), ChartKind.GROUND)
     pieces.add_surfaces(
-        kinds, np.arange(len(cells)), -1, *chart_axes(up), floor, numbers, np.repeat(np.arange(len(cells)), 2)
+        kinds,
+        np.arange(len(cells)),
+        -1,
+        *chart_axes_right_down(up),
+        floor,
+        numbers,
+        np.repeat(np.arange(len(cells)), 2),
     )
     charts, mesh = pieces.build()
     owner = charts.building.copy()

@@ -10,7 +10,7 @@ from catalogs.published.folders import Folder, write_atomically
 from catalogs.published.runs import PublishedRun, find_runs, publish_hint
 from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import SnapshotFolder, current_snapshot
-from catalogs.stac.snapshot import collection_paths, stac_object_json
+from catalogs.stac.snapshot import required_collection_files, stac_object_json
 from catalogs.stac.versions import mark_superseded_snapshots
 from facade_core.core.errors import InputError
 
@@ -67,7 +67,7 @@ def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folde
     """
     snapshot = None
     while snapshot != (snapshot := find_snapshot(run.folder)):
-        collections = collection_paths(snapshot.folder)
+        collections = required_collection_files(snapshot.folder)
         missing = [path for _, path in collections if not path.is_file()]
         if missing:
             raise InputError(f"{missing[0]} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")

@@ -147,7 +147,7 @@ def write_stac(
         writer.write_collection(kind, words[kind], times, assets)
 
 
-def collection_paths(folder: F) -> list[tuple[str, F]]:
+def required_collection_files(folder: F) -> list[tuple[str, F]]:
     """Return (kind, path) of the Collections that a published snapshot must have."""
     return [(kind, join_path(folder, f"{STAC_FOLDER}/{kind}/{COLLECTION_FILE}")) for kind in COLLECTION_KINDS]
 

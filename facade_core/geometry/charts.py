@@ -203,7 +203,7 @@ def raster_sizes(size: Float64Array, texels_per_metre: float | Float64Array) -> 
     return np.maximum(1, np.ceil((size.T * texels_per_metre).T - 1e-6)).astype(np.int64)
 
 
-def chart_axes(normal: Float64Array) -> tuple[Float64Array, Float64Array]:
+def chart_axes_right_down(normal: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Compute the axes of charts: u horizontal (east on level charts), v = u x n, which runs down on walls.
 
     Parameters

@@ -89,7 +89,7 @@ def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, lis
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
-    from facade_core.export.factored.wall_geometry import WallPolygon, is_planar
+    from facade_core.export.factored.wall_geometry import WallPolygon, is_planar_and_valid
 
     source = results.textured_mesh
     of_chart = group_rows(source.mesh.chart)
@@ -101,7 +101,7 @@ def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, lis
         polygons = [
             WallPolygon(outline, corners.reshape(-1, 3)) for outline in chart_outlines(source.coordinates[triangles])
         ]
-        if polygons and all(map(is_planar, polygons)):
+        if polygons and all(map(is_planar_and_valid, polygons)):
             planes[index] = polygons
     return planes
 

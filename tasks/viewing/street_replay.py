@@ -19,7 +19,7 @@ from facade_core.plan.plan_tables import read_plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
-from tasks.stages.shared.materials import read_material_field
+from tasks.stages.shared.materials import rebuild_material_field
 from tasks.stages.streets.worker import add_viewpoint_to_buffer, replay_street
 from tasks.viewing.run_view import RunView
 
@@ -81,7 +81,7 @@ class StreetReplay:
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
                 plan = replayed.plan if replayed and _is_same_run(replayed, view) else _plan(view)
-                field = read_material_field(view.group, plan)
+                field = rebuild_material_field(view.group, plan)
                 window = replay_street(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
                 replayed = _ReplayedStreet(
                     view, street, plan, window, field, steps, _texels_in_picture(plan, window, street)

@@ -88,7 +88,7 @@ class WallPolygon(NamedTuple):
     corners: Float64Array
 
 
-def is_planar(plane: WallPolygon) -> bool:
+def is_planar_and_valid(plane: WallPolygon) -> bool:
     """Return True if a polygon is planar and valid."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)

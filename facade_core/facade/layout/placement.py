@@ -173,7 +173,7 @@ def mark_elements_beside_gaps(box: Float64Array, grid: Int64Array) -> BoolArray:
 
 
 @njit(cache=True)
-def grid_element_size(
+def first_size_in_grid(
     box: Float64Array, grid: Int64Array, n: int, own: int, otherwise: Float64Array
 ) -> tuple[float, float]:
     """Return width and height of an element of a grid, `otherwise` if the grid has none."""

@@ -22,7 +22,7 @@ from facade_core.facade.layout.placement import (
     NULL,
     ObservedLayoutArrays,
     compute_grid_areas,
-    grid_element_size,
+    first_size_in_grid,
     nearest_empty_cell,
     neighbour_distance,
     place_element,
@@ -94,7 +94,7 @@ def roll_out_policy(
         own = grid[seed_at]
         if chosen != kind and chosen != NULL:
             own = grid_of[chosen]
-            width, height = grid_element_size(box, grid, n, own, start.size[chosen])
+            width, height = first_size_in_grid(box, grid, n, own, start.size[chosen])
             if chosen in (DOOR, SHOP):
                 y = start.ground - height / 2
         if np.random.random() < policy[SNAP]:

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
-from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, roof_edges, visible_free_roof_edges
+from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, cut_free_roof_edges, roof_edges
 from facade_core.geometry.charts import ChartKind
 
 # Slopes (rise over run) from which roofs have rooflights and dormers, and from which they are lower parts of mansards.
@@ -107,7 +107,7 @@ def build_dormers(
     if existing is not None:
         blocked = shapely.multipoints(existing.facets.vertices[:, :2]).convex_hull.buffer(0.4)
     faces, rows = RoofDetailBuilder(), 0
-    for edge in visible_free_roof_edges(eaves, surroundings):
+    for edge in cut_free_roof_edges(eaves, surroundings):
         kind = _opening_kind(edge.slope, chance)
         if kind is None or rows == MAX_ROWS:
             continue

@@ -18,8 +18,8 @@ from facade_core.geometry.buildings.roof_edges import (
     OPEN_SURROUNDINGS,
     RoofEdge,
     RoofSurroundings,
+    cut_free_roof_edges,
     roof_edges,
-    visible_free_roof_edges,
 )
 from facade_core.geometry.charts import ChartKind
 
@@ -75,7 +75,7 @@ def build_overhang(roof: Facets, outline: Polygon, surroundings: RoofSurrounding
     surroundings : surroundings of the roof's edges.
     """
     offsets, edges = _outer_ends(
-        visible_free_roof_edges([_set_width(edge) for edge in roof_edges(roof, outline)], surroundings)
+        cut_free_roof_edges([_set_width(edge) for edge in roof_edges(roof, outline)], surroundings)
     )
     if not edges:
         return Overhang(roof, None, [], [], 0.0)
@@ -124,7 +124,7 @@ def build_parapet(outline: Polygon, top: float, surroundings: RoofSurroundings) 
             before, after = first + (k - 1) % count, first + (k + 1) % count
             edges.append(RoofEdge(corners[k], corners[k + 1], -1, 0.0, -COPING_M, before, after))
     offsets, edges = _outer_ends(
-        visible_free_roof_edges(edges, surroundings._replace(street_points=OPEN_SURROUNDINGS.street_points))
+        cut_free_roof_edges(edges, surroundings._replace(street_points=OPEN_SURROUNDINGS.street_points))
     )
     if not edges:
         return None

@@ -156,7 +156,7 @@ def _straight_runs(roof: Facets, ends: Int64Array, facet: Int64Array) -> list[li
     return runs
 
 
-def visible_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurroundings) -> list[RoofEdge]:
+def cut_free_roof_edges(edges: Sequence[RoofEdge], surroundings: RoofSurroundings) -> list[RoofEdge]:
     """Return the pieces of edges in sight without an adjoining neighbour."""
     found: list[RoofEdge] = []
     first: dict[int, int] = {}

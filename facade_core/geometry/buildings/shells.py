@@ -12,7 +12,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.types import BuildingShell
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
-from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes
+from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles_on_grid
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -49,9 +49,9 @@ def add_facet_charts(target: SurfaceTarget, facets: Facets, along: Float64Array 
     Parameters
     ----------
     target : place of the surfaces.
-    along : (f, 3) right axes of the charts; default by `chart_axes`.
+    along : (f, 3) right axes of the charts; default by `chart_axes_right_down`.
     """
-    axis_u, axis_v = chart_axes(facets.normal) if along is None else (along, np.cross(along, facets.normal))
+    axis_u, axis_v = chart_axes_right_down(facets.normal) if along is None else (along, np.cross(along, facets.normal))
     vertices, triangles, uv = facets.vertices, facets.triangles, facets.uv
     corners = vertices[triangles]
     first = np.searchsorted(facets.facet, np.arange(len(facets)))
@@ -100,7 +100,9 @@ def add_skirt_charts(target: SurfaceTarget, facets: Facets, outline: Polygon | M
     gap = ends[..., 2] - terrain.interpolate(ends.reshape(-1, 3)[:, :2]).reshape(-1, 2)
     run = np.hypot(*(ends[:, 1] - ends[:, 0])[:, :2].T)
     # counter-clockwise seen from outside, the lower edge of a wall runs to the right
-    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], chart_axes(facets.normal)[0][facet][:, :2])
+    right = np.einsum(
+        "ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], chart_axes_right_down(facets.normal)[0][facet][:, :2]
+    )
     foot = (
         (uses[of] == 1)
         & (np.abs(facets.normal[facet, 2]) < 0.5)

@@ -18,8 +18,8 @@ from facade_core.geometry.buildings.roof_edges import (
     MAX_SIGHT_M,
     RoofEdge,
     RoofSurroundings,
+    cut_free_roof_edges,
     roof_edges,
-    visible_free_roof_edges,
 )
 from facade_core.geometry.charts import ChartKind
 
@@ -85,9 +85,7 @@ def build_vents(
     None without vents.
     """
     edges = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    edges = visible_free_roof_edges(
-        [edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings
-    )
+    edges = cut_free_roof_edges([edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings)
     blocked = shapely.union_all(
         [place.buffer(CLEARANCE_M) for trim in existing if trim for place in _facet_areas(trim.facets)]
     )
@@ -113,7 +111,7 @@ def build_flat_roof_vents(
     """
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)
     corners = np.column_stack([ring, np.full(len(ring), top)])
-    edges = visible_free_roof_edges(
+    edges = cut_free_roof_edges(
         [RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], surroundings
     )
     return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE)

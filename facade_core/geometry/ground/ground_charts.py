@@ -11,7 +11,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.arrays import Float64Array, Int64Array
-from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes
+from facade_core.geometry.charts import ChartBuilder, ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import cut_polygon_on_grid
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -49,7 +49,7 @@ def add_ground_charts(pieces: ChartBuilder, polygons: Sequence[Polygon], terrain
             np.full(len(parts), ChartKind.GROUND),
             np.zeros(len(parts), np.int64),
             -1,
-            *chart_axes(np.array(normal)),
+            *chart_axes_right_down(np.array(normal)),
             np.concatenate(vertices),
             np.concatenate([t + start for t, start in zip(triangles, before[:-1], strict=True)]),
             np.repeat(chart, list(map(len, triangles))),

@@ -72,7 +72,7 @@ class FacadeEvidence:
     outside: BoolArray | None = None
     captured: str | None = None
     seen: FacesPlatesAndText = field(default_factory=FacesPlatesAndText)
-    fit: PhotoFit | None = None
+    fit: PhotoCropQuality | None = None
     before: ChangeSinceCapture | None = None
 
 
@@ -95,7 +95,7 @@ class ChangeSinceCapture(NamedTuple):
     picture: UInt8Array | None = None
 
 
-class PhotoFit(NamedTuple):
+class PhotoCropQuality(NamedTuple):
     """Fit of a photo to its wall.
 
     Attributes
@@ -126,7 +126,7 @@ class FacadePhoto(NamedTuple):
     hidden: BoolArray
     outside: BoolArray
     seen: FacesPlatesAndText
-    fit: PhotoFit
+    fit: PhotoCropQuality
 
 
 def read_evidence(
@@ -279,7 +279,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     )
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     seen = detect_faces_plates_text(cut.image).rescale(across, down)
-    fit = PhotoFit(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
+    fit = PhotoCropQuality(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
     return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
 
 

@@ -54,7 +54,7 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.exemplars.worker import read_exemplar
-from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoFit, read_evidence
+from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoCropQuality, read_evidence
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class _TexturedFacade(NamedTuple):
     confidence: UInt8Array
     captured: str | None = None
     shop_names: str | None = None
-    fit: PhotoFit | None = None
+    fit: PhotoCropQuality | None = None
     before: ChangeSinceCapture | None = None
 
 

@@ -69,7 +69,7 @@ def grain_tables_from_pictures(pictures: Sequence[MaterialPicture]) -> GrainTabl
     return load_grain_tables(examples) if examples else None
 
 
-def read_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
+def rebuild_material_field(group: StoreGroup, plan: Plan) -> MaterialField | None:
     """Return the material field of a stored block, by the settings of its ingest; None for the neural translator."""
     if group.attrs["translator"] == "neural":
         return None

@@ -24,7 +24,7 @@ from facade_core.export.factored.wall_geometry import (
     WallPieces,
     WallPolygon,
     build_wall,
-    is_planar,
+    is_planar_and_valid,
 )
 from facade_core.geometry.charts import ChartKind, Charts
 
@@ -261,5 +261,5 @@ def test_the_same_wall_is_laid_the_same(library: FacadeLibrary) -> None:
 
 def test_a_bent_wall_is_not_flat() -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0.2, 1], [0, 0, 1.0]])
-    assert not is_planar(WallPolygon(shapely.box(0, 0, 1, 1), corners))
-    assert is_planar(WallPolygon(shapely.box(0, 0, 1, 1), corners * [1, 0, 1]))
+    assert not is_planar_and_valid(WallPolygon(shapely.box(0, 0, 1, 1), corners))
+    assert is_planar_and_valid(WallPolygon(shapely.box(0, 0, 1, 1), corners * [1, 0, 1]))

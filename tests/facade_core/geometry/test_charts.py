@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.charts import CORNER_SHARES, ChartBuilder, ChartKind, Charts, Mesh, chart_axes
+from facade_core.geometry.charts import CORNER_SHARES, ChartBuilder, ChartKind, Charts, Mesh, chart_axes_right_down
 from facade_core.geometry.cutting import cut_triangles_on_grid
 
 
@@ -13,7 +13,7 @@ def test_frames_are_right_handed_level_and_point_down() -> None:
     rng = np.random.default_rng(3)
     normal = np.concatenate([rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [0.01, 0.02, 1], [0, -1, 0]]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    u, v = chart_axes(normal)
+    u, v = chart_axes_right_down(normal)
     np.testing.assert_allclose(np.cross(v, u), normal, atol=1e-12)
     tilted = np.hypot(*normal[:, :2].T) > 0.04
     np.testing.assert_allclose(u[tilted, 2], 0, atol=1e-12)
@@ -33,7 +33,7 @@ def test_pieces_split_shared_vertices_and_start_at_zero() -> None:
             np.array([ChartKind.ROOF, ChartKind.ROOF]),
             np.arange(2),
             0,
-            *chart_axes(normal),
+            *chart_axes_right_down(normal),
             vertices,
             triangles,
             np.array([0, 0, 1]),
@@ -56,7 +56,9 @@ def test_points_of_charts_and_their_coordinates() -> None:
     normal = rng.normal(size=(5, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     zeros = np.zeros(5, np.int32)
-    charts = Charts(zeros, zeros, zeros, rng.normal(size=(5, 3)) * 1e5, *chart_axes(normal), rng.uniform(1, 20, (5, 2)))
+    charts = Charts(
+        zeros, zeros, zeros, rng.normal(size=(5, 3)) * 1e5, *chart_axes_right_down(normal), rng.uniform(1, 20, (5, 2))
+    )
     np.testing.assert_allclose(charts.normals(), normal, atol=1e-12)
     with pytest.raises(ValueError, match="read-only"):
         charts.normals()[0] = 0
