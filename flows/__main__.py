@@ -11,6 +11,9 @@ from flows.cli.interrupts import exit_on_signal
 def main() -> None:
     """Run the command line and exit the process with its code."""
     exit_on_signal()
+    from flows.server.proxies import exempt_loopback_from_proxies
+
+    exempt_loopback_from_proxies()
     from flows.cli.commands import command_line as commands
 
     code = 0

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flows.server import database as server_database
+from flows.server.proxies import exempt_loopback_from_proxies, find_proxy_defect
 
 # Seconds until a server of this run must answer.
 START_UP_S = 120
@@ -60,7 +61,7 @@ server.wait()
 """
 
 
-class ServerDown(Exception):
+class ServerDownError(Exception):
     """Error of an unavailable Prefect server, with the reason; a run can continue without its record there."""
 
 
@@ -91,10 +92,12 @@ class PrefectServer:
         """
         timeout_s = START_UP_S if self.guard else ANSWER_S
         deadline = time.monotonic() + timeout_s
+        if defect := find_proxy_defect():
+            raise ServerDownError(defect)
         while not (answers := self.is_answering()) and time.monotonic() < deadline and not self._ended():
             time.sleep(0.2)
         if not answers:
-            raise ServerDown(self.describe_failure())
+            raise ServerDownError(self.describe_failure())
         if not self.has_database:
             server_database.cache_database(self.home)
 
@@ -156,6 +159,7 @@ def provide_prefect_server(home: Path) -> Iterator[PrefectServer]:
     OSError
         The server process cannot be started.
     """
+    exempt_loopback_from_proxies()
     os.environ.update(TELEMETRY_OFF)
     # the command line prints errors of the run in one line
     for logger in ("LOGGING_LEVEL", "LOGGING_ROOT_LEVEL", "INTERNAL_LOGGING_LEVEL"):
@@ -182,7 +186,9 @@ def provide_prefect_server(home: Path) -> Iterator[PrefectServer]:
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env=os.environ | UNUSED_SERVICES_OFF | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true"},
+            env=os.environ
+            | UNUSED_SERVICES_OFF
+            | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true", "no_proxy": "*", "NO_PROXY": "*"},
             start_new_session=True,  # Ctrl-C in a terminal goes to the run only, which ends the server
         )
     try:
