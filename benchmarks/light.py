@@ -67,7 +67,7 @@ def main() -> None:
             for name in ("day", "night"):
                 page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
                 page.set_default_timeout(600_000)
-                page.on("pageerror", lambda error: print(error))
+                page.on("pageerror", print)
                 page.on("console", lambda line: print(line.text) if line.type == "error" else None)
                 start = time.monotonic()
                 page.goto(f"{address}/pages/light.html")

@@ -23,7 +23,7 @@ SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swi
 NOWHERE = Path("/nothing")
 
 
-class Absent(Exception):
+class MissingProgramError(Exception):
     """A program that is not on this machine; in one line, with what installs it."""
 
 
@@ -31,14 +31,14 @@ def package(name: str) -> Path:
     """The folder of an npm package."""
     folder = PACKAGES / name
     if not folder.is_dir():
-        raise Absent(f"the npm package {name} is not installed; `make clients` does that")
+        raise MissingProgramError(f"the npm package {name} is not installed; `make clients` does that")
     return folder
 
 
 def node() -> str:
     """Node.js."""
     if (found := shutil.which("node")) is None:
-        raise Absent("no node on this machine")
+        raise MissingProgramError("no node on this machine")
     return found
 
 
@@ -46,9 +46,9 @@ def blender() -> Path:
     """A Python that has Blender as the module bpy."""
     python = INSTALLED / "python" / "bin" / "python"
     if not python.is_file() or not any(INSTALLED.glob("python/lib/python*/site-packages/bpy")):
-        raise Absent("Blender (bpy, for Python 3.11) is not installed; `make clients` does that")
+        raise MissingProgramError("Blender (bpy, for Python 3.11) is not installed; `make clients` does that")
     if said := _not_loaded(python):
-        raise Absent(f"Blender (bpy) does not start here: {said}")
+        raise MissingProgramError(f"Blender (bpy) does not start here: {said}")
     return python
 
 
@@ -63,7 +63,7 @@ def cjio() -> Path:
     """The program of that name, for CityJSON."""
     program = INSTALLED / "python" / "bin" / "cjio"
     if not program.is_file():
-        raise Absent("cjio is not installed beside Blender; `make clients` does that")
+        raise MissingProgramError("cjio is not installed beside Blender; `make clients` does that")
     return program
 
 
@@ -71,7 +71,7 @@ def cjio() -> Path:
 def chromium(playwright: Any) -> Iterator[Any]:
     """Chromium, driven by Playwright."""
     if CHROMIUM is None:
-        raise Absent("no Chromium on this machine")
+        raise MissingProgramError("no Chromium on this machine")
     # inside a container Chromium's own sandbox cannot start; it meets nothing here but pages of this project
     arguments = [*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
     browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)

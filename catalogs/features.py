@@ -44,6 +44,7 @@ class Footprint:
     is_part : part of a building that another feature outlines.
     min_height : metres from the ground to the lower end, as in the tag `min_height`.
     min_level : the same as a number of floors, used without min_height.
+    shell : faces of a solid, in the frame of the source; None for an outline.
     """
 
     id: str
@@ -60,6 +61,7 @@ class Footprint:
     is_part: bool = False
     min_height: float | None = None
     min_level: float | None = None
+    shell: BuildingShell | None = None
 
     @property
     def starts_above_ground(self) -> bool:
@@ -79,6 +81,7 @@ class BuildingModel:
     levels : number of floors.
     name : name of the building.
     base : height of the ground, metres.
+    finish : colours and materials of surfaces without a texture.
     """
 
     id: str
@@ -87,6 +90,7 @@ class BuildingModel:
     levels: float | None = None
     name: str | None = None
     base: float | None = None
+    finish: BuildingFinish = PLAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +170,13 @@ class Footprints:
             return shapely.transform(outline, lambda xy: xy + np.array([x, y]))
 
         items = tuple(
-            replace(f, outline=move(f.outline), base=None if f.base is None else f.base + z) for f in self.items
+            replace(
+                f,
+                outline=move(f.outline),
+                base=None if f.base is None else f.base + z,
+                shell=None if f.shell is None else _move_shell(f.shell, offset),
+            )
+            for f in self.items
         )
         return replace(self, items=items)
 
@@ -202,7 +212,7 @@ class BuildingModels:
         """Return a copy with shells and ground heights translated by (x, y, z)."""
 
         def move(model: BuildingModel) -> BuildingModel:
-            shell = replace(model.shell, vertices=model.shell.vertices + np.asarray(offset, np.float64))
+            shell = _move_shell(model.shell, offset)
             return replace(model, shell=shell, base=None if model.base is None else model.base + offset[2])
 
         return replace(self, items=tuple(map(move, self.items)))
@@ -230,6 +240,10 @@ class CentrelinesAndGround:
     def bounding_boxes(self) -> Float64Array:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the lines."""
         return _bounding_boxes(piece.line for piece in self.items)
+
+
+def _move_shell(shell: BuildingShell, offset: Sequence[float]) -> BuildingShell:
+    return replace(shell, vertices=shell.vertices + np.asarray(offset, np.float64))
 
 
 def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> Float64Array:

@@ -6,6 +6,8 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
+from facade_core.core.regular_files import open_regular
+
 
 def file_digest(path: Path) -> str:
     """Return the sha256 of a file, cached until its size or modification time changes."""
@@ -15,5 +17,5 @@ def file_digest(path: Path) -> str:
 
 @lru_cache(maxsize=65536)
 def _content_digest(path: Path, size: int, modified: int) -> str:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -23,7 +23,7 @@ def main() -> None:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
     # Skip the interpreter's shutdown: threads of native libraries (Icechunk, Arrow) sometimes abort the process during it,
     # and a successful command would exit with 134.
-    atexit._run_exitfuncs()
+    atexit._run_exitfuncs()  # noqa: SLF001
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()

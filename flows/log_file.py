@@ -55,7 +55,7 @@ def log_to_run_folder(out: Path, *, file_only: bool = False) -> Iterator[None]:
         raise
     except Exception as error:
         log.exception("the run ended by an error of its own")
-        error._log = path  # type: ignore[attr-defined]
+        error._log = path  # type: ignore[attr-defined]  # noqa: SLF001
         raise
     finally:
         _logged_folders.discard(out)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.programs import Absent, chromium
+from benchmarks.programs import MissingProgramError, chromium
 
 
 @pytest.fixture(scope="session")
@@ -19,7 +19,7 @@ def browser() -> Iterator[Any]:
     with ExitStack() as stack:
         try:
             started = stack.enter_context(chromium(stack.enter_context(sync_playwright())))
-        except Absent as absent:
+        except MissingProgramError as absent:
             pytest.skip(str(absent))
         yield started
 

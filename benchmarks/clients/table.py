@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.clients import blender
 from benchmarks.clients.browser import Opened, in_cesium, in_three
 from benchmarks.clients.validators import gltf_issues
-from benchmarks.programs import Absent, chromium
+from benchmarks.programs import MissingProgramError, chromium
 from benchmarks.solid import validated
 from tasks.export.formats import export_run
 from tasks.publish.published_run import open_published_run
@@ -155,7 +155,7 @@ def _by_khronos(exports: Exports, style: str, **options: Any) -> Row:
 
 def _by_val3dity(exports: Exports, style: str) -> Row:
     if not exports.val3dity.is_file():
-        raise Absent("val3dity is not there; name it with --val3dity")
+        raise MissingProgramError("val3dity is not there; name it with --val3dity")
     path = exports.main(style)
     start = time.monotonic()
     valid, errors = validated(path, exports.val3dity)
@@ -250,7 +250,7 @@ def rows(out: Path, folder: Path, val3dity: Path, only: frozenset[str]) -> list[
             row: Row = {"client": client, "format": style, "opened": False}
             try:
                 row |= ask(exports)
-            except Absent as absent:
+            except MissingProgramError as absent:
                 row["why"] = str(absent)
             except Exception as error:  # of whatever program or library: the other rows are asked for all the same
                 row["why"] = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -13,6 +13,7 @@ from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
 from catalogs.stac.facts import DataSourceFacts
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 # Authors named per licence; poses.json in the pictures' folder names all.
 MAX_NAMED_AUTHORS = 8
@@ -41,7 +42,7 @@ def block_data_sources(block_file: Path) -> tuple[DataSourceFacts, ...]:
 def _file_licence(path: Path) -> str | None:
     if path.suffix == ".pbf":
         return OPENSTREETMAP
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return next((s.licence for s in EXAMPLE_SOURCES.values() if any(f.sha256 == digest for f in s.files)), None)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -14,7 +14,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from catalogs.buildings.heights import assume_heights
-from catalogs.buildings.models import project_models
+from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.crs import coordinate_transform
@@ -97,7 +97,7 @@ def assemble_buildings(
     around: list[_Candidate] = []
     textures: list[Path] = []
     stated: dict[str, list[BaseGeometry]] = defaultdict(list)
-    for source in sources:
+    for source in _separate_solids(sources):
         assert source.crs is not None, "the block gives a frame to every source"
         places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
         for remark, place in zip(source.remarks, places, strict=True):
@@ -119,6 +119,18 @@ def assemble_buildings(
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, reasons)
     return BlockBuildings(buildings, tuple(textures), format_reason_notes(reasons) + notes, tuple(faults))
+
+
+def _separate_solids(sources: Sequence[Footprints | BuildingModels]) -> Iterator[Footprints | BuildingModels]:
+    """Yield the sources, with the solids of footprints as models."""
+    for source in sources:
+        if isinstance(source, Footprints):
+            outlines, solids = split_off_solids(source)
+            yield outlines
+            if solids.items:
+                yield solids
+        else:
+            yield source
 
 
 def _add_parts(
@@ -220,6 +232,7 @@ def _model_candidates(
             levels = max(1, int(model.levels)) if model.levels else None
             height = round(high - base, 2)
             building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
+            building = replace(building, finish=model.finish)
             candidates.append(_Candidate(building, None))
     return candidates
 

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from catalogs.crs import coordinate_transform
-from catalogs.features import BuildingModel, BuildingModels
+from catalogs.features import BuildingModel, BuildingModels, Footprints
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.limits import MAX_BUILDING_HEIGHT_M, MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M
 from facade_core.core.arrays import Float64Array
@@ -23,6 +23,17 @@ if TYPE_CHECKING:
 GROUND = SEMANTICS.index("ground")
 WELD_M = 0.001  # m; corners within this distance are the same
 MAX_GAP_M = 0.01  # m; gaps between triangles up to this width are closed
+
+
+def split_off_solids(source: Footprints) -> tuple[Footprints, BuildingModels]:
+    """Return the outlines of a source, and its solids as models."""
+    solids = tuple(
+        BuildingModel(one.id, one.shell, one.height, one.levels, one.name, one.base, one.finish)
+        for one in source.items
+        if one.shell is not None
+    )
+    outlines = tuple(one for one in source.items if one.shell is None)
+    return replace(source, items=outlines), BuildingModels(source.crs, solids)
 
 
 def project_models(

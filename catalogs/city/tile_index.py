@@ -5,7 +5,6 @@ Tables are GeoParquet, GeoPackage or GeoJSON. Paths are relative to the file tha
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +12,10 @@ from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
 from catalogs.gdal_paths import gdal_read_path
+from catalogs.readers.json_text import load_json, parse_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
+from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
 
 if TYPE_CHECKING:
     import pystac
@@ -56,10 +57,7 @@ def _boxes_intersect(box: LonLatBox, area: Sequence[float]) -> bool:
 def _is_stac(index: Path) -> bool:
     if index.suffix.lower() != ".json":
         return False
-    try:
-        content = json.loads(index.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{index} is no JSON ({error}); give an index of tiles") from error
+    content = load_json(index, MAX_TEXT_BYTES)
     return isinstance(content, dict) and (
         "stac_version" in content or any("stac_version" in feature for feature in _feature_list(content))
     )
@@ -77,11 +75,14 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
     class OnThisMachine(DefaultStacIO):
         def read_text_from_href(self, href: str) -> str:
-            return _local_path(href, index.parent).read_text(encoding="utf-8")
+            path = _local_path(href, index.parent)
+            parse_json(text := read_regular(path), str(path))  # pystac's own parser ends where a text nests too deep
+            return text.decode("utf-8-sig")
 
     reader = OnThisMachine()
     try:
-        if "features" in json.loads(index.read_text(encoding="utf-8")):
+        content = load_json(index, MAX_TEXT_BYTES)
+        if isinstance(content, dict) and "features" in content:
             items = list(pystac.ItemCollection.from_file(str(index), stac_io=reader))
         else:
             root = pystac.read_file(str(index), stac_io=reader)

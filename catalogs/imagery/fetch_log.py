@@ -12,7 +12,9 @@ from threading import Lock
 from catalogs.crs import LONLAT
 from catalogs.features import safe_file_stem
 from catalogs.imagery.remote_panorama import RemotePanorama
+from catalogs.readers.json_text import parse_json
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import read_regular
 
 FETCH_LOG_NAME = "fetched.jsonl"
 POSES_NAME = "poses.json"
@@ -163,7 +165,7 @@ def read_fetch_log(folder: Path) -> FetchLog:
                 f"{folder} holds files that were not fetched; name a new folder with --to, or fetch from it"
             )
         path.touch()
-    text = path.read_bytes()
+    text = read_regular(path)
     whole = text[: text.rfind(b"\n") + 1]
     if len(whole) < len(text):
         os.truncate(path, len(whole))
@@ -176,7 +178,7 @@ def _parse_lines(path: Path, text: bytes) -> Iterator[FetchedPicture]:
     lines = TypeAdapter(FetchedPicture)
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            values = json.loads(line)
+            values = parse_json(line, f"{path}: line {number}")
             kept = lines.validate_python({FETCH_LOG_KEYS.get(key, key): value for key, value in values.items()})
         except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error

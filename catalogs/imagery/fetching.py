@@ -13,7 +13,7 @@ from pathlib import Path
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchedPicture, FetchLog
-from catalogs.imagery.http_client import RequestRejected, ServiceUnavailable
+from catalogs.imagery.http_client import RequestRejectedError, ServiceUnavailableError
 from catalogs.imagery.remote_panorama import RemotePanorama, panorama_fault
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import check_picture
@@ -62,7 +62,7 @@ def fetch_panoramas(
     shutil.rmtree(arriving, ignore_errors=True)
     arriving.mkdir()
     fetcher = _PanoramaFetcher(source, fetch_log, download, check)
-    lost: list[ServiceUnavailable] = []
+    lost: list[ServiceUnavailableError] = []
 
     def fetch_one(offer: RemotePanorama) -> Fault | None:
         if len(failed := lost[:]) >= MAX_CONSECUTIVE_FAILURES:  # a copy: another thread may clear it meanwhile
@@ -73,7 +73,7 @@ def fetch_panoramas(
             try:
                 problem = fetcher.fetch(offer, stems[offer.id], arriving / stems[offer.id])
                 lost.clear()
-            except ServiceUnavailable as error:
+            except ServiceUnavailableError as error:
                 lost.append(error)
                 problem = str(error)
             except (InputError, ValueError) as error:
@@ -161,11 +161,13 @@ class _PanoramaFetcher:
         try:
             digest = file_digest(part) if there is not None else self.download(panorama, part)
             if panorama.sha256 not in (None, digest):
-                raise RequestRejected("is not what its service says (checksum differs); run again, or tell its service")
+                raise RequestRejectedError(
+                    "is not what its service says (checksum differs); run again, or tell its service"
+                )
             try:
                 check_picture(part)
             except InputError as error:  # its message starts with the folder
-                raise RequestRejected(str(error).removeprefix(f"{part.parent}: ")) from error
+                raise RequestRejectedError(str(error).removeprefix(f"{part.parent}: ")) from error
             suffix, problem = _check_format(part, self.check)
             pose = panorama.pose
             name = "" if problem else f"{stem}{suffix}"

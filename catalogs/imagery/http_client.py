@@ -41,11 +41,11 @@ _RETRY_STATUS_CODES = frozenset((408, 425, 429, 500, 502, 503, 504))
 _PIECE_BYTES = 1 << 16
 
 
-class RequestRejected(InputError):
+class RequestRejectedError(InputError):
     """Answer that a retry would not change: missing, too large, or forbidden."""
 
 
-class ServiceUnavailable(InputError):
+class ServiceUnavailableError(InputError):
     """Service that did not answer after all retries; a later run may succeed."""
 
 
@@ -121,7 +121,7 @@ class HttpClient:
 
         where = redact_url(url)
         if urlsplit(url).scheme not in ("http", "https"):
-            raise RequestRejected(f"{where} is no address of http or https; tell its service")
+            raise RequestRejectedError(f"{where} is no address of http or https; tell its service")
         problem = ""
         for attempt in range(MAX_ATTEMPTS):
             self._wait_until_allowed()
@@ -131,20 +131,26 @@ class HttpClient:
                         return use(response)
                     problem = f"answers {response.status_code}"
                     if response.status_code not in _RETRY_STATUS_CODES:
-                        raise RequestRejected(f"{where} {problem}; {_remedy(response.status_code, url, self.token)}")
+                        raise RequestRejectedError(
+                            f"{where} {problem}; {_remedy(response.status_code, url, self.token)}"
+                        )
                     wait = _parse_retry_after(response.headers.get("Retry-After"))
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
                 problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
-                raise RequestRejected(
+                raise RequestRejectedError(
                     f"{where} leads to another address {MAX_REDIRECTS} times over; tell its service"
                 ) from None
             except requests.RequestException as error:
-                raise RequestRejected(f"{where} cannot be asked ({_error_name(error)}); check the address") from None
+                raise RequestRejectedError(
+                    f"{where} cannot be asked ({_error_name(error)}); check the address"
+                ) from None
             if wait is not None and wait > MAX_WAIT_S:
-                raise ServiceUnavailable(f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that")
+                raise ServiceUnavailableError(
+                    f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that"
+                )
             self._delay_requests(INITIAL_WAIT_S * 2**attempt if wait is None else wait)
-        raise ServiceUnavailable(f"{where} {problem}, {MAX_ATTEMPTS} times; run again later, what is here stays")
+        raise ServiceUnavailableError(f"{where} {problem}, {MAX_ATTEMPTS} times; run again later, what is here stays")
 
     @contextmanager
     def _open_response(self, url: str, params: Mapping[str, str] | None, body: JsonObject | None) -> Iterator[Response]:
@@ -200,13 +206,15 @@ def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes
     stated = response.headers.get("Content-Length", "")
     length = int(stated) if stated.isdecimal() else None
     if length is not None and length > max_bytes:
-        raise RequestRejected(
+        raise RequestRejectedError(
             f"{redact_url(url)} has {length / 1e6:.0f} MB, over {max_bytes / 1e6:.0f}; take a smaller one by hand"
         )
     for piece in response.iter_content(_PIECE_BYTES):
         total += len(piece)
         if total > max_bytes:
-            raise RequestRejected(f"{redact_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand")
+            raise RequestRejectedError(
+                f"{redact_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand"
+            )
         if time.monotonic() > ends:
             raise requests.Timeout("too slow")
         yield piece

@@ -9,7 +9,7 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_boxes_by_quarters
-from catalogs.imagery.http_client import HttpClient, RequestRejected, redact_url
+from catalogs.imagery.http_client import HttpClient, RequestRejectedError, redact_url
 from catalogs.imagery.remote_panorama import (
     LonLatBox,
     PanoramaQuery,
@@ -112,7 +112,7 @@ def _parse_answer(text: str, api: str) -> JsonObject:
     except ValueError:
         content = None
     if not isinstance(content, dict) or not isinstance(content.get("data"), list):
-        raise RequestRejected(f"{redact_url(api)} answers with no list of pictures; check the address")
+        raise RequestRejectedError(f"{redact_url(api)} answers with no list of pictures; check the address")
     return content
 
 

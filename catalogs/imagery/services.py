@@ -15,7 +15,7 @@ from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import POSES_NAME, has_fetch_log, read_fetch_log
 from catalogs.imagery.fetching import Downloader
-from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, redact_url
+from catalogs.imagery.http_client import HttpClient, RequestRejectedError, ServiceToken, redact_url
 from catalogs.imagery.mapillary import MAPILLARY_API as MAPILLARY
 from catalogs.imagery.mapillary import search_mapillary
 from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
@@ -147,5 +147,5 @@ def _copy_picture(offer: RemotePanorama, path: Path) -> str:
     try:
         shutil.copyfile(offer.url, path)
     except OSError as error:
-        raise RequestRejected(f"cannot be copied ({error.strerror}); check its permissions") from error
+        raise RequestRejectedError(f"cannot be copied ({error.strerror}); check its permissions") from error
     return file_digest(path)

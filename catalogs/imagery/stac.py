@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_boxes_by_quarters
-from catalogs.imagery.http_client import HttpClient, RequestRejected, redact_url
+from catalogs.imagery.http_client import HttpClient, RequestRejectedError, redact_url
 from catalogs.imagery.remote_panorama import (
     FULL_TURN_DEG,
     LonLatBox,
@@ -190,7 +190,7 @@ def _stac_io(client: HttpClient) -> StacApiIO:
 
         def read_text(self, source: HREF, *args: object, **kwargs: object) -> str:
             if isinstance(source, str) and "://" not in source:
-                raise RequestRejected(f"{source[:80]} is no address; tell its service")
+                raise RequestRejectedError(f"{source[:80]} is no address; tell its service")
             return super().read_text(source, *args, **kwargs)
 
         def request(

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from catalogs.readers.json_text import load_json
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
+from facade_core.core.regular_files import MAX_TEXT_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +226,7 @@ def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
     folder = Path(folder)
     path = folder / "annotations.coco.json"
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = load_json(path, MAX_TEXT_BYTES)
         meaning = {category["id"]: _SWISS_CATEGORIES[category["name"]] for category in record["categories"]}
         polygons: dict[int, list[JsonObject]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.readers.json_text import parse_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
+from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Element
 
 # Labels of layout files -> classes of facade_core.core.labels; other labels are dropped and counted.
@@ -54,13 +55,13 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
+        lines = read_regular(path).decode("utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}); give a .jsonl file of layouts") from error
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                yield _parse_record(json.loads(line), number)
+                yield _parse_record(parse_json(line.encode(), f"{path}: line {number}"), number)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
 from catalogs.gdal_paths import gdal_read_path
-from catalogs.readers.json_text import load_json
+from catalogs.readers.json_text import load_json, parse_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
+from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
 
 # (id of a facade or building, corrected property, value): see `catalogs.block.corrections`.
 Annotation = tuple[str, str, object]
@@ -97,9 +97,12 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         return _read_geopackage(path)
     try:
         if path.suffix.lower() == ".jsonl":
-            lines = path.read_text(encoding="utf-8").split("\n")
-            return [annotation for line in lines if line.strip() for annotation in _parse_cityjson(json.loads(line))]
-        document = load_json(path)
+            lines = read_regular(path).split(b"\n")
+            documents = (
+                parse_json(line, f"{path}: line {number}") for number, line in enumerate(lines, 1) if line.strip()
+            )
+            return [annotation for document in documents for annotation in _parse_cityjson(document)]
+        document = load_json(path, MAX_TEXT_BYTES)
         if isinstance(document, dict) and document.get("type") == "CityJSON":
             return list(_parse_cityjson(document))
         if isinstance(document, dict) and {"images", "annotations"} <= document.keys():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonValue
+from facade_core.core.regular_files import open_regular
 
 _MAX_WORD_LENGTH = len("-Infinity")
 
@@ -22,15 +23,20 @@ def is_json_lines(path: Path) -> bool:
     if path.suffix.lower() == ".jsonl":
         return True
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             first, second = file.readline().strip(), file.readline().strip()
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
     return first.startswith(b"{") and first.endswith(b"}") and second.startswith(b"{")
 
 
-def load_json(path: Path) -> JsonValue:
+def load_json(path: Path, max_bytes: int | None = None) -> JsonValue:
     """Load a JSON file; NaN and Infinity are accepted.
+
+    Parameters
+    ----------
+    path : file.
+    max_bytes : largest accepted size; None: any.
 
     Raises
     ------
@@ -38,7 +44,8 @@ def load_json(path: Path) -> JsonValue:
         Where the file cannot be read.
     """
     try:
-        text = path.read_bytes()
+        with open_regular(path, max_bytes) as file:
+            text = file.read()
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
     return parse_json(text, str(path))

@@ -17,8 +17,9 @@ from facade_core.core.zarr_types import StoreGroup
 
 
 class Record(TypedDict, total=False):
-    """Journal entry of a unit: the part that all stages share. Each stage extends it
-    (`tasks/stages/<stage>/record.py`).
+    """Journal entry of a unit: the part that all stages share.
+
+    Each stage extends it (`tasks/stages/<stage>/record.py`).
 
     Attributes
     ----------
@@ -73,8 +74,9 @@ def read_journal(group: StoreGroup, stage: str, record_type: type[R]) -> list[R 
 
 
 def read_journal(group: StoreGroup, stage: str, record_type: type[Record] = Record) -> Sequence[object]:
-    """Read all records of a stage by unit index, None for a unit without one; empty if the store is older than the
-    stage.
+    """Read all records of a stage by unit index, None for a unit without one.
+
+    The list is empty if the store is older than the stage.
 
     Parameters
     ----------

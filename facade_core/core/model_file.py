@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import CLASSES
+from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -43,8 +44,8 @@ def read_model_record(path: Path) -> JsonObject:
     """
     path = path.with_suffix(".json")
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+        record = json.loads(read_regular(path))
+    except (ValueError, RecursionError) as error:
         raise ModelFileError(f"{path}: not valid JSON ({error}); fetch it again or train the model anew") from error
     if not isinstance(record, dict):
         raise ModelFileError(f"{path}: not a JSON object; fetch it again or train the model anew")
@@ -69,7 +70,7 @@ def open_inference_session(path: Path, record: Mapping[str, object], *, threads:
     """
     import onnxruntime
 
-    content = path.read_bytes()
+    content = read_regular(path, MAX_MODEL_BYTES)
     if record.get("sha256") != hashlib.sha256(content).hexdigest():
         raise ModelFileError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
     options = onnxruntime.SessionOptions()

@@ -213,8 +213,9 @@ def _parse_figures(labels: UInt8Array, elements_found: Sequence[Element]) -> Fac
 
 
 def _hidden_figures(value: FacadeStatistics, elements_found: Sequence[Element], hidden: BoolArray) -> FacadeStatistics:
-    """Numbers of windows and floors that may be wrong in hidden parts (h, w) bool, by visible surroundings or by
-    guesses.
+    """Return the numbers of windows and floors that may be wrong in hidden parts (h, w) bool.
+
+    They follow from visible surroundings or guesses.
 
     The uncertainty of the window share already accounts for them.
     """

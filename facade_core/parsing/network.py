@@ -77,8 +77,10 @@ class Network:
         )
 
     def _view(self, image: UInt8Array, scale: float, mirrored: bool) -> Float32Array:
-        """Logits of one view at the image's size, (classes + 2, H, W) float32: planes are faster than pixel-wise
-        channels."""
+        """Return the logits of one view at the image's size, (classes + 2, H, W) float32.
+
+        Planes are faster than pixel-wise channels.
+        """
         import cv2
 
         height, width = image.shape[:2]

@@ -238,7 +238,7 @@ def _draw_views(
     seeds: tuple[int, int],
     part: int,
 ) -> list[TrainingView]:
-    """Views of one part of a step: every _PARALLEL_PARTS-th of them."""
+    """Return the views of one part of a step: every _PARALLEL_PARTS-th of them."""
     names = [name for name, count in schedule.per_step.items() for _ in range(count)]
     views = []
     for number in range(part, len(names), _PARALLEL_PARTS):
@@ -307,8 +307,10 @@ def _make_optimiser(network: ParserNetwork, schedule: TrainingSchedule) -> Optim
 
 
 def _loss(network: ParserNetwork, views: Sequence[TrainingView]) -> Tensor:
-    """Negative log of the summed probability of a pixel's possible classes, plus the cross-entropies of both binary
-    outputs."""
+    """Return the loss: negative log of the summed probability of a pixel's possible classes.
+
+    The cross-entropies of both binary outputs are added.
+    """
     import torch
     from torch.nn import functional
 

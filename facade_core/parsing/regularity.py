@@ -101,7 +101,7 @@ def _align(boxes: Int64Array, gain: Float32Array) -> Int64Array:
 
 
 def _group_intervals(low: Int64Array, high: Int64Array) -> list[list[int]]:
-    """Indices of intervals that share most of their length with the first of their group, from the top down."""
+    """Return the indices of intervals that share most of their length with the first of their group, from the top down."""
     groups: list[list[int]] = []
     for index in np.argsort(low + high, kind="stable"):
         for group in groups:
@@ -141,7 +141,7 @@ def _common_place(curves: list[dict[int, float]]) -> int:
 
 
 def _is_filled(inside: BoolArray) -> bool:
-    """True if a box is well filled as a whole and in each inner row and column."""
+    """Return True if a box is well filled as a whole and in each inner row and column."""
     if not inside.size:
         return False
     lines = [inside.mean(axis) for axis in (0, 1)]

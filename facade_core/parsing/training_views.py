@@ -194,8 +194,10 @@ def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[AnyArray
 def _paste_occluder(
     image: UInt8Array, occluder: UInt8Array, place: Float32Array, cutout: OccluderCutout, rng: np.random.Generator
 ) -> tuple[UInt8Array, UInt8Array]:
-    """View with a cut-out over it, mostly at its original relative height and at the photo's foot; classes behind
-    stay."""
+    """Return a view with a cut-out over it; classes behind stay.
+
+    The cut-out is mostly at its original relative height and at the photo's foot.
+    """
     import cv2
 
     piece = cutout.image

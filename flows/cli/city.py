@@ -180,7 +180,7 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
     Runs without the server where it is unavailable or nothing is pending.
     """
     from catalogs.published.folders import local_run_folder
-    from flows.server.startup import ServerDown, provide_prefect_server
+    from flows.server.startup import ServerDownError, provide_prefect_server
     from tasks.city.city_log import load_or_partition_city
 
     if not load_or_partition_city(city_file, out)[0].pending_blocks(out, tiles=options.tiles):
@@ -193,7 +193,7 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
 
         try:
             record.wait_until_ready()
-        except ServerDown as error:
+        except ServerDownError as error:
             print_notice(f"no Prefect server ({error}); the run does without, and has no record there")
             return run_city_without_server(city_file, out, options)
         return cast("JsonObject", recorded(city_file, str(out), **asdict(options)))

@@ -222,7 +222,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
     from catalogs.published.folders import local_run_folder
     from facade_core.core.errors import FacadeError, TooManyFailuresError
     from flows.console import print_status
-    from flows.server.startup import ServerDown, provide_prefect_server
+    from flows.server.startup import ServerDownError, provide_prefect_server
 
     with provide_prefect_server(local_run_folder(out) / "prefect") as record:
         from flows.block import (  # the import takes seconds, during which the server starts
@@ -237,7 +237,7 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
             pass  # reported in the summary
         except FacadeError:
             raise
-        except ServerDown as error:
+        except ServerDownError as error:
             print_status(f"no Prefect server ({error}); the run does without, and has no record there")
         except Exception as error:
             if record.is_answering() and not record.is_request_error(error):

@@ -8,7 +8,7 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from catalogs.imagery.http_client import ServiceUnavailable
+from catalogs.imagery.http_client import ServiceUnavailableError
 from facade_core.core.errors import FacadeError, MachineError
 
 # Invalid input; then from sysexits.h: internal or machine error; cluster or imagery service unavailable.
@@ -42,13 +42,13 @@ def exit_code_and_message(error: Exception) -> tuple[int, str]:
 
 
 def _exit_code(error: FacadeError) -> int:
-    if isinstance(error, ServiceUnavailable):
+    if isinstance(error, ServiceUnavailableError):
         return EXIT_UNAVAILABLE
     if not isinstance(error, MachineError):
         return EXIT_UNUSABLE
-    from tasks.engine.compute.cluster import ClusterGone
+    from tasks.engine.compute.cluster import ClusterGoneError
 
-    return EXIT_UNAVAILABLE if isinstance(error, ClusterGone) else EXIT_CRASHED
+    return EXIT_UNAVAILABLE if isinstance(error, ClusterGoneError) else EXIT_CRASHED
 
 
 def _locate_traceback(error: Exception) -> str:

@@ -225,8 +225,10 @@ def _parse_module(name: str, path: Path, modified: int) -> CodeModule:
 
 
 def _collect_syntax(node: ast.AST, said: list[str], imports: list[ast.Import | ast.ImportFrom]) -> None:
-    """What a tree is, in words, and its imports; without what nothing is computed by: docstrings and imports for type checkers,
-    and without places in the text."""
+    """Return the text of a syntax tree for a digest, and its imports.
+
+    Docstrings, imports for type checkers and places in the text are left out.
+    """
     if isinstance(node, ast.Import | ast.ImportFrom):
         imports.append(node)
     said.append(node.__class__.__name__)

@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
 
 # File name of the table, in the block file's folder.
@@ -110,8 +111,8 @@ def read_match_table(path: Path) -> MatchTable:
     InputError : the file is not such a table.
     """
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = file.readlines()
+        text = read_regular(path).decode("utf-8-sig")
+        lines = list(io.StringIO(text, newline=""))  # ends of lines as they are: rewriting keeps them
         # the separator depends on the locale of the spreadsheet
         separator = max(",;\t", key=lines[0].count) if lines else ","
         header, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]

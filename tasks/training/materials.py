@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
 from facade_core.street.materials.grain_file import save_examples
 from tasks.engine.progress import begin_stage, report_progress
@@ -48,7 +49,7 @@ def read_picture_and_digest(path: Path) -> tuple[UInt8Array, str]:
     import cv2
 
     try:
-        content = path.read_bytes()
+        content = read_regular(path, MAX_MODEL_BYTES)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give --data a folder with materials/") from error
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.programs import Absent
+from benchmarks.programs import MissingProgramError
 from tasks.export.formats import export_run
 
 Exported = Callable[..., Path]
@@ -22,7 +22,7 @@ def present() -> Iterator[None]:
     """Skips where a program is absent."""
     try:
         yield
-    except Absent as absent:
+    except MissingProgramError as absent:
         pytest.skip(str(absent))
 
 

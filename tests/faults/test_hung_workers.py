@@ -14,7 +14,7 @@ import pytest
 from distributed import Client, LocalCluster
 
 from facade_core.core.errors import MachineError
-from tasks.engine.compute.cluster import Cluster, ClusterGone, UnitOverran
+from tasks.engine.compute.cluster import Cluster, ClusterGoneError, UnitTimeoutError
 from tasks.engine.compute.connect import connect
 from tasks.engine.compute.timeouts import Timeouts
 from tasks.engine.compute.worker_setup import environment_versions, worker_setup_plugin
@@ -115,7 +115,7 @@ def test_a_unit_that_hangs_is_tried_elsewhere_and_its_worker_started_anew(hasty:
 def test_a_unit_that_hangs_everywhere_fails_alone(hasty: Cluster) -> None:
     both(hasty)
     hangs, good = hasty.submit(slow, 600.0), hasty.submit(worker)
-    with pytest.raises(UnitOverran, match=r"did not end within \d+ s, where \d+ are given") as raised:
+    with pytest.raises(UnitTimeoutError, match=r"did not end within \d+ s, where \d+ are given") as raised:
         hangs.result()
     assert not isinstance(raised.value, MachineError)  # the rest is done without it
     assert good.result()
@@ -155,7 +155,7 @@ def test_a_worker_that_dies_while_it_starts(
             assert made.submit(worker).result()
     else:
         with (
-            pytest.raises(ClusterGone, match=r"2 local workers do not start: .*--workers"),
+            pytest.raises(ClusterGoneError, match=r"2 local workers do not start: .*--workers"),
             connect(2, None, str(tmp_path)),
         ):
             pass

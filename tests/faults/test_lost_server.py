@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from flows.server import startup as server_module
-from flows.server.startup import ServerDown, provide_prefect_server
+from flows.server.startup import ServerDownError, provide_prefect_server
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 from tests.pipeline.stages import digests_of
 from tests.pipeline.test_cluster import wait_until
@@ -28,7 +28,7 @@ def test_a_server_that_dies_at_its_start_says_why_at_once(
 ) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     monkeypatch.setattr(server_module, "server_command", lambda port: [sys.executable, "-c", code])
-    with provide_prefect_server(tmp_path / "prefect") as record, pytest.raises(ServerDown) as down:
+    with provide_prefect_server(tmp_path / "prefect") as record, pytest.raises(ServerDownError) as down:
         record.wait_until_ready()
     assert str(down.value).startswith(says)
     assert len(str(down.value).splitlines()) == 1
@@ -58,7 +58,7 @@ def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest
     monkeypatch.setattr(server_module, "ANSWER_S", 0)
     with (
         provide_prefect_server(tmp_path) as record,
-        pytest.raises(ServerDown, match=r"^http://127.0.0.1:9/api does not answer$"),
+        pytest.raises(ServerDownError, match=r"^http://127.0.0.1:9/api does not answer$"),
     ):
         record.wait_until_ready()
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -120,6 +121,6 @@ def parse_numbers(text: str | None) -> list[float]:
 
 
 def _open_maybe_gzipped(path: Path) -> IO[bytes]:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         zipped = file.read(2) == b"\x1f\x8b"
-    return cast("IO[bytes]", gzip.open(path)) if zipped else path.open("rb")
+    return cast("IO[bytes]", gzip.open(open_regular(path))) if zipped else open_regular(path)

@@ -35,6 +35,7 @@ from catalogs.readers.referenced_files import (
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 from facade_core.core.json_types import JsonObject, JsonValue
+from facade_core.core.regular_files import open_regular
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 _MIN_MODEL_HEIGHT_M = 0.01  # m
@@ -79,7 +80,7 @@ def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
         return parse_cityjson(load_json(path), path, lod)
     reading = None
     try:
-        with path.open("rb") as lines:
+        with open_regular(path) as lines:
             for number, line in enumerate(lines, 1):
                 if not line.strip():
                     continue
@@ -214,7 +215,7 @@ def _build_model(
     attributes = [mapping_or_empty(thing.get("attributes")) for thing in things]
 
     def stated(key: str, low: float, high: float, unit: float = 1.0) -> list[float]:
-        """The building's own number, else those of its parts."""
+        """Return the building's own number, else those of its parts."""
         numbers = [parse_number(attribute.get(key)) * unit for attribute in attributes]
         fit = [number for number in numbers if low < number < high]
         return numbers[:1] if numbers[0] in fit else fit

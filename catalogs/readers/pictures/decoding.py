@@ -19,6 +19,7 @@ from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -115,7 +116,7 @@ def open_picture(path: Path) -> Iterator[Image]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # damaged parts are rejected or skipped
             # a file object: by name Pillow maps files into memory, which rotates them wrongly and crashes where they shrink
-            with path.open("rb") as file, Image.open(file, formats=PILLOW_FORMATS) as image:
+            with open_regular(path) as file, Image.open(file, formats=PILLOW_FORMATS) as image:
                 width, height = image.size
                 if width * height > (most := MAX_WEBP_PIXELS if image.format == "WEBP" else MAX_PIXELS):
                     raise _size_error(path, most)

@@ -18,6 +18,7 @@ from catalogs.readers.pictures.rasters import (
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 from facade_core.core.types import ElevationRaster
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def _find_driver(path: Path, depth: int = 0) -> str:
         raise InputError(f"{path} is no file; give an elevation raster on this machine, such as a GeoTIFF")
     if driver := detect_driver(path, _DRIVERS_BY_MAGIC) or _DRIVERS_BY_SUFFIX.get(path.suffix.lower()):
         return driver
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(256).lstrip(b"\xef\xbb\xbf \t\r\n")
     if start[:1] in (b"{", b"["):
         raise InputError(f"{path} is JSON, no raster; give e.g. a GeoTIFF")

@@ -9,6 +9,7 @@ from catalogs.features import Fault
 from catalogs.reader_errors import to_single_line
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, open_picture
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
 LABEL_MAP_SUFFIX = ".labels.png"
@@ -119,7 +120,7 @@ def _find_damage(path: Path, min_side: int) -> str | None:
     try:
         with open_picture(path) as image:
             layout, (width, height) = image.format, image.size
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
             whole = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(
                 str(layout), bool
             )(content)

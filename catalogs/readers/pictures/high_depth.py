@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -71,7 +72,7 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
     from rasterio.windows import Window
 
     options = {"GDAL_PAM_ENABLED": "NO", "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_CACHEMAX": 64_000_000}
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         driver = "PNG" if file.read(4) == b"\x89PNG" else "GTiff"
     with rasterio.Env(**options), rasterio.open(path.absolute(), driver=driver, sharing=False) as raster:
         bands, transparent, inverted = _colour_bands(path, raster)

@@ -39,6 +39,7 @@ _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
+_UNUSED_ALTITUDE_REASON = "panoramas whose altitude is not used, since altitudes of GPS vary by metres; name the column z where they are surveyed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +133,8 @@ def read_panoramas(
         alike.append(path)
         if magnetic and _stated_pose(sources, path) is None:
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
+        if source.has_unused_altitude:
+            remarks.append(Remark(path.stem, _UNUSED_ALTITUDE_REASON, None))
         items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
     if not posed:
         remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
@@ -20,22 +21,34 @@ from catalogs.reader_errors import is_system_error, short_message, to_single_lin
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
+from facade_core.core.regular_files import read_regular, require_regular
 
 # Bytes; parsed JSON of nested lists takes twenty times its size.
 MAX_FILE_BYTES = 40_000_000
 # Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
 MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
+# Names of a field, lower-case, words joined by "_", without unit and namespace. The first stated one counts.
 _FIELD_NAMES = {
-    "file": ("file", "filename", "image", "picture", "name", "id"),
-    "x": ("x", "easting"),
-    "y": ("y", "northing"),
+    "file": (
+        "file", "filename", "file_name", "image", "image_name", "image_file", "picture", "photo", "photo_name", "panorama",
+        "pano", "sourcefile", "source_file", "label", "name", "id",
+    ),
+    "x": ("x", "easting", "east"),
+    "y": ("y", "northing", "north"),
     "z": ("z",),
-    "lon": ("lon", "lng", "longitude"),
-    "lat": ("lat", "latitude"),
-    "heading": ("heading", "heading_deg", "computed_compass_angle", "compass_angle", "view:azimuth", "azimuth"),
-    "pitch": ("pitch", "pers:pitch"),
-    "roll": ("roll", "pers:roll"),
-}
+    "lon": ("lon", "lng", "long", "longitude", "gpslongitude", "gps_longitude", "x/longitude"),
+    "lat": ("lat", "latitude", "gpslatitude", "gps_latitude", "y/latitude"),
+    "altitude": ("altitude", "alt", "elevation", "ele", "gpsaltitude", "gps_altitude", "z/altitude", "computed_altitude"),
+    "heading": (
+        "heading", "computed_compass_angle", "compass_angle", "view_azimuth", "azimuth", "yaw", "bearing", "compass",
+        "true_heading", "poseheadingdegrees", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
+    ),
+    "pitch": ("pitch", "pers_pitch", "posepitchdegrees", "pose_pitch"),
+    "roll": ("roll", "pers_roll", "poserolldegrees", "pose_roll"),
+}  # fmt: skip
+_ANGLES = ("heading", "pitch", "roll", "lon", "lat")
+# Unit at the end of a field's name: "yaw_deg", "Heading[rad]", "Easting (m)".
+_UNIT = re.compile(r"[\s_]*[\[(]?(deg|degrees?|°|rad|radians?|m|met(?:er|re)s?)[\])]?$")
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
 # Entry of a poses file, or the error for which it cannot be used.
 PoseRecord: TypeAlias = JsonObject | Exception
@@ -57,6 +70,7 @@ class SourcePose:
     pitch : degrees up.
     roll : degrees clockwise.
     captured : date as "2024-05-17", or None.
+    has_unused_altitude : an altitude is stated and no z; heights of GPS vary by metres from camera to camera.
     """
 
     crs: str | None
@@ -67,13 +81,15 @@ class SourcePose:
     pitch: float = 0.0
     roll: float = 0.0
     captured: str | None = None
+    has_unused_altitude: bool = False
 
 
 def read_poses(path: Path) -> dict[str, SourcePose | str]:
     """Read poses by the name of the picture, with or without suffix.
 
     A text with the defect replaces an unusable pose. Formats:
-    - CSV with a header: file, x, y or lon, lat; heading; optional z, pitch, roll. Separated by comma, semicolon or tab.
+    - CSV with a header: file, x, y or lon, lat; heading (or yaw, azimuth, ...); optional z, pitch, roll. Separated by comma,
+      semicolon or tab. Names may have units ("yaw_deg", "Heading[rad]"); _FIELD_NAMES lists them.
     - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll, captured}}}.
       Without crs, x and y are in the frame of the block; lon and lat are WGS 84.
     - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre faces grid north.
@@ -90,11 +106,12 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         For a file of another format.
     """
     try:
+        require_regular(path)
         if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(
                 f"{path} has more than {MAX_FILE_BYTES // 1_000_000} MB; keep the poses alone, without points and tracks"
             )
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_regular(path, MAX_FILE_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
@@ -142,12 +159,21 @@ def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue 
 
 
 def _csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
-    header = text.split("\n", 1)[0]
+    lines = text.splitlines()
+    while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
+        del lines[0]
+    header = lines[0].removeprefix("#") if lines else ""
     separator = max(",;\t", key=header.count)
-    for row in csv.DictReader(text.splitlines(), delimiter=separator):
-        record = {(key or "").strip().lower(): (value or "").strip() for key, value in row.items() if key}
-        if any(record.values()):
+    for row in csv.DictReader([header, *lines[1:]], delimiter=separator):
+        record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
+        if any(record.values()) and not next(iter(record.values())).startswith("#"):
             yield _picture_name(record), record
+
+
+def _is_header(line: str) -> bool:
+    """Return True for a line that names fields; the header of some programs begins with # as comments do."""
+    known = {name for names in _FIELD_NAMES.values() for name in names}
+    return sum(_field_name(cell) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
 
 
 def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
@@ -177,7 +203,28 @@ def _picture_name(record: JsonObject) -> str:
 
 
 def _first_value(record: JsonObject, key: str) -> object:
-    return next((record[name] for name in _FIELD_NAMES[key] if record.get(name) not in (None, "")), None)
+    """Return the first stated value of a field, angles in degrees."""
+    known: dict[str, str] = {}
+    for name, value in record.items():
+        if value not in (None, "") and isinstance(name, str):
+            known.setdefault(_field_name(name), name)
+    name = next((known[one] for one in _FIELD_NAMES[key] if one in known), None)
+    if name is None:
+        return None
+    value = record[name]
+    unit = _UNIT.search(name.lower())
+    if key in _ANGLES and unit and unit[1].startswith("rad") and isinstance(value, str | int | float):
+        try:
+            return math.degrees(float(value))
+        except ValueError:  # named by `_finite_number`
+            return value
+    return value
+
+
+def _field_name(name: str) -> str:
+    """Return a name of a field as _FIELD_NAMES has it."""
+    plain = name.strip().lower()
+    return re.sub(r"[\s:.-]+", "_", _UNIT.sub("", plain) or plain)
 
 
 def _flatten_record(record: JsonObject) -> JsonObject:
@@ -195,7 +242,9 @@ def _flatten_record(record: JsonObject) -> JsonObject:
 
 def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
-    value = {key: _finite_number(_first_value(record, key), key) for key in _FIELD_NAMES if key != "file"}
+    stated = {key: _first_value(record, key) for key in _FIELD_NAMES if key != "file"}
+    unused = stated.pop("altitude") is not None and stated["z"] is None
+    value = {key: _finite_number(one, key) for key, one in stated.items()}
     x, y, heading = value["x"], value["y"], value["heading"]
     lon, lat = value["lon"], value["lat"]
     gps = record.get("exif_gps") or {}
@@ -219,6 +268,7 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         value["pitch"] or 0.0,
         value["roll"] or 0.0,
         parse_iso_date(record.get("captured")),
+        unused,
     )
 
 

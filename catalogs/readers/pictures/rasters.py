@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -49,7 +50,7 @@ _OFFLINE_OPTIONS = {
 
 def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
     """Return GDAL's driver of a file by its first bytes; None where it is none of `drivers`."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(32)
     return next((name for magic, name in drivers.items() if start.startswith(magic)), None)
 
@@ -168,7 +169,7 @@ def _count_words(path: Path) -> int:
     import numpy as np
 
     total, within = 0, np.zeros(1, bool)
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while piece := file.read(1_000_000):
             if b"\0" in piece:
                 return 0
@@ -191,7 +192,7 @@ def _check_sidecar(path: Path) -> None:
     """Raise InputError where FILE.aux.xml makes GDAL read another file in place of a raster."""
     beside = path.with_name(path.name + ".aux.xml")
     if beside.is_file():
-        with beside.open("rb") as file:
+        with open_regular(beside) as file:
             content = file.read(10_000_001)
         if b"OVERVIEW_FILE" in content.upper() or len(content) > 10_000_000:
             raise InputError(f"{beside} names another file for overviews; remove it")

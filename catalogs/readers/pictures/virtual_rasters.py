@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import read_regular
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -56,7 +57,7 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     if path.stat().st_size > MAX_FILE_BYTES:
         raise InputError(f"{path} is XML of more than {MAX_FILE_BYTES // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
     try:
-        root: Element = ElementTree.parse(path, forbid_dtd=True).getroot()
+        root: Element = ElementTree.fromstring(read_regular(path, MAX_FILE_BYTES), forbid_dtd=True)
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
         raise InputError(f"{path} is no raster, nor XML of one ({error}); give e.g. a GeoTIFF") from error
     if root.tag != "VRTDataset":

@@ -20,8 +20,10 @@ from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_known_columns, tags_from_records
 from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
+from catalogs.readers.vectors.solids import convert_surface_wkb
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -45,7 +47,10 @@ _MAGIC_BYTES = {
     ".geoparquet": (b"PAR1",),
 }
 _DRIVERS = ("GPKG", "FlatGeobuf", "ESRI Shapefile", "GeoJSON", "GeoJSONSeq", "ESRIJSON", "TopoJSON", "JSONFG")
-_GEOMETRY_TYPES = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
+_GEOMETRY_TYPES = {
+    "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
+    "lines": ("LineString", "MultiCurve", "CompoundCurve"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +133,8 @@ def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]],
             if is_wanted(
                 layer,
                 match_known_columns(
-                    pyogrio.read_info(gdal_read_path(path), layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)
+                    pyogrio.read_info(gdal_read_path(path), layer=layer)["fields"],
+                    has_truncated_names=_has_truncated_names(path),
                 ),
             )
         ]
@@ -174,7 +180,7 @@ def _has_truncated_names(path: Path) -> bool:
 
 def _check_start(path: Path) -> None:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
@@ -185,7 +191,9 @@ def _check_start(path: Path) -> None:
 def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
     import pyogrio
 
-    listed = {str(name): str(geometry) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None}
+    listed = {
+        str(name): str(geometry) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None
+    }
     fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
     if not fitting:
@@ -213,8 +221,23 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
             datetime_as_string=True,
             **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # GDAL would parse text as dates
         )
+    if frame.geometry.isna().any():
+        frame = _restore_surfaces(frame, path, layer)
     whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
     return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)), columns
+
+
+def _restore_surfaces(frame: GeoDataFrame, path: Path, layer: str) -> GeoDataFrame:
+    """Return the table with PolyhedralSurfaces and TINs, which GEOS does not read, as MultiPolygons."""
+    import pyogrio
+
+    missing = frame.geometry.isna().to_numpy()
+    stored = pyogrio.raw.read(gdal_read_path(path), layer=layer, columns=[])[2]
+    geometries = frame.geometry.to_numpy().copy()
+    for row in np.flatnonzero(missing).tolist():
+        if stored[row] is not None and (wkb := convert_surface_wkb(stored[row])) is not None:
+            geometries[row] = shapely.from_wkb(wkb, on_invalid="ignore")
+    return frame.set_geometry(geometries, crs=frame.crs)
 
 
 def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], pa.Table]) -> GeoDataFrame:

@@ -21,6 +21,7 @@ from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 from facade_core.core.types import Roof
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ def _read_features(
     path: Path, *layers: Callable[[OSM], GeoDataFrame | None]
 ) -> Iterator[tuple[str, BaseGeometry, dict[str, str]]]:
     """Yield (id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         if b"OSMHeader" not in file.read(64):
             raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
     from pyrosm import OSM

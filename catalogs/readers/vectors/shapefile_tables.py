@@ -6,6 +6,7 @@ import struct
 from pathlib import Path
 
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
 
 _HEADER_BYTES = 32  # bytes of a table's header before its fields
 
@@ -17,7 +18,7 @@ def check_shapefile_table(path: Path) -> None:
     if not table.is_file():
         raise InputError(f"{path} has no {table.name} beside it, which holds its ids and heights; {remedy}")
     try:
-        with table.open("rb") as file:
+        with open_regular(table) as file:
             start = file.read(_HEADER_BYTES)
         size = table.stat().st_size
     except OSError as error:
@@ -35,7 +36,7 @@ def check_shapefile_table(path: Path) -> None:
 def _count_shapes(index: Path) -> int | None:
     """Return the number of shapes of an .shx; None where it is unreadable, which GDAL reports."""
     try:
-        with index.open("rb") as file:
+        with open_regular(index) as file:
             start = file.read(28)
     except OSError:
         return None

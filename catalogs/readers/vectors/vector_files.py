@@ -23,6 +23,7 @@ from catalogs.readers.vectors.columns import CLASS_COLUMNS
 from catalogs.readers.vectors.ground_classes import osm_ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
 from catalogs.readers.vectors.osm import is_building_part, is_street, parse_footprint, split_osmnx_values
+from catalogs.readers.vectors.solids import build_solid
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,8 +44,9 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     """Read building outlines with height, floors, name and roof by columns of any known name.
 
     A height reaches to the ridge, as in OpenStreetMap: a stated roof is subtracted. The z of an outline is the height of the
-    ground where the whole layer is 3D. With OpenStreetMap's column `building` only marked outlines are read. The crs is None
-    where the file states none, or degrees that its coordinates cannot be.
+    ground where the whole layer is 3D. A geometry with walls is a solid and keeps its faces. With OpenStreetMap's column
+    `building` only marked outlines are read. The crs is None where the file states none, or degrees that its coordinates
+    cannot be.
 
     Parameters
     ----------
@@ -78,6 +80,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
             continue
         try:
             footprint = parse_footprint(id, _plan_outline(geometry), tags, remarks, is_lonlat=degrees)
+            shell = build_solid(geometry, is_lonlat=degrees)
         except Exception as error:  # an error affects this footprint only
             faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", finite_points(geometry)))
             continue
@@ -85,7 +88,8 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
             if id in features.id_remarks:
                 remarks.append(Remark(id, f"buildings of {path.name} {features.id_remarks[id]}", geometry))
             ground = tags.get("ground")
-            items.append(replace(footprint, base=float(ground) if ground else base))
+            stated_base = float(ground) if ground else base if shell is None else None
+            items.append(replace(footprint, base=stated_base, shell=shell))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 

@@ -15,6 +15,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.regular_files import read_regular
 from facade_core.facade.layout import proposal_features
 from facade_core.facade.layout.densities import (
     COMPONENT_COUNT,
@@ -82,10 +83,10 @@ def load_layout_model(path: str | Path) -> LayoutModel:
     """
     path = Path(path)
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = json.loads(read_regular(path))
     except OSError as error:
         raise ModelFileError(f"{path}: no such layout model; {_REMEDY}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ModelFileError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
     if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
         raise ModelFileError(f"{path}: not a layout model; {_REMEDY}")

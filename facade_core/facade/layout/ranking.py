@@ -82,7 +82,7 @@ def train_trees(
     with threadpool_limits(1):
         learner.fit(rows, truth)
     roots, parts, offset = [], [], 0
-    for (tree,) in learner._predictors:  # sklearn has no public access to its trees
+    for (tree,) in learner._predictors:  # sklearn has no public access to its trees  # noqa: SLF001
         nodes = tree.nodes
         leaf = nodes["is_leaf"].astype(bool)
         roots.append(offset)
@@ -104,5 +104,5 @@ def train_trees(
         left.astype(np.int64),
         right.astype(np.int64),
         np.round(value, 5),
-        float(np.round(learner._baseline_prediction.item(), 5)),
+        float(np.round(learner._baseline_prediction.item(), 5)),  # noqa: SLF001
     )

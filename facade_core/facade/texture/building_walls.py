@@ -1,5 +1,6 @@
-"""Compose an exemplar's style on the walls of a building: floors meet at corners, windows are whole, backs are
-plain.
+"""Compose an exemplar's style on the walls of a building.
+
+Floors meet at corners, windows are whole, backs are plain.
 """
 
 from __future__ import annotations
@@ -186,8 +187,9 @@ def _place_doors(
 
 
 def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
-    """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any; `source` as in
-    `_blank_cells`.
+    """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any.
+
+    `source` as in `_blank_cells`.
     """
     count, bare = len(wall_floor.heights), len(style.grid.columns)
     if not (
@@ -255,8 +257,7 @@ def _blank_cells(
     plain: int,
     blank: bool,
 ) -> None:
-    """Replace bays that do not fit into the free part by wall, and the exemplar's crown where the wall has none, in
-    place.
+    """Replace, in place, bays that do not fit into the free part, and crowns of walls without one.
 
     Parameters
     ----------

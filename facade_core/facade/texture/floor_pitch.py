@@ -71,8 +71,9 @@ def _horizontal_lines(image: UInt8Array, mask: BoolArray) -> Float64Array:
 
 
 def _find_pitch(lines: Float64Array, image: UInt8Array, mask: BoolArray, rng: np.random.Generator) -> int | None:
-    """Return the shift between two random lines under which most lines meet lines (Code 1); lines that leave do not
-    count.
+    """Return the shift between two random lines under which most lines meet lines (Code 1).
+
+    Lines that leave do not count.
     """
     height = image.shape[0]
     if len(lines) < 4:

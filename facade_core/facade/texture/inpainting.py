@@ -83,8 +83,9 @@ def inpaint(
 
 
 def _draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[Element]) -> UInt8Array:
-    """Draw class ids (H, W): visible labels, and in the hole elements with wall around windows and balconies, else
-    UNKNOWN.
+    """Draw class ids (H, W): visible labels, and the elements in the hole.
+
+    The hole holds wall around windows and balconies, else UNKNOWN.
 
     A completed layout says where windows are, not that nothing else is there: it often lacks shops, and the neighbour
     of a shop or a door is often a shop.

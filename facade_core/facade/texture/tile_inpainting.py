@@ -80,8 +80,9 @@ def fill_by_tiles(
 
 
 def _similar_contents(shares: FloatArray) -> BoolArray:
-    """Return, (n, n) bool, whether rows of tiles have the same labels in the same columns, from histograms (n, m,
-    classes).
+    """Return (n, n) bool: rows of tiles with the same labels in the same columns.
+
+    Labels come from histograms (n, m, classes).
     """
     flat = shares.reshape(len(shares), -1)
     are_similar: BoolArray = np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _MAX_LABEL_DIFFERENCE * shares.shape[1]

@@ -171,8 +171,9 @@ def _limit_heights(heights: Float64Array) -> Float64Array:
 
 
 def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: float) -> tuple[float, ...]:
-    """Divide a floor's height, metres, into the bands above, across and below its windows; windows keep theirs if
-    possible.
+    """Divide a floor's height, metres, into the bands above, across and below its windows.
+
+    Windows keep their height if possible.
     """
     rows = lattice_rows(style, floor)
     sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])

@@ -101,8 +101,9 @@ def _typical_difference(image: UInt8Array, seen: list[_Box]) -> float:
 
 
 def _find_source(image: UInt8Array, mask: BoolArray, box: _Box, seen: list[_Box]) -> tuple[float, int, int] | None:
-    """Find the most similar visible box of similar size: its difference, larger in other rows, and its offset right and
-    down.
+    """Find the most similar visible box of similar size.
+
+    Returns its difference, larger in other rows, and its offset right and down.
     """
     x0, y0, x1, y1 = box
     sides = np.array([x1 - x0, y1 - y0])

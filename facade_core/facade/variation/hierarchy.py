@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.core.arrays import Int32Array, UInt8Array
 from facade_core.core.errors import InputError
+from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 from facade_core.facade.variation.codec import decode_hierarchy_file
 from facade_core.facade.variation.contents import ElementGroup, VariationLevel
 from facade_core.facade.variation.enlargement import enlarge_facade
@@ -135,7 +136,7 @@ class Hierarchy:
             If the file cannot be read; the message names it.
         """
         try:
-            return Hierarchy.from_bytes(Path(path).read_bytes())
+            return Hierarchy.from_bytes(read_regular(Path(path), MAX_MODEL_BYTES))
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
         except InputError as error:

@@ -141,7 +141,7 @@ def _from_upper_left(corners: Float64Array) -> Float64Array:
 
 
 def _deduplicate(corners_found: Sequence[Float64Array]) -> list[int]:
-    """Indices of the lines to keep, in reading order: the largest of overlapping lines."""
+    """Return the indices of the lines to keep, in reading order: the largest of overlapping lines."""
     kept: list[int] = []
     boxes = [np.concatenate([corners.min(axis=0), corners.max(axis=0)]) for corners in corners_found]
     areas = [float(np.prod(box[2:] - box[:2])) for box in boxes]

@@ -75,7 +75,7 @@ def _comparable_pairs(wall: Int32Array, panorama: Int32Array, days: Sequence[int
 
 
 def _connected_groups(members: Int64Array, pairs: Int64Array) -> list[Int64Array]:
-    """Connected groups of the members, ascending; unconnected ones are left out."""
+    """Return the connected groups of the members, ascending; unconnected ones are left out."""
     local = np.searchsorted(members, pairs[np.isin(pairs, members).all(axis=1)])
     graph = coo_array((np.ones(len(local)), (local[:, 0], local[:, 1])), (len(members), len(members)))
     rows = group_rows(connected_components(graph, directed=False)[1])

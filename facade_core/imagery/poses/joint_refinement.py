@@ -166,7 +166,7 @@ def _adjust(
     before: tuple[PatchMatches, list[SurfaceCorrelation]],
     is_included: Sequence[bool],
 ) -> tuple[Float64Array, PatchMatches, list[SurfaceCorrelation]]:
-    """Changes (n, 6) of the included poses, the matches behind them, and the agreement of walls afterwards."""
+    """Return the changes (n, 6) of the included poses, the matches behind them, and the agreement of walls afterwards."""
     change = np.zeros((len(start), 6))
     usable = np.array(is_included)
     matches, agreements = before

@@ -169,8 +169,10 @@ def _surface_edges(scene: Scene, place: Float64Array) -> Float64Array:
 def _visible_outline(
     scene: Scene, place: Float64Array, point: Float64Array, along: Float64Array
 ) -> tuple[BoolArray, BoolArray]:
-    """Visibility of samples (k, 3) with different surfaces on both sides, the ground excluded; and sky on a side: (k,)
-    bool each."""
+    """Return (k,) bool each: samples (k, 3) between two surfaces, and samples with sky on a side.
+
+    The ground is excluded.
+    """
     charts = scene.charts
     rays = point - place
     distance = np.linalg.norm(rays, axis=1)
@@ -320,8 +322,9 @@ def fit_camera_position(
 def _fit_covariance(
     cost: Callable[[Float64Array], float], best: Float64Array, steps: Float64Array, expected: Float64Array
 ) -> Float64Array:
-    """Covariance (4, 4) at the minimum: inverse curvature over `steps` times SIGMA_COST, bounded by the errors
-    `expected`.
+    """Return the covariance (4, 4) at the minimum.
+
+    It is the inverse curvature over `steps` times SIGMA_COST, bounded by the errors `expected`.
 
     The fit hardly changes along an edge, or with distance to a far edge: height and distance are correlated.
     """

@@ -226,7 +226,7 @@ class _Search:
 
 
 def _is_sufficient(edges: OutlineSamples) -> bool:
-    """True if outlines may determine a position."""
+    """Return True if outlines may determine a position."""
     return int((edges.weight > 0).sum()) >= MIN_OUTLINE_GROUPS and float(edges.weight.sum()) >= MIN_OUTLINE_LENGTH
 
 

@@ -1,5 +1,7 @@
-"""Common patches of walls and ground in panoramas, by correlation of gradient magnitudes: whole surfaces, then
-patches."""
+"""Common patches of walls and ground in panoramas.
+
+Gradient magnitudes are correlated, of whole surfaces first, then of patches.
+"""
 
 from __future__ import annotations
 

@@ -65,8 +65,10 @@ class WallLines:
         return len(self.weight)
 
     def slopes(self, turn: Float64Array) -> Float64Array:
-        """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3,
-        3)."""
+        """Compute the angles (k,) in degrees between lines and axes on the rectified walls.
+
+        A world rotation (3, 3) is applied before.
+        """
         along = np.cross(self.plane @ turn.T, self.wall)
         slopes: Float64Array = (
             np.degrees(

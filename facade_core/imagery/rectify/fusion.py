@@ -191,7 +191,7 @@ def _exposure_gains(colour: Float32Array, clear: BoolArray, quality: Float32Arra
 
 
 def _reachable_views(pairs: BoolArray, start: int) -> BoolArray:
-    """Views (n,) bool that pairs (k, n) bool connect to a start view, directly or through others."""
+    """Return the views (n,) bool that pairs (k, n) bool connect to a start view, directly or through others."""
     reached: BoolArray = np.arange(pairs.shape[1]) == start
     for _ in range(pairs.shape[1]):
         reached = reached | pairs[(pairs & reached).any(axis=1)].any(axis=0)
@@ -214,8 +214,10 @@ def _unary_costs(colour: FloatArray, seen: Float32Array, clear: Float32Array, qu
 
 
 def _fill_unseen(colour: FloatArray, seen: Float32Array) -> FloatArray:
-    """Colours of the cells, with unseen ones copied from the views that see them: a seam at a view's border costs
-    nothing."""
+    """Return the colours of the cells, with unseen ones copied from the views that see them.
+
+    A seam at a view's border costs nothing.
+    """
     is_seen = (seen > 0).astype(np.float32)[..., None]
     others = (colour * is_seen).sum(axis=0) / np.maximum(is_seen.sum(axis=0), 1)
     return np.where(is_seen > 0, colour, others)

@@ -68,7 +68,7 @@ def _is_gateway(stats: Int32Array, height: int) -> bool:
 
 
 def _is_warped(image: UInt8Array, part: UInt8Array) -> bool:
-    """True if a part (h, w) uint8 has few straight sides, or one colour, which no deep shadow has."""
+    """Return True if a part (h, w) uint8 has few straight sides, or one colour, which no deep shadow has."""
     import cv2
 
     contours, _ = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)

@@ -91,8 +91,10 @@ def resample_panorama(
 
 
 def _needed_columns(x: Float32Array, margin: float, width: int, turn: float) -> tuple[int, Int64Array]:
-    """First column and all columns of the picture that texels at x need; a full panorama continues across its
-    border."""
+    """Return the first column and all columns of the picture that texels at x need.
+
+    A full panorama continues across its border.
+    """
     if turn > width:
         first = max(0, int(x.min() - margin))
         return first, np.arange(first, min(width, int(x.max() + margin) + 1))
@@ -208,8 +210,10 @@ def _resample_texels(
     rgb: UInt8Array,
     seen: BoolArray,
 ) -> None:
-    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; clear masked
-    ones."""
+    """Fill the seen texels from a part of the picture, and clear masked ones.
+
+    The part starts at column `first` and row `upper`.
+    """
     rows, columns = seen.shape
     for r in range(rows):
         for c in range(columns):

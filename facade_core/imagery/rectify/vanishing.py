@@ -224,8 +224,10 @@ def _agreement(miss: Float64Array, tolerance: float) -> Float64Array:
 
 
 def _angles(segments: Float64Array, points: Float64Array) -> Float64Array:
-    """Signed angles (n, k) in radians from segments (n, 2, 2) to the rays from their middles to points (k, 3) or (n, k,
-    3)."""
+    """Return the signed angles (n, k) in radians from segments (n, 2, 2) to rays through points.
+
+    Rays start at the middles of the segments; points are (k, 3) or (n, k, 3).
+    """
     step = segments[:, 1] - segments[:, 0]
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     middle = segments.mean(axis=1)

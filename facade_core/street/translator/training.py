@@ -36,7 +36,7 @@ from facade_core.street.translator.training_views import random_panorama_crop, r
 
 if TYPE_CHECKING:
     from torch import Tensor
-    from torch import device as TorchDevice
+    from torch import device as TorchDevice  # noqa: N812
 
     from facade_core.street.translator.network import Generator
 

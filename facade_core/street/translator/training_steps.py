@@ -29,7 +29,7 @@ from facade_core.street.translator.training_views import (
 
 if TYPE_CHECKING:
     from torch import Tensor
-    from torch import device as TorchDevice
+    from torch import device as TorchDevice  # noqa: N812
     from torch.optim import Optimizer
 
     from facade_core.street.translator.network import Discriminator, Generator, PatchEmbedding

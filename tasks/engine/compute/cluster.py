@@ -50,19 +50,19 @@ log = logging.getLogger(__name__)
 Look = Callable[["Client", float], SchedulerView]
 
 
-class ClusterGone(MachineError):
+class ClusterGoneError(MachineError):
     """The scheduler, or its last worker, is gone. Committed units stay."""
 
 
-class WorkersDied(FacadeError):
+class WorkersDiedError(FacadeError):
     """Every worker that ran a unit died."""
 
 
-class UnitOverran(FacadeError):
+class UnitTimeoutError(FacadeError):
     """A unit did not end in time on any worker."""
 
 
-class RunOverran(MachineError):
+class RunTimeoutError(MachineError):
     """A run did not end in time. Committed units stay."""
 
 
@@ -153,7 +153,7 @@ class Cluster:
                     self._deadlines.record(unit.stage, seconds)
                     return result
                 if future is None and unit.alone:
-                    raise WorkersDied(
+                    raise WorkersDiedError(
                         f"each of the workers that ran it died; it had declared {unit.memory / 1e6:.0f} MB: give workers more "
                         "memory (--workers 1, or dask worker --memory-limit), or leave out the picture it is made from"
                     )
@@ -311,20 +311,20 @@ class Cluster:
                     if self._client.status != "running" or now - answered > self._timeouts.silence:
                         self._end(cluster_gone_error())
                     elif self._until is not None and now > self._until:
-                        self._end(RunOverran(OVERRUN_MESSAGE))
+                        self._end(RunTimeoutError(OVERRUN_MESSAGE))
                     elif view is not None:
                         self._update(view, awake)
                 except Exception as error:
                     log.exception("the watcher of the cluster failed")
                     self._end(
-                        ClusterGone(f"the cluster cannot be watched ({type(error).__name__}: {error}); run again")
+                        ClusterGoneError(f"the cluster cannot be watched ({type(error).__name__}: {error}); run again")
                     )
                 self._changed.notify_all()
 
     def _update(self, view: SchedulerView, awake: float) -> None:
         self._registry.update(view, awake)
         if self._registry.empty > self._timeouts.empty:
-            self._end(ClusterGone(f"the Dask scheduler has no worker left; {START_WORKERS}"))
+            self._end(ClusterGoneError(f"the Dask scheduler has no worker left; {START_WORKERS}"))
         for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
             self._reconsider(unit, awake)
 
@@ -366,10 +366,11 @@ class Cluster:
             return
         said = f"it did not end within {longest:.0f} s, where {limit:.0f} are given to each of its kind"
         self._settle(
-            unit, error=UnitOverran(f"{said}; leave out what it is made from, or look at what its workers wait for")
+            unit,
+            error=UnitTimeoutError(f"{said}; leave out what it is made from, or look at what its workers wait for"),
         )
 
 
-def cluster_gone_error() -> ClusterGone:
+def cluster_gone_error() -> ClusterGoneError:
     """Build the error for a cluster that went away."""
-    return ClusterGone("the Dask cluster went away; run again to go on from here")
+    return ClusterGoneError("the Dask cluster went away; run again to go on from here")

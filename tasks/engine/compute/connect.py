@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError, MachineError
 from tasks.engine.compute.attempts import SubmittedUnit
-from tasks.engine.compute.cluster import OVERRUN_MESSAGE, Cluster, ClusterGone, RunOverran
+from tasks.engine.compute.cluster import OVERRUN_MESSAGE, Cluster, ClusterGoneError, RunTimeoutError
 from tasks.engine.compute.leases import ForgetCall
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
@@ -81,7 +81,7 @@ class SerialCompute:
     ) -> DeferredUnit[R]:
         """Defer a unit until its result is requested; `memory` and `worker` have no effect."""
         if self._until is not None and time.monotonic() > self._until:
-            raise RunOverran(OVERRUN_MESSAGE)
+            raise RunTimeoutError(OVERRUN_MESSAGE)
         return DeferredUnit(function, args, self)
 
     def iterate_completed(self, started: Iterable[SubmittedUnit[R]]) -> Iterator[SubmittedUnit[R]]:
@@ -224,7 +224,7 @@ def _start_local_cluster(workers: int) -> LocalCluster:
         except Exception as error:
             log.warning("local workers do not start: %s", error)
             cause = error
-    raise ClusterGone(
+    raise ClusterGoneError(
         f"{workers} local workers do not start: {' '.join(str(cause).split())} See to the machine's memory, or name fewer "
         "with --workers"
     ) from cause

@@ -19,23 +19,22 @@ def compile_kernels_once() -> None:
 
     A part that another process compiles is waited for at the end, for a bounded time: a stopped process must not block others.
     """
-    from facade_core.core.numba_cache import CACHE_FOLDER as folder
-    from facade_core.core.numba_cache import code_digest
+    from facade_core.core.numba_cache import CACHE_FOLDER, code_digest
     from facade_core.kernel_warmup import WARMUPS
 
-    if folder is None:  # nothing can be shared
+    if CACHE_FOLDER is None:  # nothing can be shared
         return
     try:
-        done = folder / f"compiled-{code_digest('facade_core.kernel_warmup')}"
+        done = CACHE_FOLDER / f"compiled-{code_digest('facade_core.kernel_warmup')}"
         if done.exists():
             return
-        left = [part for part in WARMUPS if not _compile_part(folder / f"{part.__name__}.lock", part, wait=False)]
-        if all([_compile_part(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
-            for before in folder.glob("compiled-*"):
+        left = [part for part in WARMUPS if not _compile_part(CACHE_FOLDER / f"{part.__name__}.lock", part, wait=False)]
+        if all([_compile_part(CACHE_FOLDER / f"{part.__name__}.lock", part, wait=True) for part in left]):
+            for before in CACHE_FOLDER.glob("compiled-*"):
                 before.unlink(missing_ok=True)
             done.touch()
     except Exception as error:  # units compile what they need, and say what is wrong
-        log.debug("what is compiled cannot be shared in %s: %s", folder, error)
+        log.debug("what is compiled cannot be shared in %s: %s", CACHE_FOLDER, error)
 
 
 def _compile_part(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:

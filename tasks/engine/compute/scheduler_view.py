@@ -113,7 +113,7 @@ class WorkerRegistry:
 
 def poll_scheduler(client: Client, timeout: float) -> SchedulerView:
     """Poll a scheduler. Raises TimeoutError if it does not answer in time, OSError if it is gone."""
-    answer: QueryAnswer = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
+    answer: QueryAnswer = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)  # noqa: SLF001
     workers, given, executing = answer
     return SchedulerView(
         {address: WorkerState(*fields) for address, fields in workers.items()}, given, frozenset(executing)

@@ -101,8 +101,10 @@ def index_usable_panoramas(
 
 
 def _chart_pieces(charts: Charts, chart: int) -> Float64Array:
-    """Return the corners (p, 4, 2), seen from above, of the pieces of a chart across its longer side: of at most
-    MAX_PIECE_M each."""
+    """Return the corners (p, 4, 2), seen from above, of the pieces of a chart.
+
+    It is cut across its longer side into pieces of at most MAX_PIECE_M.
+    """
     axes = np.stack([charts.axis_u[chart], charts.axis_v[chart]])
     sides = np.linalg.norm(axes[:, :2], axis=1) * charts.size[chart]
     count = int(np.clip(np.ceil(sides.max() / MAX_PIECE_M), 1, MAX_PANORAMAS_PER_SURFACE))

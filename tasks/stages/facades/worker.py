@@ -353,7 +353,7 @@ def _write_rasters(
 
 
 def _summarize(result: Facade) -> dict[str, object]:
-    """What the catalogue and the report say of a facade."""
+    """Return the record fields of a facade for the catalogue and the report."""
     pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, int] = {}
     for name, plural in _COUNT_NAMES.items():
@@ -390,7 +390,7 @@ def _summarize(result: Facade) -> dict[str, object]:
 
 
 def _variation_counts(hierarchy: Hierarchy) -> dict[str, int]:
-    """What the catalogue says of a hierarchy of variations."""
+    """Return the record fields of a variation hierarchy for the catalogue."""
     return {
         "variation_types": int((hierarchy.levels[0].counts > 0).sum()),
         "variation_levels": len(hierarchy.levels),

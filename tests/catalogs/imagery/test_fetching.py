@@ -19,7 +19,7 @@ from PIL import Image
 from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_path
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
 from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
-from catalogs.imagery.http_client import ServiceUnavailable
+from catalogs.imagery.http_client import ServiceUnavailableError
 from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import stac_service
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -158,7 +158,7 @@ def test_a_service_that_goes_away_ends_the_fetching(
     served.shots = [replace(GOOD, id=f"p{i}") for i in range(100)]
     for i in range(5, 100):
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")
-    with pytest.raises(ServiceUnavailable, match="answers 503"):
+    with pytest.raises(ServiceUnavailableError, match="answers 503"):
         fetched(served, tmp_path / "p")
     # Each of the five that come may do so when all but one of those that end it are lost; then the others' threads end too.
     assert (

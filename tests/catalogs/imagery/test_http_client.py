@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.imagery_server import Imagery, serving
 from catalogs.imagery import http_client
-from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, ServiceUnavailable
+from catalogs.imagery.http_client import HttpClient, RequestRejectedError, ServiceToken, ServiceUnavailableError
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from facade_core.core.errors import InputError
 
@@ -29,13 +29,13 @@ def test_a_service_that_is_busy_is_asked_again_after_the_pause_that_it_wants(ser
 
 def test_a_service_that_stays_away_is_left_after_a_few_attempts(served: Imagery) -> None:
     served.faults["/x"] = lambda *_: (502, {}, b"")
-    with pytest.raises(ServiceUnavailable, match=r"^http://127.0.0.1:\d+/x answers 502, 5 times; run again later"):
+    with pytest.raises(ServiceUnavailableError, match=r"^http://127.0.0.1:\d+/x answers 502, 5 times; run again later"):
         HttpClient(sleep=lambda _: None).fetch_text(f"{served.address}/x", params={"access_token": "secret"})
     assert served.asked["/x"] == http_client.MAX_ATTEMPTS
     served.faults["/x"] = lambda *_: (429, {"Retry-After": "86400"}, b"")
-    with pytest.raises(ServiceUnavailable, match="wants a pause of 86400 s; run again after that"):
+    with pytest.raises(ServiceUnavailableError, match="wants a pause of 86400 s; run again after that"):
         HttpClient().fetch_text(f"{served.address}/x")
-    with pytest.raises(ServiceUnavailable, match="connection refused"):
+    with pytest.raises(ServiceUnavailableError, match="connection refused"):
         HttpClient(sleep=lambda _: None).fetch_text("http://127.0.0.1:9/x")
 
 
@@ -44,7 +44,7 @@ def test_a_service_that_stays_away_is_left_after_a_few_attempts(served: Imagery)
 )
 def test_what_another_try_would_not_change_is_asked_once(served: Imagery, status: int, words: str) -> None:
     served.faults["/x"] = lambda *_: (status, {}, b"")
-    with pytest.raises(RequestRejected, match=words):
+    with pytest.raises(RequestRejectedError, match=words):
         HttpClient().fetch_text(f"{served.address}/x")
     assert served.asked["/x"] == 1
 
@@ -66,19 +66,19 @@ def test_a_token_goes_to_its_own_host_alone_also_over_a_redirect(served: Imagery
 def test_a_refusal_is_told_by_who_refuses(served: Imagery) -> None:
     served.faults["/x"] = lambda *_: (403, {}, b"")
     for host, words in ((served.address.removeprefix("http://"), "its token is refused"), ("elsewhere", "run again")):
-        with pytest.raises(RequestRejected, match=words):
+        with pytest.raises(RequestRejectedError, match=words):
             HttpClient(ServiceToken(host, "OAuth secret")).fetch_text(f"{served.address}/x")
 
 
 def test_redirects_end_and_lead_to_no_file(served: Imagery) -> None:
     served.faults["/round"] = lambda *_: (302, {"Location": "/round"}, b"")
-    with pytest.raises(RequestRejected, match="leads to another address"):
+    with pytest.raises(RequestRejectedError, match="leads to another address"):
         HttpClient().fetch_text(f"{served.address}/round")
     served.faults["/file"] = lambda *_: (302, {"Location": "file:///etc/passwd"}, b"")
-    with pytest.raises(RequestRejected, match="cannot be asked"):
+    with pytest.raises(RequestRejectedError, match="cannot be asked"):
         HttpClient().fetch_text(f"{served.address}/file")
     for address in ("file:///etc/passwd", "ftp://host/x", "/etc/passwd"):
-        with pytest.raises(RequestRejected, match="no address of http or https"):
+        with pytest.raises(RequestRejectedError, match="no address of http or https"):
             HttpClient().fetch_text(address)
 
 
@@ -89,7 +89,7 @@ def test_what_is_larger_than_a_picture_may_be_is_not_read(
     served.faults["/told"] = lambda *_: (200, {}, b"x" * 2000)
     served.faults["/untold"] = lambda *_: (200, {"Content-Length": "", "Connection": "close"}, b"x" * 2000)
     for path in ("/told", "/untold"):
-        with pytest.raises(RequestRejected, match="take a smaller one by hand"):
+        with pytest.raises(RequestRejectedError, match="take a smaller one by hand"):
             HttpClient().download(f"{served.address}{path}", tmp_path / "picture")
     assert list(tmp_path.iterdir()) == []
 
@@ -100,7 +100,7 @@ def test_a_picture_that_is_cut_off_on_its_way_is_asked_for_again(served: Imagery
     HttpClient(sleep=lambda _: None).download(f"{served.address}/p", tmp_path / "picture")
     assert (tmp_path / "picture").stat().st_size == 100
     served.faults["/p"] = lambda *_: (200, {"Content-Length": "100"}, b"x" * 10)
-    with pytest.raises(ServiceUnavailable, match=r"cannot be read \(cut off\), 5 times"):
+    with pytest.raises(ServiceUnavailableError, match=r"cannot be read \(cut off\), 5 times"):
         HttpClient(sleep=lambda _: None).download(f"{served.address}/p", tmp_path / "other")
     assert [path.name for path in tmp_path.iterdir()] == ["picture"]
 
@@ -108,7 +108,7 @@ def test_a_picture_that_is_cut_off_on_its_way_is_asked_for_again(served: Imagery
 def test_what_drips_is_left(served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(http_client, "TOTAL_TIMEOUT_S", -1.0)
     served.faults["/p"] = lambda *_: (200, {}, b"x")
-    with pytest.raises(ServiceUnavailable, match="too slow"):
+    with pytest.raises(ServiceUnavailableError, match="too slow"):
         HttpClient(sleep=lambda _: None).download(f"{served.address}/p", tmp_path / "picture")
 
 

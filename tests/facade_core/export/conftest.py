@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from benchmarks.clients import validators
-from benchmarks.programs import Absent, node, package
+from benchmarks.programs import MissingProgramError, node, package
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Street
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
@@ -58,6 +58,6 @@ def gltf_issues() -> Callable[..., list[dict[str, Any]]]:
     try:
         package("gltf-validator")
         node()
-    except Absent as absent:
+    except MissingProgramError as absent:
         pytest.skip(str(absent))
     return validators.gltf_issues

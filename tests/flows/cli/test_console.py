@@ -15,7 +15,7 @@ from flows import console
 from flows.cli.exit_codes import exit_code_and_message
 from flows.console import ProgressLines, print_summary
 from flows.log_file import find_error_log, log_to_run_folder
-from tasks.engine.compute.cluster import ClusterGone
+from tasks.engine.compute.cluster import ClusterGoneError
 from tasks.engine.outcome import log_units
 from tasks.engine.progress import begin_stage, report_progress
 
@@ -52,7 +52,7 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         (MachineError("facades a: No space left"), 70, "facades a: No space left"),
         (OSError(28, "No space left on device", "/x"), 70, "No space left on device; free some space and run again"),
         (MemoryError(), 70, "free some memory"),
-        (ClusterGone("the cluster went away"), 75, "the cluster went away"),
+        (ClusterGoneError("the cluster went away"), 75, "the cluster went away"),
         (KeyError("inner"), 70, "stopped by an error of its own (KeyError: 'inner'); where is in "),
     ],
 )

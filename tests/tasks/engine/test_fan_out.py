@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from facade_core.core.errors import FacadeError
 from tasks.engine import fan_out
-from tasks.engine.compute.cluster import ClusterGone
+from tasks.engine.compute.cluster import ClusterGoneError
 from tasks.engine.compute.connect import SerialCompute, connect
 from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, process_batch, unit_group_memory
 from tasks.engine.pending import PendingUnits
@@ -164,7 +164,7 @@ def test_in_this_process_a_unit_is_committed_before_the_next_starts(
 class Gone(SerialCompute):
     def iterate_completed(self, started: Any) -> Any:
         yield from list(started)[:2]
-        raise ClusterGone("away")
+        raise ClusterGoneError("away")
 
 
 def test_a_cluster_that_goes_away_leaves_no_failed_records(

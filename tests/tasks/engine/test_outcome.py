@@ -18,7 +18,7 @@ from zarr.errors import GroupNotFoundError
 
 from facade_core.core.errors import FacadeError, ImageError, MachineError, ModelFileError, StoreError
 from tasks.engine import fan_out
-from tasks.engine.compute.cluster import ClusterGone, WorkersDied
+from tasks.engine.compute.cluster import ClusterGoneError, WorkersDiedError
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
 from tasks.engine.outcome import failure_record, is_machine_fault, machine_error
@@ -82,7 +82,7 @@ MACHINES: dict[str, tuple[BaseException, str]] = {
     "picture on a dying disk": (wrapped(OSError(errno.EIO, "i/o"), ImageError("a.png: not readable")), "Input/output"),
     "while handling": (while_handling(FULL, ValueError("cannot close")), "No space left"),
     "in a group": (ExceptionGroup("several", [ValueError("x"), MemoryError()]), "free some memory"),
-    "cluster": (ClusterGone("the cluster went away"), "the cluster went away"),
+    "cluster": (ClusterGoneError("the cluster went away"), "the cluster went away"),
 }
 INPUTS: dict[str, BaseException] = {
     "value": ValueError("bad"),
@@ -91,7 +91,7 @@ INPUTS: dict[str, BaseException] = {
     "folder for a file": IsADirectoryError(errno.EISDIR, "is a directory", "a.png"),
     "truncated picture": OSError("image file is truncated"),
     "picture": wrapped(OSError("cannot identify"), ImageError("a.png: not a readable image")),
-    "unit that takes too much": WorkersDied("each of the 2 workers that ran it died"),
+    "unit that takes too much": WorkersDiedError("each of the 2 workers that ran it died"),
 }
 
 
@@ -118,7 +118,7 @@ def test_a_failed_unit_keeps_where_it_failed() -> None:
     assert "raise outer from error" in record["traceback"]
 
 
-class Odd(Exception):
+class OddError(Exception):
     """An error that does not survive the way between processes as it is."""
 
     def __init__(self, one: str, two: Any) -> None:
@@ -129,9 +129,9 @@ class Odd(Exception):
 def unit(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     index = units[0].index
     if index == 1:
-        raise Odd("input", 2)
+        raise OddError("input", 2)
     if index == 2:
-        raise Odd("disk", lambda: 2) from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        raise OddError("disk", lambda: 2) from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     return fork, {index: {"unit": str(index), "status": "done"}}
 
 

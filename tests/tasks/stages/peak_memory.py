@@ -229,7 +229,7 @@ def drawn(height, width):
         stages = [
             lambda: overlay_occlusion(made.evidence.copy(), made.occluded.copy()),
             lambda: draw_parse(made.labels.copy(), made.lattice),
-            lambda: made.image.copy(),
+            made.image.copy,
             *(lambda level=level: draw_level(held, level) for level in (0, len(held.levels) - 1)),
             *(lambda seed=seed: held.sample(len(held.levels) // 2, seed) for seed in REPORT_SAMPLE_SEEDS),
         ]

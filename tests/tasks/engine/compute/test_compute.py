@@ -19,7 +19,7 @@ from distributed import LocalCluster
 
 from facade_core.core.errors import InputError
 from tasks.engine.compute import connect as compute
-from tasks.engine.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
+from tasks.engine.compute.cluster import Cluster, ClusterGoneError, RunTimeoutError, WorkersDiedError
 from tasks.engine.compute.connect import connect
 from tasks.engine.compute.scheduler_view import SchedulerView, WorkerState
 from tasks.engine.compute.timeouts import Timeouts
@@ -183,12 +183,12 @@ def test_leases_wait_for_a_thread_and_take_a_worker_that_joins() -> None:
 def test_a_cluster_without_workers_is_not_waited_for_for_ever() -> None:
     machines = Machines()
     with watched(machines, empty=0.2) as empty:
-        with pytest.raises(ClusterGone, match="no worker left; start some"), empty.lease(1):
+        with pytest.raises(ClusterGoneError, match="no worker left; start some"), empty.lease(1):
             pass
-        with pytest.raises(ClusterGone, match="no worker left"):
+        with pytest.raises(ClusterGoneError, match="no worker left"):
             empty.submit(square, 1)
     machines.status = "connecting"
-    with watched(machines) as gone, pytest.raises(ClusterGone, match="went away; run again"), gone.lease(1):
+    with watched(machines) as gone, pytest.raises(ClusterGoneError, match="went away; run again"), gone.lease(1):
         pass
 
 
@@ -196,18 +196,18 @@ def test_a_scheduler_that_does_not_answer_is_given_up() -> None:
     machines = Machines()
     with watched(machines, silence=0.2) as made:
         machines.silent = True
-        with pytest.raises(ClusterGone, match="went away"), made.lease(1):
+        with pytest.raises(ClusterGoneError, match="went away"), made.lease(1):
             pass
 
 
 def test_a_run_ends_at_its_time() -> None:
     with (
         watched(Machines(), until=time.monotonic()) as made,
-        pytest.raises(RunOverran, match="longer than its deadline; run again"),
+        pytest.raises(RunTimeoutError, match="longer than its deadline; run again"),
         made.lease(1),
     ):
         pass
-    with pytest.raises(RunOverran):
+    with pytest.raises(RunTimeoutError):
         compute.SerialCompute(until=time.monotonic()).submit(square, 1)
 
 
@@ -329,7 +329,7 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
             number = units.pop(unit)
             if number is None:
                 with pytest.raises(
-                    WorkersDied, match=r"workers that ran it died; it had declared 190 MB: give"
+                    WorkersDiedError, match=r"workers that ran it died; it had declared 190 MB: give"
                 ) as raised:
                     unit.result()
                 assert "\n" not in str(raised.value)
