@@ -173,10 +173,10 @@ import sys
 from pathlib import Path
 from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import ImageryQuery
+from catalogs.imagery.remote_panorama import PanoramaQuery
 from catalogs.imagery.services import stac_service
 service, fetch_log = stac_service(sys.argv[1]), read_fetch_log(Path(sys.argv[2]))
-panoramas = list(service.search(ImageryQuery((7.0, 48.0, 8.0, 49.0))))
+panoramas = list(service.search(PanoramaQuery((7.0, 48.0, 8.0, 49.0))))
 fetch_panoramas(service.name, panoramas, fetch_log, service.download, lambda _: None, lambda _: None)
 fetch_log.write_poses()
 """
