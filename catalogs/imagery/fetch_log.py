@@ -12,7 +12,7 @@ from threading import Lock
 from catalogs.crs import LONLAT
 from catalogs.features import safe_file_stem
 from catalogs.imagery.remote_panorama import RemotePanorama
-from catalogs.readers.json_text import parse_json
+from catalogs.readers.json_text import parse_json_object
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
@@ -178,7 +178,7 @@ def _parse_lines(path: Path, text: bytes) -> Iterator[FetchedPicture]:
     lines = TypeAdapter(FetchedPicture)
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            values = parse_json(line, f"{path}: line {number}")
+            values = parse_json_object(line, f"{path}: line {number}")
             kept = lines.validate_python({FETCH_LOG_KEYS.get(key, key): value for key, value in values.items()})
         except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error

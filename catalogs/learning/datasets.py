@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.readers.json_text import load_json
+from catalogs.readers.json_text import load_json_object
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import AnyArray, UInt8Array
 from facade_core.core.errors import ImageError, InputError
@@ -226,12 +226,12 @@ def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
     folder = Path(folder)
     path = folder / "annotations.coco.json"
     try:
-        record = load_json(path, MAX_TEXT_BYTES)
+        record = load_json_object(path, MAX_TEXT_BYTES)
         meaning = {category["id"]: _SWISS_CATEGORIES[category["name"]] for category in record["categories"]}
         polygons: dict[int, list[JsonObject]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
             polygons[polygon["image_id"]].append(polygon)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not the polygons of the swiss set ({error!r}); fetch the file again") from error
     for photo in record["images"]:
         image = _read_image(folder / photo["file_name"], "RGB")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.readers.json_text import parse_json
+from catalogs.readers.json_text import parse_json_object
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import read_regular
@@ -61,7 +61,7 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                yield _parse_record(parse_json(line.encode(), f"{path}: line {number}"), number)
+                yield _parse_record(parse_json_object(line.encode(), f"{path}: line {number}"), number)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
 

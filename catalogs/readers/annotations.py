@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
 from catalogs.gdal_paths import gdal_read_path
-from catalogs.readers.json_text import load_json, parse_json
+from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
@@ -99,7 +99,9 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         if path.suffix.lower() == ".jsonl":
             lines = read_regular(path).split(b"\n")
             documents = (
-                parse_json(line, f"{path}: line {number}") for number, line in enumerate(lines, 1) if line.strip()
+                parse_json_object(line, f"{path}: line {number}")
+                for number, line in enumerate(lines, 1)
+                if line.strip()
             )
             return [annotation for document in documents for annotation in _parse_cityjson(document)]
         document = load_json(path, MAX_TEXT_BYTES)

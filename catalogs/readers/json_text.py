@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from facade_core.core.errors import InputError
-from facade_core.core.json_types import JsonValue
+from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import open_regular
 
 _MAX_WORD_LENGTH = len("-Infinity")
@@ -49,6 +49,34 @@ def load_json(path: Path, max_bytes: int | None = None) -> JsonValue:
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
     return parse_json(text, str(path))
+
+
+def load_json_object(path: Path, max_bytes: int | None = None) -> JsonObject:
+    """Load a JSON file that holds an object; see `load_json`.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or holds another value.
+    """
+    return _require_object(load_json(path, max_bytes), str(path))
+
+
+def parse_json_object(text: bytes, where: str) -> JsonObject:
+    """Parse a JSON text that is an object; see `parse_json`.
+
+    Raises
+    ------
+    InputError
+        One line that begins with `where`, for an invalid text or another value.
+    """
+    return _require_object(parse_json(text, where), where)
+
+
+def _require_object(value: JsonValue, where: str) -> JsonObject:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} holds no JSON object, which begins with {{; export it anew")
+    return value
 
 
 def parse_json(text: bytes, where: str) -> JsonValue:
