@@ -39,7 +39,9 @@ _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
-_UNUSED_ALTITUDE_REASON = "panoramas whose altitude is not used, since altitudes of GPS vary by metres; name the column z where they are surveyed"
+_UNUSED_ALTITUDE_REASON = (
+    "panoramas whose altitude is not used, since altitudes of GPS vary by metres; name its column z if it is surveyed"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,10 +41,10 @@ _FIELD_NAMES = {
     "altitude": ("altitude", "alt", "elevation", "ele", "gpsaltitude", "gps_altitude", "z/altitude", "computed_altitude"),
     "heading": (
         "heading", "computed_compass_angle", "compass_angle", "view_azimuth", "azimuth", "yaw", "bearing", "compass",
-        "true_heading", "poseheadingdegrees", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
+        "true_heading", "poseheading", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
     ),
-    "pitch": ("pitch", "pers_pitch", "posepitchdegrees", "pose_pitch"),
-    "roll": ("roll", "pers_roll", "poserolldegrees", "pose_roll"),
+    "pitch": ("pitch", "pers_pitch", "posepitch", "pose_pitch"),
+    "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
 }  # fmt: skip
 _ANGLES = ("heading", "pitch", "roll", "lon", "lat")
 # Unit at the end of a field's name: "yaw_deg", "Heading[rad]", "Easting (m)".
@@ -205,20 +205,20 @@ def _picture_name(record: JsonObject) -> str:
 def _first_value(record: JsonObject, key: str) -> object:
     """Return the first stated value of a field, angles in degrees."""
     known: dict[str, str] = {}
-    for name, value in record.items():
-        if value not in (None, "") and isinstance(name, str):
-            known.setdefault(_field_name(name), name)
+    for stated, content in record.items():
+        if content not in (None, ""):
+            known.setdefault(_field_name(stated), stated)
     name = next((known[one] for one in _FIELD_NAMES[key] if one in known), None)
     if name is None:
         return None
-    value = record[name]
-    unit = _UNIT.search(name.lower())
+    unit, value = _UNIT.search(name.lower()), record[name]
     if key in _ANGLES and unit and unit[1].startswith("rad") and isinstance(value, str | int | float):
         try:
             return math.degrees(float(value))
         except ValueError:  # named by `_finite_number`
-            return value
-    return value
+            pass
+    found: object = value
+    return found
 
 
 def _field_name(name: str) -> str:

@@ -6,6 +6,8 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -186,3 +188,48 @@ def test_poses_come_back(
         assert (other.x, other.y) == pytest.approx((pose.x, pose.y), abs=1e-8)
         assert (other.heading - pose.heading + 180) % 360 == pytest.approx(180, abs=1e-5)
         assert (other.pitch, other.roll) == pytest.approx((pose.pitch, pose.roll), abs=1e-5)
+
+
+YAW = SourcePose(LONLAT, 24.93, 60.16, None, 88.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("filename,latitude,longitude,altitude,yaw,pitch,roll\np.jpg,60.16,24.93,20,88,1,2\n", YAW),
+        ("# 1 camera, exported\n#Label,X/Longitude,Y/Latitude,Z/Altitude,Yaw,Pitch,Roll\np.jpg,24.93,60.16,20,88,1,2\n", YAW),
+        (
+            "sep=;\nFile Name;Lat;Long;Alt (m);Heading[deg];Pitch[deg];Roll[deg]\np.jpg;60.16;24.93;20;88;1;2\n",
+            YAW,
+        ),
+        (
+            "SourceFile,GPSLatitude,GPSLongitude,GPSAltitude,PoseHeadingDegrees,PosePitchDegrees,PoseRollDegrees\n"
+            "./dcim/p.jpg,60.16,24.93,20,88,1,2\n",
+            YAW,
+        ),
+        ('{"poses": {"p.jpg": {"Latitude": 60.16, "Longitude": 24.93, "yaw": 88, "pitch": 1, "roll": 2, "alt": 20}}}', YAW),
+        ("image,easting,northing,z,bearing_rad\np.jpg,5,6,7,1.5707963267948966\n", SourcePose(None, 5, 6, 7, 90.0)),
+        ("file,x,y,yaw,heading\np.jpg,5,6,7,8\n", SourcePose(None, 5, 6, None, 8.0)),
+    ],
+)  # fmt: skip
+def test_names_of_other_programs(content: str, expected: SourcePose, tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text(content)
+    found = read_poses(tmp_path / "poses.csv")
+    altitude = expected is YAW
+    assert found == {"p.jpg": replace(expected, has_unused_altitude=altitude)}
+
+
+def test_a_heading_that_is_no_number_is_named(tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text("image;lat;lon;yaw_rad\np.jpg;60.16;24.93;1,5\n")
+    assert read_poses(tmp_path / "poses.csv") == {
+        "p.jpg": "poses.csv: p.jpg: heading is '1,5', not a finite number; mend that entry"
+    }
+
+
+@pytest.mark.realdata
+def test_yaw_of_the_field_inputs(data: Path) -> None:
+    folder = data / "field_inputs" / "poses-yaw-only"
+    if not folder.is_dir():
+        pytest.skip("no field inputs in the data folder")
+    poses = read_poses(folder / "poses.csv")
+    assert [pose.heading for pose in poses.values() if isinstance(pose, SourcePose)] == [88.2, 73.2, 108.2]

@@ -1,0 +1,105 @@
+"""Heights of cameras of another datum than the ground."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from catalogs.block.camera_heights import correct_camera_heights, ground_heights
+from catalogs.block.reader import read_block
+from catalogs.readers.pictures.panoramas import PosedPanorama
+from facade_core.core.types import Building, ElevationRaster, Pose
+
+USUAL = 2.5
+
+
+def buildings(*bases: float | None) -> list[Building]:
+    """Return houses 20 m apart along x."""
+    return [
+        Building(str(i), shapely.box(20.0 * i, 10.0, 20.0 * i + 10.0, 20.0), 9.0, "height", base=base)
+        for i, base in enumerate(bases)
+    ]
+
+
+def cameras(*heights: float | None) -> list[PosedPanorama]:
+    """Return panoramas 20 m apart, in front of the houses."""
+    return [PosedPanorama(f"p{i}", Path(f"p{i}.jpg"), Pose(20.0 * i + 5.0, 0.0, z, 0.0)) for i, z in enumerate(heights)]
+
+
+def corrected(heights: list[float | None], bases: list[float | None], terrain: ElevationRaster | None = None):
+    found, notes = correct_camera_heights(cameras(*heights), ground_heights(buildings(*bases), terrain), USUAL)
+    return [one.pose.z for one in found], notes
+
+
+@pytest.mark.parametrize(
+    ("heights", "bases"),
+    [
+        ([2.5, 3.0, None], [None] * 3),
+        ([14.5, 15.0, 0.5 + 12], [12.0] * 3),
+        ([None, None], [40.0, 41.0]),
+        ([8.0], [0.0]),
+    ],
+)
+def test_plausible_and_absent_heights_stay(heights: list[float | None], bases: list[float | None]) -> None:
+    assert corrected(heights, bases) == (heights, ())
+
+
+@pytest.mark.parametrize("z", [14.5, 31.9, -40.0, 0.0, 0.2, 2540.0])
+def test_heights_over_ground_of_unknown_height_are_ignored(z: float) -> None:
+    found, (note,) = corrected([z, z + 0.4, 2.0], [None] * 3)
+    assert found == [None] * 3
+    assert "of another datum ignored" in note
+    assert note.endswith("whose height no source states; give terrain: {path: ...}, or leave z out: 3 (p0, p1, p2)")
+
+
+@pytest.mark.parametrize("offset", [18.2, 45.7, -31.0, 6.0])
+def test_a_common_offset_is_removed(offset: float) -> None:
+    stated = [10.0 + offset + 2.3, 11.0 + offset + 2.5, None, 12.0 + offset + 2.7]
+    found, (note,) = corrected(stated, [10.0, 11.0, 11.5, 12.0])
+    assert found[2] is None
+    # the ground is the median of the nearest bases: 11.25 m
+    assert [z for z in found if z is not None] == pytest.approx([12.55, 13.75, 14.95])
+    assert "another datum than the ground" in note
+    assert ("lowered by" if offset > 0 else "raised by") in note
+    assert note.endswith(": 3 (p0, p1, p3)")
+
+
+def test_heights_above_the_ground_are_added_to_it() -> None:
+    slope = ElevationRaster(-50.0, 50.0, 1.0, np.tile(np.arange(200, dtype=np.float32), (101, 1)))
+    found, (note,) = corrected([2.0, 2.2, 1.8], [None] * 3, slope)
+    assert found == pytest.approx([57.0, 77.2, 96.8])
+    assert "heights above the ground" in note
+
+
+def test_single_outliers_are_ignored() -> None:
+    found, (note,) = corrected([12.5, 12.4, 60.0, 12.6], [10.0] * 4)
+    assert found == [12.5, 12.4, None, 12.6]
+    assert note.endswith("50.0 m above the ground (a camera is 0.5 to 8 m), mend z, or leave it out: 1 (p2)")
+    found, notes = corrected([32.5, 32.4, 160.0, 32.6], [10.0] * 4)
+    assert found == [pytest.approx(12.45), pytest.approx(12.35), None, pytest.approx(12.55)]
+    assert len(notes) == 2
+
+
+def test_heights_without_a_common_offset_are_ignored() -> None:
+    found, (note,) = corrected([50.0, 90.0, 130.0, 170.0], [10.0] * 4)
+    assert found == [None] * 4
+    assert "40.0 to 160.0 m above the ground" in note
+
+
+def test_cameras_beyond_the_known_terrain_keep_their_heights() -> None:
+    unknown = ElevationRaster(-50.0, 50.0, 1.0, np.full((101, 200), np.nan, np.float32))
+    assert corrected([50.0, 90.0], [None] * 2, unknown) == ([50.0, 90.0], ())
+
+
+@pytest.mark.realdata
+def test_sea_level_heights_over_flat_ground(data: Path) -> None:
+    folder = data / "field_inputs"
+    if not folder.is_dir():
+        pytest.skip("no field inputs in the data folder")
+    plain, above_sea = (read_block(folder / name / "block.yaml") for name in ("pano-plain", "pano-z-sea-level"))
+    assert [one.pose for one in above_sea.panoramas] == [one.pose for one in plain.panoramas]
+    assert any("of another datum" in note for note in above_sea.notes)
+    assert not any("of another datum" in note for note in plain.notes)
