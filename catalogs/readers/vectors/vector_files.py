@@ -88,8 +88,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
             if id in features.id_remarks:
                 remarks.append(Remark(id, f"buildings of {path.name} {features.id_remarks[id]}", geometry))
             ground = tags.get("ground")
-            stated_base = float(ground) if ground else base if shell is None else None
-            items.append(replace(footprint, base=stated_base, shell=shell))
+            items.append(replace(footprint, base=float(ground) if ground else base, shell=shell))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
+import numpy as np
 import pandas
 import pytest
 import shapely
@@ -265,7 +266,7 @@ def test_z_is_the_ground_where_all_have_it(tmp_path: Path) -> None:
         assert not any(f.outline.has_z for f in found.items)
 
 
-def test_a_solid_drawn_as_faces_becomes_what_it_covers(tmp_path: Path) -> None:
+def test_a_solid_drawn_as_faces_keeps_them_and_covers_its_outline(tmp_path: Path) -> None:
     ring = [(0, 0, 2), (10, 0, 2), (10, 10, 2), (0, 10, 2)]
     faces = [Polygon(ring), Polygon([(x, y, 9) for x, y, _ in ring])]
     faces += [Polygon([a, b, (*b[:2], 9), (*a[:2], 9)]) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
@@ -274,6 +275,7 @@ def test_a_solid_drawn_as_faces_becomes_what_it_covers(tmp_path: Path) -> None:
     (found,) = read_vector_footprints(path).items
     assert found.outline.area == pytest.approx(100)
     assert found.base == 2.0
+    assert found.shell is not None and np.ptp(found.shell.vertices[:, 2]) == 7.0
 
 
 def test_layers_are_told_apart_by_kind_and_name(tmp_path: Path) -> None:
