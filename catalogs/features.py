@@ -45,6 +45,8 @@ class Footprint:
     min_height : metres from the ground to the lower end, as in the tag `min_height`.
     min_level : the same as a number of floors, used without min_height.
     shell : faces of a solid, in the frame of the source; None for an outline.
+    whole_id : id of the building of which this is a part, as the source states it.
+    has_parts : True where the source states that the building has parts.
     """
 
     id: str
@@ -62,6 +64,8 @@ class Footprint:
     min_height: float | None = None
     min_level: float | None = None
     shell: BuildingShell | None = None
+    whole_id: str | None = None
+    has_parts: bool = False
 
     @property
     def starts_above_ground(self) -> bool:
@@ -216,6 +220,22 @@ class BuildingModels:
             return replace(model, shell=shell, base=None if model.base is None else model.base + offset[2])
 
         return replace(self, items=tuple(map(move, self.items)))
+
+    def scale_heights(self, metres_per_unit: float) -> BuildingModels:
+        """Return a copy whose heights are in metres.
+
+        metres_per_unit: metres per unit of the heights as they are.
+        """
+
+        def scale(model: BuildingModel) -> BuildingModel:
+            return replace(
+                model,
+                shell=replace(model.shell, vertices=model.shell.vertices * (1.0, 1.0, metres_per_unit)),
+                height=None if model.height is None else model.height * metres_per_unit,
+                base=None if model.base is None else model.base * metres_per_unit,
+            )
+
+        return replace(self, items=tuple(map(scale, self.items)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from shapely import MultiPolygon, Polygon
 
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
+from catalogs.buildings.part_files import attach_parts
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.crs import coordinate_transform
@@ -97,7 +98,7 @@ def assemble_buildings(
     around: list[_Candidate] = []
     textures: list[Path] = []
     stated: dict[str, list[BaseGeometry]] = defaultdict(list)
-    for source in _separate_solids(sources):
+    for source in _separate_solids(attach_parts(sources, crs)):
         assert source.crs is not None, "the block gives a frame to every source"
         places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
         for remark, place in zip(source.remarks, places, strict=True):

@@ -47,6 +47,7 @@ STREET_HIGHWAYS = frozenset(
 OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
 MAX_TAGGED_HEIGHT_M = 1000.0  # m; higher tags are errors
 MIN_WALL_HEIGHT_M = 2.0  # m; walls
+_TRUE_WORDS = frozenset(("yes", "true", "1", "t", "y"))
 _MAX_LIST_LENGTH = 10_000  # letters
 
 
@@ -124,6 +125,8 @@ def parse_footprint(
         is_part=is_building_part(tags),
         min_height=_length_tag(tags, "min_height") or None,
         min_level=parse_floor_count(tags.get("building:min_level", "")),
+        whole_id=stated_whole if (stated_whole := tags.get("building_id")) != feature else None,
+        has_parts=_is_true(tags, "has_parts"),
     )
 
 
@@ -267,9 +270,13 @@ def _exclusion_reason(geometry: BaseGeometry | None, tags: Mapping[str, str]) ->
         return "buildings that are no closed outlines"
     if tags.get("building") in OPEN_ROOF_VALUES or tags.get("building:part") in OPEN_ROOF_VALUES:
         return "roofs without walls"
-    if _number_tag(tags, "layer") < 0 or tags.get("location") == "underground":
+    if _number_tag(tags, "layer") < 0 or tags.get("location") == "underground" or _is_true(tags, "is_underground"):
         return "buildings under ground"
     return None
+
+
+def _is_true(tags: Mapping[str, str], key: str) -> bool:
+    return tags.get(key, "").strip().lower() in _TRUE_WORDS
 
 
 def _length_tag(tags: Mapping[str, str], key: str) -> float:

@@ -275,7 +275,8 @@ def test_a_solid_drawn_as_faces_keeps_them_and_covers_its_outline(tmp_path: Path
     (found,) = read_vector_footprints(path).items
     assert found.outline.area == pytest.approx(100)
     assert found.base == 2.0
-    assert found.shell is not None and np.ptp(found.shell.vertices[:, 2]) == 7.0
+    assert found.shell is not None
+    assert np.ptp(found.shell.vertices[:, 2]) == 7.0
 
 
 def test_layers_are_told_apart_by_kind_and_name(tmp_path: Path) -> None:
