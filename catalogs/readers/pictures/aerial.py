@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import threading
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import numpy as np
 
 from catalogs.crs import bounds_to_lonlat
 from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
@@ -231,7 +233,17 @@ def _read_box(
         for index, colour in raster.colormap(1).items():
             table[index] = colour
         values = np.moveaxis(table[values[0]][..., :3], -1, 0)
-    return np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1)), alpha
+    rgb = np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1))
+    profile = _colour_profile(raster)
+    return rgb if profile is None else profile.convert_array(rgb), alpha
+
+
+def _colour_profile(raster: DatasetReader) -> ColourProfile | None:
+    try:
+        content = base64.b64decode(str(raster.tags(ns="COLOR_PROFILE").get("SOURCE_ICC_PROFILE", "")))
+    except ValueError:
+        return None
+    return profile_to_srgb(content, ("RGB",) if raster.count >= 3 else ("RGB", "L"))
 
 
 def _sample_bilinear(

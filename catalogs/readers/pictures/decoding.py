@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.reader_errors import is_system_error, short_message
+from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
@@ -56,7 +57,9 @@ class Picture:
 def read_picture(
     path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | None = None, min_side: int = 1
 ) -> Picture:
-    """Read a picture as RGB in the orientation of its EXIF; the first of several frames.
+    """Read a picture as sRGB in the orientation of its EXIF; the first of several frames.
+
+    An embedded colour profile is applied.
 
     Larger pictures are reduced while they are decoded, by means of pixels.
 
@@ -88,6 +91,8 @@ def read_picture(
             if image.format == "TIFF" and turned >= 5:
                 size = size[::-1]  # read_high_depth returns stored values
             rgb, hidden = read_high_bit_depth(path, max(1, math.floor(1 / scale)))
+            if profile := profile_to_srgb(image.info.get("icc_profile"), _profile_modes(image)):
+                rgb = profile.convert_array(rgb)
         else:
             image.draft(None, (size[1], size[0]))  # decodes a JPEG at a half, a quarter or an eighth
             image.load()
@@ -153,9 +158,10 @@ def _convert_to_rgb(image: Image, factor: int) -> tuple[UInt8Array, BoolArray]:
     rgb, hidden = np.empty((rows, columns, 3), np.uint8), np.zeros((rows, columns), bool)
     step = max(1, _STRIP_PIXELS // (width * factor))
     transparent = image.has_transparency_data
+    profile = profile_to_srgb(image.info.get("icc_profile"), _profile_modes(image))
     for row in range(0, rows, step):
         strip = image.crop((0, row * factor, width, min(height, (row + step) * factor)))
-        colour = _to_rgba(strip) if transparent else _to_rgb(strip)
+        colour = _to_rgba(strip, profile) if transparent else _to_rgb(strip, profile)
         if factor > 1:
             colour = colour.reduce(factor)
         values = np.asarray(colour)
@@ -165,11 +171,25 @@ def _convert_to_rgb(image: Image, factor: int) -> tuple[UInt8Array, BoolArray]:
     return rgb, hidden
 
 
-def _to_rgba(image: Image) -> Image:
-    return image.convert("RGBA")
+def _profile_modes(image: Image) -> tuple[str, ...]:
+    """Return the modes of the profiles that can describe the colours of an image."""
+    if image.mode == "CMYK":
+        return ("CMYK",)
+    return ("RGB", "L") if image.mode in ("1", "L", "LA", "La") or image.mode.startswith(("I", "F")) else ("RGB",)
 
 
-def _to_rgb(image: Image) -> Image:
+def _to_rgba(image: Image, profile: ColourProfile | None) -> Image:
+    whole = image.convert("RGBA")
+    if profile is not None:
+        alpha = whole.getchannel("A")
+        whole = profile.convert(whole.convert(profile.mode))
+        whole.putalpha(alpha)
+    return whole
+
+
+def _to_rgb(image: Image, profile: ColourProfile | None) -> Image:
+    if profile is not None:
+        return profile.convert(image.convert(profile.mode))
     if image.mode == "LAB":
         from PIL import ImageCms
 
