@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
+from catalogs.block.paths import hide_variable_values
 from catalogs.reader_errors import is_system_error, short_message
 from facade_core.core.errors import BlockFileError, FacadeError, InputError
 
@@ -25,7 +26,7 @@ class BlockFileErrorContext:
 
     def make_error(self, key: str, problem: str) -> BlockFileError:
         """Return the error for a problem with a key."""
-        return BlockFileError(f"{self.path}: {key}: {problem}")
+        return BlockFileError(hide_variable_values(f"{self.path}: {key}: {problem}", self.path))
 
     def call_reader(self, key: str, read: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
         """Call a reader, and convert its errors into BlockFileError with the file and key.

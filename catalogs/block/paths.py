@@ -10,7 +10,13 @@ from itertools import islice
 from pathlib import Path
 
 from catalogs.block.keys import BlockFileSettings
+from facade_core.core.errors import InputError
+from facade_core.core.regular_files import read_regular
 
+# Reference to an environment variable.
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+# Characters of a variable's value: shorter ones occur in any path.
+_MIN_HIDDEN_LENGTH = 4
 # Keys that name a folder of pictures; other keys name a file.
 FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
@@ -48,20 +54,57 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         named["models.layout"] = [keys.models.layout]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
-    return {key: tuple(_resolve_path(key, text, block) for text in texts) for key, texts in named.items()}
+    return {
+        key: tuple(resolve_path(key, text, block, is_folder=key in FOLDER_KEYS) for text in texts)
+        for key, texts in named.items()
+    }
+
+
+def hide_variable_values(message: str, file: Path) -> str:
+    """Return a message with the environment variables that a file names in place of their values.
+
+    Values may be secret, and the user knows the path as it is written.
+    """
+    try:
+        names = set(_VARIABLE.findall(read_regular(file).decode(errors="replace")))
+    except (OSError, InputError):
+        return message
+    for name in names:
+        value = os.environ.get(name, "")
+        for shown in (os.path.abspath(os.path.expanduser(value)), os.path.realpath(value), value):
+            if len(shown) >= _MIN_HIDDEN_LENGTH:
+                message = message.replace(shown, f"${{{name}}}")
+    return message
 
 
 def _as_list(stated: str | list[str]) -> list[str]:
     return [stated] if isinstance(stated, str) else stated
 
 
-def _resolve_path(key: str, text: str, block: Path) -> Path:
-    path = block.parent / _expand_user(key, _expand_variables(key, text))
+def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind: str = "block file") -> Path:
+    """Return the existing path that a key names, relative to its file.
+
+    `~` and `${NAME}` are expanded.
+
+    Parameters
+    ----------
+    key : dotted key, for messages.
+    text : path as written.
+    file : file that names it.
+    is_folder : the key names a folder; else a regular file.
+    file_kind : name of the kind of `file` in messages.
+
+    Raises
+    ------
+    ValueError
+        "key: problem; remedy" where the path cannot be used.
+    """
+    path = file.parent / _expand_user(key, _expand_variables(key, text))
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         close = suggest_similar_file_name(path)
-        remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
+        remedy = f"did you mean {close}?" if close else f"paths are relative to the {file_kind}"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # name too long, cyclic links, no permission
         raise ValueError(
@@ -69,7 +112,7 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
         ) from error
     except ValueError as error:  # a name that the file system cannot hold
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
-    if key not in FOLDER_KEYS and not stat.S_ISREG(kind):
+    if not is_folder and not stat.S_ISREG(kind):
         what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
         raise ValueError(f"{key}: {path} {what}")
     return path
@@ -110,4 +153,4 @@ def _expand_variables(key: str, text: str) -> str:
             )
         return str(_expand_user(key, found).absolute())
 
-    return re.sub(r"\$\{(\w+)\}", expand, text)
+    return _VARIABLE.sub(expand, text)

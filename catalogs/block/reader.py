@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict, cast
+from typing import TYPE_CHECKING, TypedDict
 
 import shapely
 
@@ -17,7 +17,7 @@ from catalogs.block.digest import block_digest
 from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
 from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
 from catalogs.block.part import CityPart
-from catalogs.block.paths import resolve_paths
+from catalogs.block.paths import hide_variable_values, resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
 from catalogs.buildings.extents import Bounds
@@ -120,22 +120,6 @@ class _BlockSettings(TypedDict):
     models: TrainedModelFiles
 
 
-class _PartContents(TypedDict):
-    """Attributes of a block that the file of a part of a city holds (`PART_FIELDS`)."""
-
-    buildings: tuple[Building, ...]
-    streets: tuple[Street, ...]
-    entrances: tuple[tuple[float, float], ...]
-    ground: MappedGround
-    exemplars: tuple[Path, ...]
-    photos: dict[str, Path]
-    panoramas: tuple[PosedPanorama, ...]
-    textures: tuple[Path, ...]
-    aerial: Orthophoto | None
-    faults: tuple[Fault, ...]
-    part: CityPart | None
-
-
 def read_block(path: Path | str) -> Block:
     """Read and check a block file; the README of this package documents its keys.
 
@@ -165,7 +149,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     try:
         files = resolve_paths(keys, file.path)
     except ValueError as error:
-        raise BlockFileError(f"{file.path}: {error}") from error
+        raise BlockFileError(hide_variable_values(f"{file.path}: {error}", file.path)) from error
     if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
         raise file.make_error(
             "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
@@ -223,20 +207,18 @@ def city_part_file_values(part: Block, whole: Block) -> dict[str, object]:
 
 def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> Block:
     """Read the part of a city that a block file names, with the settings of the block file."""
-    from catalogs.block.extract import read_city_part_file
+    from catalogs.block.extract import read_city_part
 
-    values = file.call_reader("part.path", read_city_part_file, files["part.path"][0])
-    # write_extract stored what part_values gave, and read_extract restores the types
-    frame = file.call_reader("part.path", parse_crs, cast(str, values["crs"]))
-    terrain = _read_terrain(files, frame, cast(Bounds, values["extent"]), file)
-    contents = cast(_PartContents, {attribute: values[name] for name, attribute in PART_FIELDS})
+    values = file.call_reader("part.path", read_city_part, files["part.path"][0])
+    frame = file.call_reader("part.path", parse_crs, values.crs)
+    terrain = _read_terrain(files, frame, values.extent, file)
     return Block(
         crs=frame,
         shops=None,
         terrain=terrain,
         notes=(),
         digest="",
-        **contents,
+        **values.contents,
         **_read_settings(keys, files, file),
     )
 

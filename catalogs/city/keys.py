@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.block.keys import BlockFileSettings, validate_block_settings
+from catalogs.block.paths import resolve_path
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tile_index import tile_files_in_area
 from facade_core.core.errors import InputError
@@ -113,7 +114,7 @@ def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tup
     named = buildings[TILES_KEY]
     if "path" in buildings or not isinstance(named, str) or not named:
         raise ValueError("buildings.tiles: names an index of tiles in place of path; write buildings: {tiles: FILE}")
-    index = path.parent / Path(named).expanduser()
+    index = resolve_path(f"buildings.{TILES_KEY}", named, path, is_folder=False, file_kind="city file")
     try:
         files = tile_files_in_area(index, values.get("area"))
     except InputError as error:

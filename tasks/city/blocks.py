@@ -18,6 +18,7 @@ from catalogs.block.corrections import Corrections, migrate_corrections_to_city,
 from catalogs.block.extract import write_city_part_file
 from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, CityPartIds
+from catalogs.block.paths import hide_variable_values, resolve_path
 from catalogs.block.reader import build_block, city_part_file_values, read_block, set_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
@@ -149,11 +150,14 @@ def _read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:
         # check_city refuses documents that are no mapping
         return cast(JsonObject, values), validate_city_settings(values, path)
     except ValueError as error:
-        raise BlockFileError(f"{path}: {error}") from error
+        raise BlockFileError(hide_variable_values(f"{path}: {error}", path)) from error
 
 
 def _city_from_files(path: Path, values: JsonObject, named: str, before: Mapping[str, CityBlock]) -> City:
-    folder = path.parent / Path(named).expanduser()
+    try:
+        folder = resolve_path("blocks.path", named, path, is_folder=True, file_kind="city file")
+    except ValueError as error:
+        raise BlockFileError(hide_variable_values(f"{path}: {error}", path)) from error
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
     if not files:
         raise InputError(f"{path}: blocks.path: {folder} holds no block file (*.yaml); name a folder that does")
