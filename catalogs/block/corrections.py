@@ -21,6 +21,7 @@ from catalogs.readers.vectors.colours import parse_colour
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.regular_files import read_regular
 
 CORRECTIONS_SUFFIX = ".corrections.jsonl"
 # Characters of a material or a roof shape.
@@ -172,13 +173,13 @@ def read_corrections(block: Path) -> Corrections:
     """
     path = corrections_file(block)
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")  # splitlines would split at other separators too
+        text = read_regular(path).decode("utf-8-sig")  # editors of Windows add a byte order mark
     except FileNotFoundError:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
         raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
     newest: dict[str, dict[str, Correction]] = {}
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(text.split("\n"), start=1):  # splitlines would split at other separators too
         if not line.strip():
             continue
         try:
@@ -187,7 +188,7 @@ def read_corrections(block: Path) -> Corrections:
             correction = validate_correction(
                 Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()})
             )
-        except (ValueError, TypeError, AttributeError, InputError) as error:
+        except (ValueError, TypeError, AttributeError, RecursionError, InputError) as error:
             why = " ".join(str(error).split())[:120]
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
         newest.setdefault(correction.id, {})[correction.kind] = correction
@@ -225,7 +226,7 @@ def _line_values(correction: Correction) -> JsonObject:
 
 def _append_lines(path: Path, added: str) -> None:
     with _lock_folder(path.parent):
-        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        text = read_regular(path).decode("utf-8-sig") if path.exists() else ""
         if text and not text.endswith("\n"):  # edited by hand
             text += "\n"
         draft = path.with_name(f".{path.name}.draft")
@@ -236,7 +237,7 @@ def _append_lines(path: Path, added: str) -> None:
 def migrate_corrections_to_city(city: Path, folder: Path) -> None:
     """Move corrections that an older version wrote per block to the city's file."""
     for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
-        _append_lines(corrections_file(city), path.read_text(encoding="utf-8"))
+        _append_lines(corrections_file(city), read_regular(path).decode("utf-8-sig"))
         path.unlink()
 
 
