@@ -17,6 +17,7 @@ from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.part_files import attach_parts
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
+from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
@@ -35,6 +36,10 @@ MAX_SLIVER_SHARE = 0.02  # area share by which repair may change a self-intersec
 DUPLICATE_SHARE = 0.5  # area share inside a building of an earlier source, above which both are the same
 # Area share of the smaller outline by which two buildings of one id may overlap.
 MAX_NEIGHBOUR_OVERLAP = 0.05
+
+
+ASSUMED_FLOOR_M = 3.0  # m; ranks levels among heights
+REPEATED_REASON = "buildings with the outline of another in their file, the highest kept"
 
 
 @dataclass(frozen=True)
@@ -194,6 +199,7 @@ def _footprint_candidates(
             (footprint, footprint.id if len(large) == 1 else f"{footprint.id}-{index}", part)
             for index, part in enumerate(large)
         ]
+    pieces = _drop_repeated_outlines(pieces, reasons)
     candidates: list[_Candidate] = []
     host_indices = host_outline_indices(
         [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
@@ -209,6 +215,20 @@ def _footprint_candidates(
         elif _states_floor_height(candidate) and shapely.dwithin(area, outline, CONTEXT_DISTANCE_M):
             around.append(candidate)
     return candidates
+
+
+def _drop_repeated_outlines(
+    pieces: list[tuple[Footprint, str, Polygon]], reasons: dict[str, list[str]]
+) -> list[tuple[Footprint, str, Polygon]]:
+    """Return the pieces without those that repeat the outline and lower end of another; the highest is kept."""
+    kinds = [
+        (one.is_part, one.min_height, one.min_level, None if one.base is None else round(one.base))
+        for one, _, _ in pieces
+    ]
+    heights = [one.height or ASSUMED_FLOOR_M * (one.levels or 0.0) for one, _, _ in pieces]
+    repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
+    reasons[REPEATED_REASON] += [id for (_, id, _), drop in zip(pieces, repeated, strict=True) if drop]
+    return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
 
 
 def _model_candidates(
@@ -235,7 +255,11 @@ def _model_candidates(
             building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
             building = replace(building, finish=model.finish)
             candidates.append(_Candidate(building, None))
-    return candidates
+    buildings = [one.building for one in candidates]
+    kinds = [(round(one.base or 0.0), round(one.height)) for one in buildings]
+    repeated = find_repeated_outlines([one.footprint for one in buildings], kinds, [0.0] * len(buildings)).tolist()
+    reasons[REPEATED_REASON] += [one.id for one, drop in zip(buildings, repeated, strict=True) if drop]
+    return [one for one, drop in zip(candidates, repeated, strict=True) if not drop]
 
 
 def _drop_duplicates(

@@ -43,15 +43,18 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
             for child, parent in links:
                 if child in kin and parent in kin:
                     parents.setdefault(child, parent)
+    roots: dict[str, str] = {}
     members: dict[str, list[str]] = defaultdict(list)
     for id in objects:
-        root, seen = id, set()
-        while root in parents and root not in seen:
-            seen.add(root)
+        line: dict[str, None] = {}  # the objects between this one and its root, or one whose root is known
+        root = id
+        while root in parents and root not in roots and root not in line:
+            line[root] = None
             root = parents[root]
-        if root in seen:  # a cycle is cut at its first object
-            del parents[id]
-            root = id
+        if root in line:  # a cycle is cut at the object that closes it
+            del parents[root]
+        root = roots.get(root, root)
+        roots.update(dict.fromkeys(line, root))
         members[root].append(id)
     for root, ids in members.items():
         if objects[root].get("type") in BUILDING_TYPES:
