@@ -155,8 +155,8 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
             process_batch.fn(run, "toys", "2 of 2", unit, batch(2), compute)
     assert outcome.done == 1
     assert set(made) == {0, 1}
-    assert made[1]["reason"] == "Odd: input went wrong"
-    assert 'raise Odd("input", 2)' in made[1]["traceback"]
+    assert made[1]["reason"] == "OddError: input went wrong"
+    assert 'raise OddError("input", 2)' in made[1]["traceback"]
 
 
 def test_units_that_wait_for_their_turn_when_a_run_ends_do_not_start(tmp_path: Path) -> None:
