@@ -16,21 +16,25 @@ from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
+from catalogs.readers.meshes.up_axis import turn_up
+from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 
-def read_mesh_buildings(path: Path, lod: str | None = None) -> BuildingModels:
+def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS) -> BuildingModels:
     """Read the buildings of a mesh file, in the coordinates of the file in metres, z up.
 
     Each named group, object or node is one model. Its name up to a | is the id of the building; the name behind it, or that of
     the material, gives the semantic. Without several names each connected component is one model, -0, -1, ... from west to
-    east; components above one another are merged. glTF is converted to z up.
+    east; components above one another are merged. glTF is converted to z up; OBJ, PLY and STL are where `keys.up` says so, or
+    their faces show it.
 
     Parameters
     ----------
     path : .obj, .glb, .gltf, .ply, .stl or .npz file.
     lod : ignored, since mesh files have no level of detail.
+    keys : what the block file states of the file; `up` is used.
 
     Raises
     ------
@@ -50,6 +54,9 @@ def read_mesh_buildings(path: Path, lod: str | None = None) -> BuildingModels:
         surfaces, textures, remarks = read_gltf_surfaces(path)
     else:
         surfaces = _read_plain_mesh(path)
+    if kind in UP_AXIS_SUFFIXES:
+        surfaces, turned = turn_up(surfaces, keys.up, path.name)
+        remarks += turned
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     models, broken = group_into_models(surfaces, path.stem)

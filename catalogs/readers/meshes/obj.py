@@ -12,6 +12,7 @@ import numpy as np
 
 from catalogs.features import Fault, Remark
 from catalogs.readers.faces import MAX_CORNERS, PlanarFace, triangulate_faces
+from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
@@ -26,7 +27,7 @@ _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
 
 FaceLabel = tuple[str | None, str | None, str | None]  # object, group, material
-SurfaceKey = tuple[str | None, str, int]  # building, semantic, texture
+SurfaceKey = tuple[str | None, str, int, TexturePlacement]  # building, semantic, texture and its placement
 
 
 @dataclass(slots=True)
@@ -53,7 +54,7 @@ class _ObjContent:
 def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
     """Read surfaces by building and semantic, the pictures that they use, remarks and faults.
 
-    Axes are x east, y north, z up, as exporters of 3D city models write them.
+    Coordinates are those of the file.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
     if not text.labels:
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
     pictures, remarks = _read_material_libraries(path, text.libraries)
-    textures = tuple(dict.fromkeys(pictures.values()))
+    textures = tuple(dict.fromkeys(picture for picture, _ in pictures.values()))
 
     objects = {label[0] for label in text.labels} - {None}
     piped = any("|" in (label[1] or "") for label in text.labels)
@@ -74,9 +75,10 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
         _, group, material = label
         kind = (group or "").partition("|")[2]
         semantic = semantic_from_names(kind, group if by_object or is_surface_name(group or "") else None, material)
-        picture = pictures.get(material or "")
+        picture, placement = pictures.get(material or "", (None, TexturePlacement()))
         texture = -1 if picture is None else textures.index(picture)
-        kinds.append(None if is_interior_class(kind) else (_building_name(label, by_object), semantic, texture))
+        building = _building_name(label, by_object)
+        kinds.append(None if is_interior_class(kind) else (building, semantic, texture, placement))
     named = {_building_name(label, by_object) for label in text.labels}
     empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
     faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
@@ -181,14 +183,16 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
         kind = kinds[label[faces[0]]]
         if kind is None:
             continue
-        building, semantic, texture = kind
+        building, semantic, texture, placement = kind
         whole = faces[sound[faces]]
         triangles = starts[whole[sizes[whole] == 3], None] + np.arange(3)
-        uv = None if texture < 0 else np.nan_to_num(coordinates[coordinate[triangles]])
+        uv = None if texture < 0 else placement.apply(np.nan_to_num(coordinates[coordinate[triangles]]))
         yield MeshSurface(building, semantic, vertices[vertex[triangles]], texture, uv)
         rings = [slice(starts[face], starts[face] + sizes[face]) for face in whole[sizes[whole] > 3]]
         polygons = [
-            PlanarFace([vertices[vertex[r]]], semantic, texture, [np.nan_to_num(coordinates[coordinate[r]])])
+            PlanarFace(
+                [vertices[vertex[r]]], semantic, texture, [placement.apply(np.nan_to_num(coordinates[coordinate[r]]))]
+            )
             for r in rings
         ]
         if polygons and (shell := triangulate_faces(polygons)) is not None:
@@ -199,9 +203,11 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
             yield MeshSurface(building, semantic, broken)
 
 
-def _read_material_libraries(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
-    """Return the existing picture (map_Kd) of each material."""
-    pictures: dict[str, Path] = {}
+def _read_material_libraries(
+    path: Path, libraries: list[str]
+) -> tuple[dict[str, tuple[Path, TexturePlacement]], list[Remark]]:
+    """Return the existing picture (map_Kd) of each material and its placement."""
+    pictures: dict[str, tuple[Path, TexturePlacement]] = {}
     remarks = []
     for library in libraries:
         for name in [library] if find_referenced_file(path, *filename_variants(library)) else library.split():
@@ -221,11 +227,11 @@ def _read_material_libraries(path: Path, libraries: list[str]) -> tuple[dict[str
                     material = value.strip()
                 elif key.lower() == "map_kd":
                     # options may precede the name; many exporters write an absolute folder
-                    stated = value.strip().replace("\\", "/")
+                    stated, placement = parse_texture_statement(value.replace("\\", "/"))
                     names = [stated, *stated.split()[-1:]]
                     found = [name for whole in names for name in (whole, Path(whole).name)]
                     if picture := find_referenced_file(path, *found, folder=file.parent):
-                        pictures[material] = picture
+                        pictures[material] = (picture, placement)
                     elif is_outside_folder(path, *names, folder=file.parent):
                         remarks.append(Remark(stated, OUTSIDE_FOLDER_REASON, None))
                     else:

@@ -1,0 +1,25 @@
+"""Keys of a block file that say how a source is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SourceKeys:
+    """What a block file states of a source; None where it states nothing.
+
+    Attributes
+    ----------
+    crs : frame of the file, which replaces its own.
+    encoding : code page of the text of Shapefiles.
+    up : axis of mesh files that points up, "y" or "z".
+    """
+
+    crs: str | None = None
+    encoding: str | None = None
+    up: str | None = None
+
+
+UP_AXIS_SUFFIXES = (".obj", ".ply", ".stl")  # mesh files whose upward axis a block file may state
+NO_SOURCE_KEYS = SourceKeys()
