@@ -5,7 +5,9 @@ Every picture becomes 8 bits per band or is rejected with a one-line error; none
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +20,7 @@ import numpy as np
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
+from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.regular_files import open_regular
@@ -34,6 +37,8 @@ MAX_WEBP_PIXELS = 50_000_000
 # Facades on fewer pixels show no windows.
 MIN_SIDE_PX = 16
 REMEDY = "replace or remove it"
+# Errors of one file: a broken sector, or no permission.
+_FILE_ERRNOS = frozenset((errno.EIO, errno.EACCES, errno.EPERM))
 # Pixels converted at once
 _STRIP_PIXELS = 1_000_000
 
@@ -117,11 +122,14 @@ def open_picture(path: Path) -> Iterator[Image]:
     """
     from PIL import Image, UnidentifiedImageError
 
+    formats: tuple[str, ...] = PILLOW_FORMATS
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # damaged parts are rejected or skipped
+            if _is_heif_file(path):
+                formats = _heif_formats(path)
             # a file object: by name Pillow maps files into memory, which rotates them wrongly and crashes where they shrink
-            with open_regular(path) as file, Image.open(file, formats=PILLOW_FORMATS) as image:
+            with open_regular(path) as file, Image.open(file, formats=formats) as image:
                 width, height = image.size
                 if width * height > (most := MAX_WEBP_PIXELS if image.format == "WEBP" else MAX_PIXELS):
                     raise _size_error(path, most)
@@ -138,10 +146,38 @@ def open_picture(path: Path) -> Iterator[Image]:
             "or of a kind of it that is not read; save it as PNG or JPEG of 8 bits"
         ) from error
     except Exception as error:  # decoders raise errors of any class
-        if is_system_error(error):
+        if is_system_error(error) and not (isinstance(error, OSError) and is_unreadable_file(error)):
             raise
+        if isinstance(error, OSError) and is_unreadable_file(error):
+            raise ImageError(unreadable_message(path, error)) from error
         reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
         raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
+
+
+def is_unreadable_file(error: OSError) -> bool:
+    """Return True where an error concerns one file, such as a broken sector or its permissions, not the whole machine."""
+    return error.errno in _FILE_ERRNOS
+
+
+def unreadable_message(path: Path, error: OSError) -> str:
+    """Return the message with the remedy for a picture that cannot be read."""
+    remedy = "copy it again, or remove it" if error.errno == errno.EIO else "check its permissions, or remove it"
+    return f"{path.name} cannot be read ({error.strerror or os.strerror(error.errno or 0)}); {remedy}"
+
+
+def _is_heif_file(path: Path) -> bool:
+    with open_regular(path) as file:
+        return is_heif(file.read(12))
+
+
+def _heif_formats(path: Path) -> tuple[str, ...]:
+    """Return the formats of a HEIC file, once the package that reads it is registered."""
+    if not can_read_heif():
+        raise ImageError(f"{path.name} is HEIC, which is not read here; {HEIF_REMEDY}")
+    import pillow_heif
+
+    pillow_heif.register_heif_opener(thumbnails=False)
+    return ("HEIF",)
 
 
 def _size_error(path: Path, max_pixels: int) -> ImageError:

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import mmap
+import os
+from io import BufferedReader
 from pathlib import Path
 
 from catalogs.features import Fault
+from catalogs.file_digest import file_digest
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, open_picture
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, is_unreadable_file, open_picture, unreadable_message
+from catalogs.readers.pictures.picture_kinds import IMAGE_SUFFIXES, LABEL_MAP_SUFFIX, is_picture_name, unread_reason
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
-IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
-LABEL_MAP_SUFFIX = ".labels.png"
 _START_OF_SCAN = 0xDA
 _END_OF_IMAGE = b"\xff\xd9"
+_CHUNK_BYTES = 1_000_000
 
 
 def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
-    """List the usable pictures of a folder by name, and a fault for each other one.
+    """List the usable pictures of a folder by name, and a fault for each other file.
 
-    A picture is unusable where it cannot be opened, is truncated, too large or too small.
+    A picture is unusable where it cannot be read or opened, is truncated, too large or too small. Files that accompany
+    pictures, such as label maps and poses, are no faults.
 
     Parameters
     ----------
@@ -32,16 +35,21 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     InputError
         Where no picture is usable.
     """
-    found = _list_pictures(folder)
+    found, faults = _list_pictures(folder, kind)
     damage = {
-        path: _name_problem(path) or _missing_file_problem(path) or _find_damage(path, MIN_SIDE_PX) for path in found
+        path: _name_problem(path)
+        or _missing_file_problem(path)
+        or _read_problem(path)
+        or _find_damage(path, MIN_SIDE_PX)
+        for path in found
     }
     usable = tuple(path for path, problem in damage.items() if problem is None)
     if not usable:
         raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
-    return usable, tuple(
+    broken = (
         Fault(to_single_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
     )
+    return usable, (*broken, *faults)
 
 
 def check_picture(path: Path) -> None:
@@ -51,7 +59,7 @@ def check_picture(path: Path) -> None:
 
 
 def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
-    """Return the photo of each facade by id, and a fault for each missing file.
+    """Return the photo of each facade by id, and a fault for each file that is missing or not read.
 
     The id is the file name without suffix. Truncated photos are included: their facade fails when it is processed.
 
@@ -61,28 +69,37 @@ def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
         Where two files name one facade, or there is no picture.
     """
     photos: dict[str, Path] = {}
+    found, unread = _list_pictures(folder, "photo")
     faults = []
-    for path in _list_pictures(folder):
+    for path in found:
         if problem := _name_problem(path):
             raise InputError(f"{folder}: {problem}")
         if path.stem in photos:
             raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
-        if problem := _missing_file_problem(path):
+        if problem := _missing_file_problem(path) or _read_problem(path):
             faults.append(Fault(path.name, "photo", problem))
         else:
             photos[path.stem] = path
-    return photos, tuple(faults)
+    return photos, (*faults, *unread)
 
 
-def _list_pictures(folder: Path) -> list[Path]:
+def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
+    """Return the pictures of a folder, and a fault for each file that is neither read nor a companion."""
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
-    found = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: p.name)
+    inside = sorted(folder.iterdir(), key=lambda path: path.name)
+    found = [path for path in inside if is_picture_name(path.name) and not path.is_dir()]
+    faults = [
+        Fault(to_single_line(path.name), kind, to_single_line(reason))
+        for path in inside
+        if (reason := unread_reason(path))
+    ]
     if not found:
-        inside = sorted(p for p in folder.iterdir() if p.is_dir() and any(_is_image(q) for q in p.iterdir()))
-        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
+        remedy = faults[0].reason if faults else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
+        if within := [folder / fault.id for fault in faults if (folder / fault.id).is_dir()]:
+            remedy = f"did you mean {within[0]}?"
         raise InputError(f"{folder} holds no pictures; {remedy}")
-    return found
+    return found, faults
 
 
 def _name_problem(path: Path) -> str | None:
@@ -98,6 +115,18 @@ def _missing_file_problem(path: Path) -> str | None:
     return f"{path.name} leads to no file; mend what it links to, or remove it"
 
 
+def _read_problem(path: Path) -> str | None:
+    """Return the reason why the bytes of a picture, or of its label map, cannot be read; the digest needs all of them."""
+    for part in picture_and_label_paths(path):
+        try:
+            file_digest(part)
+        except OSError as error:
+            if not is_unreadable_file(error):
+                raise
+            return unreadable_message(part, error)
+    return None
+
+
 def label_map_path(picture: Path) -> Path | None:
     """Return the label map NAME.labels.png of a picture; None without one."""
     labels = picture.with_name(f"{picture.stem}{LABEL_MAP_SUFFIX}")
@@ -110,20 +139,14 @@ def picture_and_label_paths(picture: Path) -> list[Path]:
     return [picture] if labels is None else [picture, labels]
 
 
-def _is_image(path: Path) -> bool:
-    whole = path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") and not path.is_dir()
-    return whole and not path.name.endswith(LABEL_MAP_SUFFIX)
-
-
 def _find_damage(path: Path, min_side: int) -> str | None:
     """Return the reason why a picture is unusable, without decoding, which would dominate the reading time."""
     try:
         with open_picture(path) as image:
             layout, (width, height) = image.format, image.size
-        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            whole = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(
-                str(layout), bool
-            )(content)
+        check = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(str(layout))
+        with open_regular(path) as file:
+            whole = check is None or check(file)
     except InputError as error:
         return str(error)
     if min(width, height) < min_side:
@@ -131,18 +154,29 @@ def _find_damage(path: Path, min_side: int) -> str | None:
     return None if whole else f"{path.name} is cut off; {REMEDY}"
 
 
-def _is_complete_png(content: mmap.mmap) -> bool:
-    return content.find(b"IEND", max(0, len(content) - 4096)) >= 0
+def _is_complete_png(file: BufferedReader) -> bool:
+    file.seek(max(0, file.seek(0, os.SEEK_END) - 4096))
+    return b"IEND" in file.read()
 
 
-def _is_complete_jpeg(content: mmap.mmap) -> bool:
+def _is_complete_jpeg(file: BufferedReader) -> bool:
     """Return True where an end marker follows the first scan; earlier segments may hold a thumbnail with its own."""
-    position = 2
-    while position + 4 <= len(content) and content[position] == 0xFF:
-        if content[position + 1] == _START_OF_SCAN:
-            return content.find(_END_OF_IMAGE, position) >= 0
-        if content[position + 1] == 0xFF:  # fill byte
-            position += 1
-        else:
-            position += 2 + int.from_bytes(content[position + 2 : position + 4], "big")
+    file.seek(2)
+    while len(marker := file.read(2)) == 2 and marker[0] == 0xFF:
+        if marker[1] == _START_OF_SCAN:
+            return _contains(file, _END_OF_IMAGE)
+        if marker[1] == 0xFF:  # fill byte
+            file.seek(-1, os.SEEK_CUR)
+        elif len(length := file.read(2)) == 2:
+            file.seek(int.from_bytes(length, "big") - 2, os.SEEK_CUR)
+    return False
+
+
+def _contains(file: BufferedReader, wanted: bytes) -> bool:
+    """Return True where the rest of a file contains some bytes; it is not mapped, since a broken disk would end the process."""
+    last = b""
+    while chunk := file.read(_CHUNK_BYTES):
+        if wanted in last + chunk:
+            return True
+        last = chunk[1 - len(wanted) :]
     return False

@@ -1,0 +1,100 @@
+"""Kinds of files in a folder of pictures: those that are read, their companions, and the reason for each other one."""
+
+from __future__ import annotations
+
+import importlib.util
+from functools import cache
+from pathlib import Path
+
+from facade_core.core.errors import InputError
+from facade_core.core.regular_files import open_regular
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff", ".jpe", ".jfif", ".bmp", ".dib", ".gif")
+HEIF_SUFFIXES = (".heic", ".heif", ".hif")
+HEIF_REMEDY = "install pillow-heif (pip install 'streetloom[heif]'), or save it as JPEG"
+LABEL_MAP_SUFFIX = ".labels.png"
+# Files that accompany pictures: poses, logs, metadata, licences, georeferences.
+COMPANION_SUFFIXES = frozenset(
+    (
+        ".json", ".jsonl", ".geojson", ".csv", ".tsv", ".txt", ".md", ".rst", ".log", ".yaml", ".yml", ".toml",
+        ".xml", ".xmp", ".pp3", ".html", ".htm", ".ini", ".db", ".lnk", ".url", ".prj", ".wld", ".jgw", ".jpgw",
+        ".pgw", ".pngw", ".tfw", ".tifw", ".ovr", ".sha256", ".md5", ".license",
+    )
+)  # fmt: skip
+_COMPANION_NAMES = frozenset(("license", "licence", "copying", "readme", "authors", "notice"))
+_RAW_SUFFIXES = frozenset(
+    (
+        ".dng", ".raw", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".orf", ".rw2", ".raf",
+        ".pef", ".srw", ".3fr", ".iiq", ".gpr", ".x3f", ".erf",
+    )
+)  # fmt: skip
+_MOVIE_SUFFIXES = frozenset((".mp4", ".mov", ".avi", ".mkv", ".m4v", ".mts", ".insv", ".360", ".lrv", ".webm"))
+_START_BYTES = 16
+_HEIF_BRANDS = frozenset((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"))
+# First bytes of the formats that are read -> format and suffix.
+_FORMATS = {
+    b"\xff\xd8\xff": ("JPEG", ".jpg"),
+    b"\x89PNG": ("PNG", ".png"),
+    b"II*\0": ("TIFF", ".tif"),
+    b"MM\0*": ("TIFF", ".tif"),
+    b"GIF8": ("GIF", ".gif"),
+    b"BM": ("BMP", ".bmp"),
+}
+
+
+@cache
+def can_read_heif() -> bool:
+    """Return True where the package that reads HEIC is installed."""
+    return importlib.util.find_spec("pillow_heif") is not None
+
+
+def is_picture_name(name: str) -> bool:
+    """Return True for the name of a picture that is read, by its suffix; label maps and hidden files are none."""
+    suffix = Path(name).suffix.lower()
+    known = suffix in IMAGE_SUFFIXES or (suffix in HEIF_SUFFIXES and can_read_heif())
+    return known and not name.startswith(".") and not name.endswith(LABEL_MAP_SUFFIX)
+
+
+def is_heif(start: bytes) -> bool:
+    """Return True where a file of these first bytes is HEIC."""
+    return start[4:8] == b"ftyp" and start[8:12] in _HEIF_BRANDS
+
+
+def unread_reason(path: Path) -> str | None:
+    """Return the reason and the remedy for a file of a folder of pictures that is not read; None for its companions."""
+    name, suffix = path.name, path.suffix.lower()
+    if name.startswith(".") or name.endswith(LABEL_MAP_SUFFIX) or is_picture_name(name):
+        return None
+    if path.is_dir():
+        try:
+            inside = any(is_picture_name(inner.name) for inner in path.iterdir())
+        except OSError as error:
+            return f"{name} is a folder that cannot be read ({error.strerror}); check its permissions, or remove it"
+        return f"{name} is a folder, whose pictures are not read; move them up, or remove it" if inside else None
+    if suffix in HEIF_SUFFIXES:
+        return f"{name} is HEIC, which is not read here; {HEIF_REMEDY}"
+    if suffix in _RAW_SUFFIXES:
+        return f"{name} is a raw file of a camera, which is not read; develop it and save it as JPEG or TIFF"
+    if suffix in _MOVIE_SUFFIXES:
+        return f"{name} is a film, which is not read; save its pictures as JPEG"
+    if suffix in COMPANION_SUFFIXES or path.stem.lower() in _COMPANION_NAMES:
+        return None
+    start = _first_bytes(path)
+    if is_heif(start):
+        return f"{name} is HEIC under another name; rename it to {path.stem}.heic, and {HEIF_REMEDY}"
+    found = next((kind for magic, kind in _FORMATS.items() if start.startswith(magic)), None)
+    if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
+        found = ("WEBP", ".webp")
+    if found is not None:
+        return f"{name} is {found[0]} under another name; rename it to {path.stem or name}{found[1]}"
+    kind = f"of the kind {suffix}" if suffix else "without a suffix"
+    return f"{name} is {kind}, which is not read; save it as JPEG or PNG, or remove it"
+
+
+def _first_bytes(path: Path) -> bytes:
+    """Return the first bytes of a file; none where it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            return file.read(_START_BYTES)
+    except (OSError, InputError):
+        return b""
