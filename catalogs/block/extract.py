@@ -149,7 +149,7 @@ def read_city_part_file(path: Path) -> dict[str, object]:
 
 
 def _unreadable_message(path: Path, error: Exception) -> str:
-    why = " ".join(str(error).split())[:100]
+    why = " ".join(str(error).split()).removeprefix(str(path)).lstrip(": ")[:100]
     return f"{path} holds no part of a city that can be read ({why}); remove it, and `streetloom city` writes it again"
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
-from catalogs.gdal_paths import gdal_read_path
+from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -19,6 +19,7 @@ from facade_core.core.regular_files import MAX_TEXT_BYTES, read_regular
 
 if TYPE_CHECKING:
     import pystac
+    from geopandas import GeoDataFrame
 
 # Columns that name a tile's file, the first present is used; gdaltindex writes `location`.
 LOCATION_COLUMNS = ("location", "href", "path", "url", "file")
@@ -120,7 +121,9 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
     try:
         parquet = index.suffix.lower() in (".parquet", ".geoparquet")
-        table = gpd.read_parquet(index) if parquet else gpd.read_file(gdal_read_path(index))
+        table = gpd.read_parquet(index) if parquet else _read_outlines(index)
+    except InputError:
+        raise
     except Exception as error:  # libraries raise errors of any kind for damaged files
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error
@@ -132,6 +135,14 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     boxes = table.to_crs(LONLAT).bounds.to_numpy().tolist()
     for place, box in zip(table[column].astype(str), boxes, strict=True):
         yield _local_path(place, index.parent), (box[0], box[1], box[2], box[3])
+
+
+def _read_outlines(index: Path) -> GeoDataFrame:
+    """Read the first layer with geometry."""
+    layer = next((name for name, geometry in gdal_files.list_layers(index) if geometry is not None), None)
+    if layer is None:
+        raise InputError(f"{index} has no layer of outlines; give STAC or GeoParquet")
+    return gdal_files.read_dataframe(index, layer=layer)
 
 
 def _local_path(href: str, folder: Path) -> Path:

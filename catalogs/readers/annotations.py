@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
-from catalogs.gdal_paths import gdal_read_path
+from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -191,17 +191,15 @@ def _parse_correction(one: object) -> Iterator[Annotation]:
 
 def _read_geopackage(path: Path) -> list[Annotation]:
     """Return the annotations of the tables `buildings` and `facades`; missing tables and columns have none."""
-    import pyogrio
-
     facade_columns = {IS_FACADE_COLUMN: "facade"}
     found: list[Annotation] = []
     known = False
     try:
-        layers = set(pyogrio.list_layers(gdal_read_path(path))[:, 0].tolist())
+        layers = {name for name, _ in gdal_files.list_layers(path)}
         for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", facade_columns)):
             if layer not in layers:
                 continue
-            table = pyogrio.read_dataframe(gdal_read_path(path), layer=layer, read_geometry=False)
+            table = gdal_files.read_dataframe(path, layer=layer, read_geometry=False)
             if "id" not in table or table.columns.intersection(list(names)).empty:
                 continue
             known = True
@@ -211,6 +209,8 @@ def _read_geopackage(path: Path) -> list[Annotation]:
                     cells[IS_FACADE_COLUMN] = bool(cells[IS_FACADE_COLUMN])
                 id = cells.get("id")
                 found += _building_annotations("" if id is None else str(id), cells, names)
+    except InputError:
+        raise
     except Exception as error:
         raise InputError(
             f"{path} cannot be read ({' '.join(str(error).split())[:80]}); give one that `export --format gpkg` wrote"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.readers.gdal_files import check_siblings
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
     check_georeference,
@@ -73,6 +74,7 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
 def _find_driver(path: Path, depth: int = 0) -> str:
     if not path.is_file():
         raise InputError(f"{path} is no file; give an elevation raster on this machine, such as a GeoTIFF")
+    check_siblings(path)
     if driver := detect_driver(path, _DRIVERS_BY_MAGIC) or _DRIVERS_BY_SUFFIX.get(path.suffix.lower()):
         return driver
     with open_regular(path) as file:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.readers.gdal_files import open_raster_dataset
 from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.regular_files import open_regular
@@ -68,13 +69,16 @@ def read_high_bit_depth(path: Path, factor: int) -> tuple[UInt8Array, BoolArray]
     ImageError
         Where the values have another range.
     """
-    import rasterio
     from rasterio.windows import Window
 
-    options = {"GDAL_PAM_ENABLED": "NO", "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_CACHEMAX": 64_000_000}
+    options: dict[str, str | int] = {
+        "GDAL_PAM_ENABLED": "NO",
+        "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
+        "GDAL_CACHEMAX": 64_000_000,
+    }
     with open_regular(path) as file:
         driver = "PNG" if file.read(4) == b"\x89PNG" else "GTiff"
-    with rasterio.Env(**options), rasterio.open(path.absolute(), driver=driver, sharing=False) as raster:
+    with open_raster_dataset(path, driver, options) as raster:
         bands, transparent, inverted = _colour_bands(path, raster)
         if raster.dtypes[0].startswith("complex"):
             raise ImageError(f"{path.name} has complex values; {REMEDY}")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import to_single_line, wrap_reader_errors
+from catalogs.readers.gdal_files import open_raster_dataset
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -38,14 +39,6 @@ MAX_ROW_CELLS = 16_384  # cells in a row of a part that is read
 # Sides of a cell, in units of the CRS: shorter ones are below rounding, longer ones span the Earth.
 _MIN_CELL_SIDE = 1e-9
 _MAX_CELL_SIDE = 1e7
-# Files of some formats name addresses. Nothing answers at this proxy, so that none can be reached.
-_OFFLINE_OPTIONS = {
-    "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
-    "GDAL_HTTP_MAX_RETRY": "0",
-    "GDAL_HTTP_CONNECTTIMEOUT": "1",
-    "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".none",
-    "GDAL_CACHEMAX": GDAL_CACHE_BYTES,
-}
 
 
 def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
@@ -71,15 +64,14 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Dat
     InputError
         Where the raster cannot be read, on opening or later.
     """
-    import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
     _check_sidecar(path)
     with wrap_reader_errors(path, kind.partition(" ")[2], remedy):
         try:
-            with warnings.catch_warnings(), rasterio.Env(**_OFFLINE_OPTIONS), _silence_unraisable():
+            with warnings.catch_warnings(), _silence_unraisable():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy
-                with rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
+                with open_raster_dataset(path, driver, {"GDAL_CACHEMAX": GDAL_CACHE_BYTES}) as opened:
                     _check_size(opened, path)
                     yield opened
         except RasterioError as error:

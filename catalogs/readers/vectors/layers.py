@@ -14,16 +14,15 @@ import numpy as np
 import shapely
 
 from catalogs.crs import LONLAT
-from catalogs.gdal_paths import gdal_read_path
 from catalogs.reader_errors import is_system_error
+from catalogs.readers import gdal_files
+from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_known_columns, tags_from_records
-from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from catalogs.readers.vectors.solids import convert_surface_wkb
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
-from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -36,17 +35,6 @@ _MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
 _MAX_UNPACK_RATIO = 50
 _ROWS_PER_BATCH = 500
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
-# First bytes by suffix: GDAL detects formats by content, and some of them fetch other files and addresses.
-_MAGIC_BYTES = {
-    ".gpkg": (b"SQLite format 3",),
-    ".fgb": (b"fgb",),
-    ".shp": (b"\x00\x00\x27\x0a",),
-    ".geojson": (b"{", b"\x1e"),
-    ".json": (b"{", b"\x1e"),
-    ".parquet": (b"PAR1",),
-    ".geoparquet": (b"PAR1",),
-}
-_DRIVERS = ("GPKG", "FlatGeobuf", "ESRI Shapefile", "GeoJSON", "GeoJSONSeq", "ESRIJSON", "TopoJSON", "JSONFG")
 _GEOMETRY_TYPES = {
     "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
     "lines": ("LineString", "MultiCurve", "CompoundCurve"),
@@ -124,16 +112,14 @@ def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]],
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
             return [_read_table(path, path.stem, ())]
-        import pyogrio
-
-        layers = [str(name) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None]
+        layers = [name for name, geometry in gdal_files.list_layers(path) if geometry is not None]
         return [
             _read_table(path, layer, ())
             for layer in layers
             if is_wanted(
                 layer,
                 match_known_columns(
-                    pyogrio.read_info(gdal_read_path(path), layer=layer)["fields"],
+                    gdal_files.read_info(path, layer=layer)["fields"],
                     has_truncated_names=_has_truncated_names(path),
                 ),
             )
@@ -166,10 +152,8 @@ def _wrap_library_errors(path: Path) -> Iterator[None]:
 
 
 def _check_file(path: Path) -> None:
-    _check_start(path)
-    if path.suffix.lower() == ".gpkg":
-        check_geopackage_tables(path)
-    elif path.suffix.lower() == ".shp":
+    check_vector_file(path)
+    if path.suffix.lower() == ".shp":
         check_shapefile_table(path)
 
 
@@ -178,22 +162,8 @@ def _has_truncated_names(path: Path) -> bool:
     return path.suffix.lower() == ".shp"
 
 
-def _check_start(path: Path) -> None:
-    try:
-        with open_regular(path) as file:
-            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
-    except OSError as error:
-        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
-    if not start.startswith(_MAGIC_BYTES[path.suffix.lower()]):
-        raise InputError(f"{path} is no {path.suffix} file by its content; export it again, e.g. as GeoPackage")
-
-
 def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
-    import pyogrio
-
-    listed = {
-        str(name): str(geometry) for name, geometry in pyogrio.list_layers(gdal_read_path(path)) if geometry is not None
-    }
+    listed = {name: geometry for name, geometry in gdal_files.list_layers(path) if geometry is not None}
     fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
     if not fitting:
@@ -204,17 +174,13 @@ def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str
 
 
 def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
-    import pyogrio
-
-    info = pyogrio.read_info(gdal_read_path(path), layer=layer)
-    if info["driver"] not in _DRIVERS:  # some formats of GDAL read other files and addresses
-        raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
+    info = gdal_files.read_info(path, layer=layer)
     columns = match_known_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # read as text
-        frame = pyogrio.read_dataframe(
-            gdal_read_path(path),
+        frame = gdal_files.read_dataframe(
+            path,
             layer=layer,
             columns=sorted(set(columns.values())),
             on_invalid="ignore",
@@ -229,10 +195,8 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
 
 def _restore_surfaces(frame: GeoDataFrame, path: Path, layer: str) -> GeoDataFrame:
     """Return the table with PolyhedralSurfaces and TINs, which GEOS does not read, as MultiPolygons."""
-    import pyogrio
-
     missing = frame.geometry.isna().to_numpy()
-    stored = pyogrio.raw.read(gdal_read_path(path), layer=layer, columns=[])[2]
+    stored = gdal_files.read_raw(path, layer=layer, columns=[])[2]
     geometries = frame.geometry.to_numpy().copy()
     for row in np.flatnonzero(missing).tolist():
         if stored[row] is not None and (wkb := convert_surface_wkb(stored[row])) is not None:
@@ -254,9 +218,7 @@ def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[
 
 
 def _read_integers(path: Path, layer: str, names: list[str]) -> pa.Table:
-    import pyogrio
-
-    return pyogrio.read_arrow(gdal_read_path(path), layer=layer, columns=names, read_geometry=False)[1]
+    return gdal_files.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
 
 
 def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
