@@ -16,7 +16,7 @@ def test_views_are_along_the_streets_with_the_most_facades() -> None:
         width=np.array([10.0, 10, 30, 4, 50]),
         height=np.array([12.0, 12, 3, 4, 20]),
     )
-    plan: Any = SimpleNamespace(facades=facades, streets=[None] * 5, street_of_viewpoints=np.array([1, 1, 2, 3, 4]))
+    plan: Any = SimpleNamespace(facades=facades, streets=[None] * 5, viewpoint_streets=np.array([1, 1, 2, 3, 4]))
     assert views._view_streets(plan) == [1, 2, 4], "nobody walks along street 0, and street 3 has none"
     assert views.view_names(plan) == ["above", "street-0", "street-1", "street-2", "close-up"]
 

@@ -78,7 +78,7 @@ def test_streets_in_all_their_states() -> None:
             streets=streets,
             viewpoints=[SimpleNamespace(street=s) for s in (0, 0, 1, 2, 3)],
             wave=np.array([0, 1, 0, 0, 0]),
-            street_texels=lambda: np.array([[900, 800], [50, 40], [9, 9], [9, 9], [0, 0]]),
+            street_texel_counts=lambda: np.array([[900, 800], [50, 40], [9, 9], [9, 9], [0, 0]]),
         ),
     )
     held = [
