@@ -100,6 +100,34 @@ def coordinate_transform(
     return transform
 
 
+def metres_per_height_unit(crs: CRS | str) -> float:
+    """Return the metres per unit of heights in a CRS.
+
+    That is the unit of its vertical part. Without one it is the unit of a projected system of feet, since surveys in feet
+    measure heights in feet; next to degrees and to larger units heights are in metres.
+
+    Raises
+    ------
+    InputError
+        Where the name of the CRS is unknown.
+    """
+    if isinstance(crs, str):
+        parse_crs(crs)
+        crs = _crs_with_heights(crs)
+    parts = crs.sub_crs_list or [crs]
+    vertical = [a.unit_conversion_factor for part in parts for a in part.axis_info if a.direction in ("up", "down")]
+    if vertical:
+        return float(vertical[0])
+    return min(1.0, float(parts[0].axis_info[0].unit_conversion_factor)) if parts[0].is_projected else 1.0
+
+
+@lru_cache(maxsize=64)
+def _crs_with_heights(text: str) -> CRS:
+    from pyproj import CRS
+
+    return CRS.from_user_input(text)
+
+
 def has_east_north_axes(crs: CRS) -> bool:
     """Return True for axes east and north in any order, or axes of a polar map."""
     directions = [axis.direction for axis in crs.axis_info]

@@ -13,7 +13,7 @@ import shapely
 
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.ground import build_block_ground
-from catalogs.block.keys import BlockFileSettings
+from catalogs.block.keys import BlockFileSettings, BuildingsSection, GroundSection, StreetsSection
 from catalogs.block.likely_shops import likely_shop_positions
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
@@ -31,6 +31,7 @@ from catalogs.features import CentrelinesAndGround, Fault, feature_ids_by_reason
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
 from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
 from facade_core.core.arrays import Float64Array
+from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import Building, MappedGround, Street
 
@@ -114,6 +115,7 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     lying = _read_ground_sources(keys, files, sources, file)
     if centrelines is None:
         ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
+    notes += format_reason_notes(feature_ids_by_reason(remark for one in lying for remark in one.remarks))
         return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
@@ -129,7 +131,8 @@ def _read_building_sources(
     """Read each building file, with the frame and offset that the block file states."""
     sources: list[BuildingSource] = []
     for path in files["buildings.path"]:
-        source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod)
+        source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod, given)
+    given = _source_keys("buildings", keys.buildings, files, file)
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
             raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
@@ -144,9 +147,27 @@ def _read_building_sources(
 
 def _read_centrelines(
     keys: BlockFileSettings, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFileErrorContext
+def _source_keys(
+    key: str, section: BuildingsSection | StreetsSection | GroundSection, files: NamedFiles, file: BlockFileErrorContext
+) -> SourceKeys:
+    """Return what a section of the block file states of its files."""
+    if section.crs is not None:
+        file.call_reader(f"{key}.crs", parse_crs, section.crs)
+    paths = files[f"{key}.path"]
+    if section.encoding is not None and not any(path.suffix.lower() == ".shp" for path in paths):
+        raise file.make_error(
+            f"{key}.encoding", f"is the code page of a Shapefile, which {paths[0].name} is not; remove it"
+        )
+    up = section.up if isinstance(section, BuildingsSection) else None
+    if up is not None and not any(path.suffix.lower() in UP_AXIS_SUFFIXES for path in paths):
+        raise file.make_error(f"{key}.up", f"is of OBJ and PLY files, which {paths[0].name} is not; remove it")
+    return SourceKeys(section.crs, section.encoding, up)
+
+
 ) -> CentrelinesAndGround:
     assert keys.streets is not None
-    source = file.call_reader("streets.path", read_centrelines, files["streets.path"][0])
+    given = _source_keys("streets", keys.streets, files, file)
+    source = file.call_reader("streets.path", read_centrelines, files["streets.path"][0], given)
     faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
     source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
     file.call_reader("streets.crs", parse_crs, source.crs)
@@ -161,7 +182,8 @@ def _read_ground_sources(
     """Read each ground file, with the frame that the block file states."""
     if keys.ground is None:
         return []
-    found = [file.call_reader("ground.path", read_ground_features, path) for path in files["ground.path"]]
+    given = _source_keys("ground", keys.ground, files, file)
+    found = [file.call_reader("ground.path", read_ground_features, path, given) for path in files["ground.path"]]
     placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
     for one in placed:
         file.call_reader("ground.crs", parse_crs, one.crs)
@@ -221,8 +243,8 @@ def _read_streets(
             f"no street comes within {SURROUNDINGS_MARGIN_M:g} m of a building (streets span [{span}]); "
             "check streets.crs, or leave streets out",
         )
-    known = {piece.id for piece in near.items}
-    reasons = feature_ids_by_reason(remark for remark in near.remarks if remark.id in known)
+    outside = {piece.id for piece in centrelines.items} - {piece.id for piece in near.items}
+    reasons = feature_ids_by_reason(remark for remark in near.remarks if remark.id not in outside)
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
     return streets, format_reason_notes(reasons), faults
 

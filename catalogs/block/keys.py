@@ -6,12 +6,13 @@ import difflib
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from catalogs.printable_text import short_repr
+from catalogs.readers.vectors.shapefile_text import find_codec
 from facade_core.core.types import Privacy, Sun
 
 if TYPE_CHECKING:
@@ -84,6 +85,16 @@ class TextureSettings:
     sun: SunSettings | None = None
 
 
+def _check_encoding(name: str) -> str:
+    if find_codec(name) is None:
+        raise ValueError("is no code page known here; write one such as UTF-8 or windows-1252")
+    return name
+
+
+# Code page of the text of Shapefiles.
+Encoding: TypeAlias = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_check_encoding)]
+
+
 class _Keys(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
@@ -101,27 +112,31 @@ class PartSection(PathSection):
 
 
 class BuildingsSection(_Keys):
-    """Section `buildings`: files, CRS, offset and level of detail."""
+    """Section `buildings`: files, CRS, code page, offset, level of detail and upward axis."""
 
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
+    encoding: Encoding | None = None
     offset: Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
     lod: str | None = None
+    up: Literal["y", "z"] | None = None
 
 
 class StreetsSection(_Keys):
-    """Section `streets`: file, CRS and names of the streets to keep."""
+    """Section `streets`: file, CRS, code page and names of the streets to keep."""
 
     path: Annotated[str, Field(min_length=1)]
     crs: str | None = None
+    encoding: Encoding | None = None
     names: Annotated[list[str], Field(min_length=1)] | None = None
 
 
 class GroundSection(_Keys):
-    """Section `ground`: files of ground features and their CRS."""
+    """Section `ground`: files of ground features, their CRS and code page."""
 
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
+    encoding: Encoding | None = None
 
 
 class PanoramasSection(_Keys):

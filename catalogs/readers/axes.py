@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.crs import EARTH_RADIUS_M, LONLAT
+from catalogs.crs import EARTH_RADIUS_M, LONLAT, metres_per_height_unit
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 
@@ -93,16 +93,15 @@ def resolve_crs_axes(
             horizontal, north_first, sample_point, is_bare_code=_BARE_CODE.fullmatch(name) is not None
         )
     unit = horizontal.axis_info[0].unit_conversion_factor
-    heights = [
-        axis.unit_conversion_factor for part in parts for axis in part.axis_info if axis.direction in ("up", "down")
-    ]
+    vertical = next((part for part in parts if part.is_vertical), None)
     if horizontal.is_geographic:
         latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
         metres = EARTH_RADIUS_M * unit
-        scale, vertical = (metres * max(math.cos(latitude), 1e-3), metres), 1.0
+        scale = metres * max(math.cos(latitude), 1e-3), metres
     else:
-        scale, vertical = (unit, unit), unit
-    return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, heights[0] if heights else vertical), remark
+        scale = unit, unit
+    heights = metres_per_height_unit(horizontal if vertical is None else vertical)
+    return CoordinateAxes(crs, horizontal.to_string(), north_first, scale, heights), remark
 
 
 def _parse_epsg_codes(name: str) -> list[int]:

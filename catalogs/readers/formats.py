@@ -6,18 +6,23 @@ A new format is one function and one row here.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TypeAlias, cast
 
-from catalogs.features import BuildingModels, CentrelinesAndGround, Footprints
+from catalogs.crs import metres_per_height_unit
+from catalogs.features import BuildingModels, CentrelinesAndGround, Footprints, Remark
 from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.limits import reject_implausible_items
+from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from facade_core.core.errors import InputError
 
-# File and level of detail -> buildings; file -> centrelines or ground features.
-BuildingReader: TypeAlias = Callable[[Path, str | None], Footprints | BuildingModels]
-CentrelineReader: TypeAlias = Callable[[Path], CentrelinesAndGround]
+# File and level of detail -> buildings; file -> centrelines or ground features. Readers of `_MODULES_WITH_KEYS` also take
+# the keys of the source.
+BuildingReader: TypeAlias = Callable[..., Footprints | BuildingModels]
+CentrelineReader: TypeAlias = Callable[..., CentrelinesAndGround]
+_MODULES_WITH_KEYS = ("vectors.vector_files", "json_files", "meshes.models")
 
 # Suffix -> module and function; modules are imported on first use.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
@@ -62,25 +67,29 @@ GROUND_READERS: Mapping[str, tuple[str, str]] = {
 }
 
 
-def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
+def read_buildings(
+    path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS
+) -> Footprints | BuildingModels:
     """Read the buildings of a file; broken ones and those beyond the limits become faults.
 
     Parameters
     ----------
     path : file; the suffix selects the reader.
     lod : level of detail of models that have several; None for the highest.
+    keys : what the block file states of the file.
 
     Raises
     ------
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = cast(BuildingReader, _find_reader(path, BUILDING_READERS))
+    reader, options = _find_reader(path, BUILDING_READERS, keys)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return reject_implausible_items(reader(path, lod), path)
+        found = cast(BuildingReader, reader)(path, lod, *options)
+        return reject_implausible_items(_use_frame_unit(found, path, keys), path)
 
 
-def read_centrelines(path: Path) -> CentrelinesAndGround:
+def read_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
     """Read the street centrelines of a file.
 
     Broken ones and those beyond the limits become faults.
@@ -90,12 +99,12 @@ def read_centrelines(path: Path) -> CentrelinesAndGround:
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = cast(CentrelineReader, _find_reader(path, CENTRELINE_READERS))
+    reader, options = _find_reader(path, CENTRELINE_READERS, keys)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return reject_implausible_items(reader(path), path)
+        return reject_implausible_items(cast(CentrelineReader, reader)(path, *options), path)
 
 
-def read_ground_features(path: Path) -> CentrelinesAndGround:
+def read_ground_features(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
     """Read the ground features of a file; only an OpenStreetMap extract gives centrelines too.
 
     Raises
@@ -103,13 +112,26 @@ def read_ground_features(path: Path) -> CentrelinesAndGround:
     InputError
         For an unknown suffix or a broken file.
     """
-    reader = cast(CentrelineReader, _find_reader(path, GROUND_READERS))
+    reader, options = _find_reader(path, GROUND_READERS, keys)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return reader(path)
+        return cast(CentrelineReader, reader)(path, *options)
 
 
-def _find_reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> object:
-    """Return the reader of a file by its suffix, as the tables above name it."""
+def _use_frame_unit(found: Footprints | BuildingModels, path: Path, keys: SourceKeys) -> Footprints | BuildingModels:
+    """Return models without a frame of their own with heights in metres, by the unit of the given frame."""
+    if not isinstance(found, BuildingModels) or found.crs is not None or keys.crs is None:
+        return found
+    unit = metres_per_height_unit(keys.crs)
+    if unit == 1.0:
+        return found
+    remark = Remark("z", f"heights of {path.name} taken in the unit of its frame ({unit:.4f} m)", None)
+    return replace(found.scale_heights(unit), remarks=(*found.remarks, remark))
+
+
+def _find_reader(
+    path: Path, readers: Mapping[str, tuple[str, str]], keys: SourceKeys
+) -> tuple[object, tuple[SourceKeys, ...]]:
+    """Return the reader of a file by its suffix, as the tables above name it, and the keys that it takes."""
     name = path.name.lower()
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:
@@ -117,4 +139,4 @@ def _find_reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> object:
         raise InputError(f"{path}: files of type {path.suffix or '(none)'} are not read; supported: {supported}")
     module, function = found
     reader: object = getattr(import_module(f"catalogs.readers.{module}"), function)
-    return reader
+    return reader, (keys,) if module in _MODULES_WITH_KEYS else ()

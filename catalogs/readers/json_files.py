@@ -8,19 +8,23 @@ from catalogs.features import BuildingModels, Footprints
 from catalogs.readers import walls
 from catalogs.readers.cityjson import buildings as cityjson
 from catalogs.readers.json_text import is_json_lines, load_json
+from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors import vector_files as vectors
 from facade_core.core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
 
 
-def read_json_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
+def read_json_buildings(
+    path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS
+) -> Footprints | BuildingModels:
     """Read buildings from CityJSON, GeoJSON or a table of walls.
 
     Parameters
     ----------
     path : file.
     lod : level of detail, as in catalogs.readers.cityjson.buildings.
+    keys : what the block file states of the file.
 
     Raises
     ------
@@ -34,7 +38,7 @@ def read_json_buildings(path: Path, lod: str | None = None) -> Footprints | Buil
     if isinstance(document, dict) and (str(kind).startswith("CityJSON") or "CityObjects" in document):
         return cityjson.parse_cityjson(document, path, lod)
     if isinstance(kind, str) and kind in _GEOJSON:
-        return vectors.read_vector_footprints(path, lod)
+        return vectors.read_vector_footprints(path, lod, keys)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
         return walls.read_footprints_from_walls(path, lod)
     raise InputError(

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
+from catalogs.crs import metres_per_height_unit
 from catalogs.features import Fault, Footprint, Footprints
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
@@ -30,7 +31,7 @@ _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}
 def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints:
     """Read one footprint per building of a JSON object of walls.
 
-    The format is {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}. Corners are metres in `crs` in the
+    The format is {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}. Corners are in the units of `crs` in the
     order of the ring; the first two run from left to right as seen from outside. Three or more walls that meet end to
     end close an outline. Other walls get an outline of ASSUMED_DEPTH_M behind them. The height is that of the walls
     and the roof is flat.
@@ -52,10 +53,11 @@ def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints
     crs = content.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise InputError(f'{path}: crs is {crs!r}; give a text such as "EPSG:28992"')
+    unit = 1.0 if crs is None else metres_per_height_unit(crs)
     items, faults = [], []
     for building, stated in walls.items():
         try:
-            items.append(_parse_building(building, stated))
+            items.append(_parse_building(building, stated, unit))
         except ValueError as reason:
             faults.append(Fault(building, "building", str(reason)))
         except Exception as error:  # GEOS raises its own errors
@@ -63,7 +65,7 @@ def read_footprints_from_walls(path: Path, lod: str | None = None) -> Footprints
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
 
-def _parse_building(name: str, walls: object) -> Footprint:
+def _parse_building(name: str, walls: object, metres_per_unit: float) -> Footprint:
     """Return the footprint of a building.
 
     Raises
@@ -78,6 +80,7 @@ def _parse_building(name: str, walls: object) -> Footprint:
     outlines = [outline for chain in _connect_base_lines(feet) for outline in _outline_polygons(chain)]
     body = shapely.normalize(shapely.union_all(outlines))
     heights = np.concatenate([ring[:, 2] for ring in rings.values()])
+    heights *= metres_per_unit
     base = float(heights.min())
     assert isinstance(body, Polygon | MultiPolygon)
     # the height of walls excludes the roof, so that no roof is subtracted

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from catalogs.readers.vectors.height_units import LENGTH_TAGS, METRES, UNIT_SUFFIXES, ColumnUnits
+
 _TAG_COLUMN_NAMES = {
-    "height": "height height_m building_height bldg_height height_ft hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
-    "measured_height hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h h_m",
+    "height": "height building_height bldg_height hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
+    "measured_height heightroof height_roof bld_height bldg_hgt bldgheight building_hgt avg_height avg_hgt approx_hgt "
+    "max_height max_hgt hgt gesamthoehe korkeus korgus altura altezza vyska hojd höjd "
+    "hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h",
     "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
     "storeys_above_ground floors num_floors n_floors number_of_floors numberoffloors numberoffloorsaboveground floor_count "
-    "geschosse anzahl_geschosse nb_etages bouwlagen",
+    "numfloors num_stories no_stories geschosse anzahl_geschosse nb_etages bouwlagen kerrosluku piani pisos plantas etager",
     "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname",
     "building": "building",
     "building:part": "building_part",
@@ -34,12 +38,13 @@ _TAG_COLUMN_NAMES = {
     "roof:material": "roof_material building_roof_material",
     "building:colour": "building_colour building_color facade_color facade_colour building_facade_colour colour",
     "building:material": "building_material facade_material building_facade_material",
-    "start_date": "start_date year_built construction_year oorspronkelijkbouwjaar bouwjaar baujahr year_of_construction",
+    "start_date": "start_date year_built construction_year yearbuilt cnstrct_yr oorspronkelijkbouwjaar "
+    "bouwjaar baujahr year_of_construction",
     "highway": "highway fclass",
     "tunnel": "tunnel",
     "area": "area",
     "junction": "junction",
-    "width": "width width_m road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte width_ft",
+    "width": "width road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte",
     "width:carriageway": "width_carriageway carriageway_width fahrbahnbreite",
     "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
     "lane_markings": "lane_markings",
@@ -80,7 +85,12 @@ _TAG_COLUMN_NAMES = {
     "area:highway": "area_highway",
 }
 # Tag -> names of its column in order of preference: lower case, with underscores for punctuation.
-TAG_COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _TAG_COLUMN_NAMES.items()}
+TAG_COLUMNS: Mapping[str, tuple[str, ...]] = {
+    tag: tuple(
+        f"{name}{suffix}" for suffix in (UNIT_SUFFIXES if tag in LENGTH_TAGS else ("",)) for name in names.split()
+    )
+    for tag, names in _TAG_COLUMN_NAMES.items()
+}
 # Columns of 3DBAG and similar sets: heights of roof and ground above the datum.
 ROOF_LEVEL_COLUMNS = (
     "b3_h_dak_70p",
@@ -93,6 +103,13 @@ ROOF_LEVEL_COLUMNS = (
     "roof_0_50",
 )
 GROUND_LEVEL_COLUMNS = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
+# Columns of the height of the ground, which stand next to a height.
+_GROUND_NAMES = (
+    "groundelev ground_elevation ground_elev gnd_elev ground_height ground_z base_elev base_elevation terrainheight "
+    "terrain_height gelaendehoehe hoehegrund z_min_sol"
+)
+GROUND_COLUMNS = tuple(f"{name}{suffix}" for suffix in UNIT_SUFFIXES for name in _GROUND_NAMES.split())
+_GROUND_RANGE_M = (-500.0, 9000.0)  # m; other numbers are codes for unknown
 # Columns of classes of streets and ground areas.
 _CLASS_COLUMN_NAMES = (
     "class fclass subclass subtype type kind category road_class street_class street_type functional_class func_class mtfcc "
@@ -102,7 +119,7 @@ _CLASS_COLUMN_NAMES = (
 CLASS_COLUMNS = tuple(_CLASS_COLUMN_NAMES.split())
 _ID_COLUMN_NAMES = (
     "id osm_id osmid osm_way_id full_id gml_id gmlid identificatie bag_id pand_id uuid building_id bldg_id gebaeude_id "
-    "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
+    "cleabs egid bin doitt_id objectid fid ogc_fid gid link_id road_id segment_id toid"
 )
 ID_COLUMNS = tuple(_ID_COLUMN_NAMES.split())
 # Share of unique values above which a column is used as ids.
@@ -127,6 +144,7 @@ _KNOWN_COLUMNS = frozenset(
         *TAG_COLUMNS.values(),
         ROOF_LEVEL_COLUMNS,
         GROUND_LEVEL_COLUMNS,
+        GROUND_COLUMNS,
         CLASS_COLUMNS,
         ID_COLUMNS,
         _EXTRA_TAG_COLUMNS,
@@ -155,8 +173,10 @@ def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> 
     return found
 
 
-def tags_from_records(records: Iterable[Mapping[str, object]], columns: Mapping[str, str]) -> list[dict[str, str]]:
-    """Return the stated tags of each record as text.
+def tags_from_records(
+    records: Iterable[Mapping[str, object]], columns: Mapping[str, str], units: ColumnUnits = METRES
+) -> list[dict[str, str]]:
+    """Return the stated tags of each record as text; lengths are in metres, or have a unit.
 
     `ground` is the height of the ground above the datum; `class` has the values of all class columns, one per line.
 
@@ -164,6 +184,7 @@ def tags_from_records(records: Iterable[Mapping[str, object]], columns: Mapping[
     ----------
     records : rows of a layer.
     columns : field by known column name.
+    units : units of the columns.
     """
     present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()}
     more = [columns[name] for name in _EXTRA_TAG_COLUMNS if name in columns]
@@ -172,6 +193,7 @@ def tags_from_records(records: Iterable[Mapping[str, object]], columns: Mapping[
         [columns[name] for name in names if name in columns] for names in (ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS)
     ]
     levels = levels if all(levels) else []
+    grounds = [(name, columns[name]) for name in GROUND_COLUMNS if name in columns]
     result = []
     for record in records:
         tags: dict[str, str] = {}
@@ -180,16 +202,58 @@ def tags_from_records(records: Iterable[Mapping[str, object]], columns: Mapping[
         for tag, sources in present.items():
             for name, field in sources:
                 if text := cell_text(record[field]):
-                    tags[tag] = f"{text} ft" if name.endswith("_ft") else _primary_name(text) if tag == "name" else text
+                    tags[tag] = (
+                        units.to_metres(text, name)
+                        if tag in LENGTH_TAGS
+                        else _primary_name(text)
+                        if tag == "name"
+                        else text
+                    )
                     break
         if stated := [text for field in classes if (text := cell_text(record[field]))]:
             tags["class"] = "\n".join(stated)
         if "fclass" in columns and tags.get("oneway") in _ONE_WAY_CODES:
             tags["oneway"] = "yes"
-        if "height" not in tags and levels and (found := _height_above_ground(record, *levels)):
+        if (
+            "height" not in tags
+            and levels
+            and (found := _height_above_ground(record, *levels, units.metres_per_unit("")))
+        ):
             tags["height"], tags["ground"] = found
+        if "ground" not in tags and (ground := _ground_height(record, grounds, units)):
+            tags["ground"] = ground
         result.append(tags)
     return result
+
+
+def assumed_units(tags: Sequence[Mapping[str, str]], columns: Mapping[str, str], units: ColumnUnits) -> list[str]:
+    """Return the fields of lengths that state no unit and are taken in that of the frame.
+
+    Parameters
+    ----------
+    tags : tags of each record.
+    columns : field by known column name.
+    units : units of the columns.
+    """
+    names = {tag: TAG_COLUMNS[tag] for tag in LENGTH_TAGS} | {"ground": GROUND_COLUMNS}
+    stated = {tag: [name for name in known if name in columns] for tag, known in names.items()}
+    return sorted(
+        columns[known[0]]
+        for tag, known in stated.items()
+        if known and units.is_assumed(known[0]) and any(tag in one for one in tags)
+    )
+
+
+def _ground_height(record: Mapping[str, object], grounds: Iterable[tuple[str, str]], units: ColumnUnits) -> str | None:
+    """Return the height of the ground in metres, as text; None where no column states a plausible one."""
+    for name, field in grounds:
+        try:
+            height = float(cell_text(record[field])) * units.metres_per_unit(name)
+        except ValueError:
+            continue
+        if _GROUND_RANGE_M[0] < height < _GROUND_RANGE_M[1]:
+            return f"{height:.4f}"
+    return None
 
 
 def cell_text(value: object) -> str:
@@ -293,13 +357,15 @@ def _make_unique(texts: list[str]) -> list[str]:
     return ids
 
 
-def _height_above_ground(record: Mapping[str, object], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
+def _height_above_ground(
+    record: Mapping[str, object], roofs: list[str], grounds: list[str], unit: float
+) -> tuple[str, str] | None:
     """Return the height above the ground and the height of the ground, from heights above the datum."""
     roof, ground = (
         next((text for field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
     )
     try:
-        return f"{float(roof) - float(ground):.2f}", ground
+        return f"{(float(roof) - float(ground)) * unit:.2f}", ground if unit == 1.0 else f"{float(ground) * unit:.4f}"
     except ValueError:
         return None
 

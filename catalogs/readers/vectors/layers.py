@@ -13,13 +13,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.crs import LONLAT
+from catalogs.crs import LONLAT, metres_per_height_unit
+from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error
 from catalogs.readers import gdal_files
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
-from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_known_columns, tags_from_records
+from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
+from catalogs.readers.vectors.columns import (
+    MIN_INEXACT_INTEGER,
+    assign_ids,
+    assumed_units,
+    match_known_columns,
+    tags_from_records,
+)
+from catalogs.readers.vectors.height_like_columns import find_height_like_columns
+from catalogs.readers.vectors.height_units import column_units
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
+from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_names, decode_shapefile_table
 from catalogs.readers.vectors.solids import convert_surface_wkb
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.errors import InputError
@@ -54,6 +65,7 @@ class LayerFeatures:
     id_remarks : remark by id, for ids that differ from the file.
     layer : name of the layer.
     other_layers : names of the layers that were not read.
+    remarks : assumptions on the whole layer.
     """
 
     crs: str | None
@@ -63,19 +75,23 @@ class LayerFeatures:
     id_remarks: Mapping[str, str]
     layer: str
     other_layers: Sequence[str]
+    remarks: Sequence[Remark] = ()
 
 
-def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> LayerFeatures:
+def read_layer_features(
+    path: Path, kind: str, name_hints: Sequence[str], keys: SourceKeys = NO_SOURCE_KEYS
+) -> LayerFeatures:
     """Read the features of one kind from a vector file.
 
     Of several layers one of that kind is read, preferably with a hint in its name. The crs is None where the file states none,
-    or degrees that its coordinates cannot be.
+    or degrees that its coordinates cannot be. z and lengths are in metres, by the unit of the frame where none is stated.
 
     Parameters
     ----------
     path : file.
     kind : "outlines" or "lines".
     name_hints : words in the name of the preferred layer.
+    keys : what the block file states of the file.
 
     Raises
     ------
@@ -88,20 +104,23 @@ def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> Lay
             layer, others = path.stem, list[str]()
         else:
             layer, others = _choose_layer(path, kind, name_hints)
-        found = _read_table(path, layer, others)
+        found = _read_table(path, layer, others, keys, with_numbers=kind == "outlines")
     types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
     if types and not any(known in one for one in types for known in _GEOMETRY_TYPES[kind]):
         raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
     return found
 
 
-def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -> list[LayerFeatures]:
+def read_matching_layers(
+    path: Path, is_wanted: Callable[[str, Collection[str]], bool], keys: SourceKeys = NO_SOURCE_KEYS
+) -> list[LayerFeatures]:
     """Read the features of all layers that are wanted.
 
     Parameters
     ----------
     path : file.
     is_wanted : called with the name and the known columns of a layer.
+    keys : what the block file states of the file.
 
     Raises
     ------
@@ -111,30 +130,65 @@ def read_matching_layers(path: Path, is_wanted: Callable[[str, Collection[str]],
     with _wrap_library_errors(path):
         _check_file(path)
         if path.suffix.lower() in _PARQUET_SUFFIXES:
-            return [_read_table(path, path.stem, ())]
+            return [_read_table(path, path.stem, (), keys)]
         layers = [name for name, geometry in gdal_files.list_layers(path) if geometry is not None]
         return [
-            _read_table(path, layer, ())
+            _read_table(path, layer, (), keys)
             for layer in layers
             if is_wanted(
                 layer,
                 match_known_columns(
-                    gdal_files.read_info(path, layer=layer)["fields"],
+                    gdal_files.read_info(path, layer=layer, **_raw_text(path))["fields"],
                     has_truncated_names=_has_truncated_names(path),
                 ),
             )
         ]
 
 
-def _read_table(path: Path, layer: str, others: Sequence[str]) -> LayerFeatures:
-    frame, columns = _read_parquet(path) if path.suffix.lower() in _PARQUET_SUFFIXES else _read_layer(path, layer)
+def _read_table(
+    path: Path, layer: str, others: Sequence[str], keys: SourceKeys, *, with_numbers: bool = False
+) -> LayerFeatures:
+    """Read a layer; with_numbers: name the columns of numbers that look like heights where none is known."""
+    is_parquet = path.suffix.lower() in _PARQUET_SUFFIXES
+    frame, columns = _read_parquet(path, with_numbers) if is_parquet else _read_layer(path, layer, with_numbers)
+    remarks: list[Remark] = []
+    if path.suffix.lower() == ".shp":
+        frame, assumed = decode_shapefile_table(frame, path, keys.encoding)
+        remarks += [Remark(path.name, f"Shapefiles {assumed}", None)] if assumed else []
     geometries = frame.geometry.to_numpy()
-    records = frame.drop(columns=frame.geometry.name).to_dict("records")
+    known = keys.crs or frame.crs
+    unit = 1.0 if known is None else metres_per_height_unit(known)
+    rows = frame.drop(columns=frame.geometry.name)
+    records = rows.to_dict("records")
     crs = _crs_name(frame.crs)
     if crs == LONLAT and not _are_degrees(geometries):
         crs = None
     ids, renamed = assign_ids(records, columns)
-    return LayerFeatures(crs, ids, geometries, tags_from_records(records, columns), renamed, layer, others)
+    units = column_units(columns, unit)
+    tags = tags_from_records(records, columns, units)
+    in_frame_units = assumed_units(tags, columns, units)
+    if with_numbers and unit != 1.0 and (heights := _scale_heights(geometries, unit)) is not None:
+        geometries, in_frame_units = heights, [*in_frame_units, "z"]
+    if in_frame_units:
+        reason = (
+            f"heights and widths of {path.name} taken in the unit of its frame ({unit:.4f} m); name those in metres"
+        )
+        remarks.append(Remark(", ".join(in_frame_units), f"{reason} e.g. height_m", None))
+    if with_numbers and not any("height" in one or "building:levels" in one for one in tags):
+        likely = find_height_like_columns(rows.drop(columns=list(columns.values()), errors="ignore"))
+        reason = f"columns of {path.name} that look like heights; rename the right one to height, height_ft or levels"
+        remarks += [Remark(name, reason, None) for name in likely]
+    return LayerFeatures(crs, ids, geometries, tags, renamed, layer, others, remarks)
+
+
+def _scale_heights(geometries: ObjectArray, unit: float) -> ObjectArray | None:
+    """Return geometries with z in metres; None where no z differs from zero."""
+    if not np.nan_to_num(shapely.get_coordinates(geometries, include_z=True)[:, 2]).any():
+        return None
+    scaled = geometries.copy()
+    solid = shapely.has_z(geometries)
+    scaled[solid] = shapely.transform(geometries[solid], lambda xyz: xyz * (1.0, 1.0, unit), include_z=True)
+    return scaled
 
 
 @contextmanager
@@ -162,6 +216,11 @@ def _has_truncated_names(path: Path) -> bool:
     return path.suffix.lower() == ".shp"
 
 
+def _raw_text(path: Path) -> dict[str, str]:
+    """Return the option that reads the text of a Shapefile undecoded; none for other files."""
+    return {"encoding": RAW_ENCODING} if path.suffix.lower() == ".shp" else {}
+
+
 def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
     listed = {name: geometry for name, geometry in gdal_files.list_layers(path) if geometry is not None}
     fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
@@ -173,24 +232,33 @@ def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str
     return chosen, [name for name in listed if name != chosen]
 
 
-def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
-    info = gdal_files.read_info(path, layer=layer)
-    columns = match_known_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
+def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
+    info = gdal_files.read_info(path, layer=layer, **_raw_text(path))
+    fields = decode_field_names(info["fields"]) if _raw_text(path) else {name: name for name in info["fields"]}
+    columns = match_known_columns(fields, has_truncated_names=_has_truncated_names(path))
+    numbers = [
+        name
+        for (name, raw), kind in zip(fields.items(), info["dtypes"], strict=True)
+        if with_numbers and str(kind).startswith(("int", "uint", "float"))
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # read as text
         frame = gdal_files.read_dataframe(
             path,
             layer=layer,
-            columns=sorted(set(columns.values())),
+            columns=sorted({fields[name] for name in (*columns.values(), *numbers)}),
             on_invalid="ignore",
             datetime_as_string=True,
             **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # GDAL would parse text as dates
+            **_raw_text(path),
         )
     if frame.geometry.isna().any():
         frame = _restore_surfaces(frame, path, layer)
     whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
-    return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)), columns
+    return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)).rename(
+        columns={raw: name for name, raw in fields.items()}
+    ), columns
 
 
 def _restore_surfaces(frame: GeoDataFrame, path: Path, layer: str) -> GeoDataFrame:
@@ -218,10 +286,10 @@ def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[
 
 
 def _read_integers(path: Path, layer: str, names: list[str]) -> pa.Table:
-    return gdal_files.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
+    return gdal_files.read_arrow(path, layer=layer, columns=names, read_geometry=False, **_raw_text(path))[1]
 
 
-def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
+def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[str, str]]:
     import geopandas
     import pyarrow
     from pyarrow import parquet
@@ -234,7 +302,8 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
     columns = match_known_columns(schema.names, has_truncated_names=False)
-    wanted = {*columns.values(), json.loads(geo)["primary_column"]}
+    numbers = [f.name for f in schema if pyarrow.types.is_integer(f.type) or pyarrow.types.is_floating(f.type)]
+    wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
     unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
     for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):
         # dictionary encoding hides the decoded size

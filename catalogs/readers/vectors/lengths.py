@@ -7,7 +7,7 @@ import re
 
 _LENGTH_TEXT = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
 _FEET_INCHES_TEXT = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
-_FOOT_M = 0.3048
+FOOT_M = 0.3048  # international foot
 _INCH_M = 0.0254
 
 
@@ -18,11 +18,19 @@ def parse_length(text: str) -> float | None:
     """
     text = text.strip()
     if match := _FEET_INCHES_TEXT.fullmatch(text):
-        return _finite_or_none(float(match[1]) * _FOOT_M + float(match[2].replace(",", ".")) * _INCH_M)
+        return _finite_or_none(float(match[1]) * FOOT_M + float(match[2].replace(",", ".")) * _INCH_M)
     if match := _LENGTH_TEXT.fullmatch(text):
         value = float(match[1].replace(",", "."))
-        return _finite_or_none(value * _FOOT_M if (match[2] or "").lower() in ("ft", "feet", "'") else value)
+        return _finite_or_none(value * FOOT_M if (match[2] or "").lower() in ("ft", "feet", "'") else value)
     return None
+
+
+def scale_plain_length(text: str, metres_per_unit: float) -> str:
+    """Return a number in metres; a text that is no number, or has a unit, stays."""
+    match = _LENGTH_TEXT.fullmatch(text.strip())
+    if match is None or match[2]:
+        return text
+    return f"{float(match[1].replace(',', '.')) * metres_per_unit:.4f}"
 
 
 def _finite_or_none(value: float) -> float | None:

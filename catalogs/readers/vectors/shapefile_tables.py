@@ -13,7 +13,7 @@ _HEADER_BYTES = 32  # bytes of a table's header before its fields
 
 def check_shapefile_table(path: Path) -> None:
     """Raise InputError where the .dbf is missing, truncated or of another row count."""
-    table, index = _sibling_file(path, ".dbf"), _sibling_file(path, ".shx")
+    table, index = sibling_file(path, ".dbf"), sibling_file(path, ".shx")
     remedy = "copy it again from where the Shapefile came from, or export that as GeoPackage"
     if not table.is_file():
         raise InputError(f"{path} has no {table.name} beside it, which holds its ids and heights; {remedy}")
@@ -43,7 +43,7 @@ def _count_shapes(index: Path) -> int | None:
     return (2 * int(struct.unpack_from(">i", start, 24)[0]) - 100) // 8 if len(start) == 28 else None
 
 
-def _sibling_file(path: Path, suffix: str) -> Path:
+def sibling_file(path: Path, suffix: str) -> Path:
     """Return a file of the Shapefile with a lower- or upper-case suffix, as GDAL looks for it."""
     small, capitals = path.with_suffix(suffix), path.with_suffix(suffix.upper())
     return capitals if capitals.exists() and not small.exists() else small

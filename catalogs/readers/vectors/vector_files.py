@@ -18,6 +18,7 @@ from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import CentrelinesAndGround, Fault, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
+from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.columns import CLASS_COLUMNS
 from catalogs.readers.vectors.ground_classes import osm_ground_tags
@@ -40,7 +41,7 @@ _GROUND_TAGS = frozenset(
 _STREET_LAYERS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
 
 
-def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
+def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS) -> Footprints:
     """Read building outlines with height, floors, name and roof by columns of any known name.
 
     A height reaches to the ridge, as in OpenStreetMap: a stated roof is subtracted. The z of an outline is the height of the
@@ -52,13 +53,14 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     ----------
     path : file.
     lod : ignored, since outlines have no level of detail.
+    keys : what the block file states of the file.
 
     Raises
     ------
     InputError
         Where the file cannot be read or holds no outlines.
     """
-    features = read_layer_features(path, "outlines", _BUILDING_LAYERS)
+    features = read_layer_features(path, "outlines", _BUILDING_LAYERS, keys)
     remarks = _layer_remarks(features)
     faults = []
     items = []
@@ -92,7 +94,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
-def read_vector_centrelines(path: Path) -> CentrelinesAndGround:
+def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
     """Read street centrelines and ground features.
 
     With OpenStreetMap's column `highway` only streets of catalogs.readers.vectors.osm.is_street are read: no footways, service
@@ -104,7 +106,7 @@ def read_vector_centrelines(path: Path) -> CentrelinesAndGround:
     InputError
         Where the file cannot be read or holds no lines.
     """
-    features = read_layer_features(path, "lines", _STREET_LAYERS)
+    features = read_layer_features(path, "lines", _STREET_LAYERS, keys)
     opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
     from_osm = any("highway" in tags for tags in features.tags)
 
@@ -129,13 +131,14 @@ def read_vector_centrelines(path: Path) -> CentrelinesAndGround:
     ]
     if features.other_layers:
         others = read_matching_layers(
-            path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns)
+            path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns), keys
         )
         ground += _project_ground_features(others, features.crs)
-    return replace(found, remarks=tuple(_id_remarks(found, features, path)), ground=tuple(ground))
+    remarks = (*features.remarks, *_id_remarks(found, features, path))
+    return replace(found, remarks=remarks, ground=tuple(ground))
 
 
-def read_vector_ground(path: Path) -> CentrelinesAndGround:
+def read_vector_ground(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:
     """Read the ground features of all layers: areas, ways and crossings, without viewpoints.
 
     Raises
@@ -143,11 +146,12 @@ def read_vector_ground(path: Path) -> CentrelinesAndGround:
     InputError
         Where the file cannot be read, or holds no ground features.
     """
-    layers = read_matching_layers(path, _is_ground_layer)
+    layers = read_matching_layers(path, _is_ground_layer, keys)
     frame = next((layer.crs for layer in layers if layer.crs is not None), None)
     if not (ground := _project_ground_features(layers, frame)):
         raise InputError(f"{path} holds nothing of the ground; give a file whose columns state what lies where")
-    return CentrelinesAndGround(frame, (), ground=tuple(ground))
+    remarks = tuple(remark for layer in layers for remark in layer.remarks)
+    return CentrelinesAndGround(frame, (), remarks=remarks, ground=tuple(ground))
 
 
 def _is_ground_layer(layer: str, columns: Collection[str]) -> bool:
@@ -197,11 +201,12 @@ def _id_remarks(found: CentrelinesAndGround, features: LayerFeatures, path: Path
 
 def _layer_remarks(features: LayerFeatures) -> list[Remark]:
     if not features.other_layers:
-        return []
+        return list(features.remarks)
     return [
+        *features.remarks,
         Remark(
             f"{features.layer}, not {', '.join(features.other_layers)}", "layers read of files that have several", None
-        )
+        ),
     ]
 
 

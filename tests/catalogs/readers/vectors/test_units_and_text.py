@@ -1,0 +1,177 @@
+"""Units of heights, columns that look like heights, and code pages of Shapefiles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pytest
+import shapely
+from shapely import LineString, Polygon
+
+from catalogs.block.reader import Block, read_block
+from catalogs.readers.formats import read_buildings, read_centrelines
+from catalogs.readers.source_keys import SourceKeys
+from catalogs.readers.vectors.vector_files import read_vector_footprints
+from facade_core.core.errors import InputError
+
+FOOT_FRAME = "EPSG:2263"
+FIELD_INPUTS = Path(__file__).resolve().parents[5] / "shared" / "data" / "field_inputs"
+
+
+def outlines(path: Path, crs: str | None = FOOT_FRAME, z: float | None = None, **columns: Any) -> Path:
+    box = shapely.box(988_406, 211_814, 988_452, 211_844)
+    shape = box if z is None else Polygon([(x, y, z) for x, y in box.exterior.coords])
+    table = geopandas.GeoDataFrame({name: [value] for name, value in columns.items()}, geometry=[shape], crs=crs)
+    table.to_file(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("columns", "crs", "height", "base"),
+    [
+        ({"height": 100.0}, FOOT_FRAME, 30.48, None),
+        ({"height": "100"}, FOOT_FRAME, 30.48, None),
+        ({"height": "30 m"}, FOOT_FRAME, 30.0, None),
+        ({"height_m": 30.0}, FOOT_FRAME, 30.0, None),
+        ({"bldg_hgt_cm": 3000.0}, FOOT_FRAME, 30.0, None),
+        ({"height": 30.0, "osm_id": "5"}, FOOT_FRAME, 30.0, None),
+        ({"height": 30.0}, f"{FOOT_FRAME}+5703", 30.0, None),
+        ({"height": 30.0}, "EPSG:32618", 30.0, None),
+        ({"height_ft": 100.0}, "EPSG:32618", 30.48, None),
+        ({"heightroof": 100.0, "groundelev": 50.0}, "EPSG:32618", 30.48, 15.24),
+        ({"height_roof": 100.0, "ground_elevation": 50.0}, FOOT_FRAME, 30.48, 15.24),
+        ({"height": 30.0, "ground_elevation": -1.5}, "EPSG:32618", 30.0, -1.5),
+        ({"height": 30.0, "groundelev": -9999.0}, "EPSG:32618", 30.0, None),
+    ],
+)
+def test_heights_have_their_own_unit_or_that_of_the_frame(
+    tmp_path: Path, columns: dict[str, Any], crs: str, height: float, base: float | None
+) -> None:
+    found = read_vector_footprints(outlines(tmp_path / "b.gpkg", crs, **columns))
+    (item,) = found.items
+    assert item.height == pytest.approx(height, abs=0.001)
+    assert item.base == (None if base is None else pytest.approx(base, abs=0.001))
+    assert bool(found.remarks) == (crs == FOOT_FRAME and columns.get("height") in (100.0, "100", "30 m"))
+
+
+def test_z_and_a_given_frame_count_in_feet_too(tmp_path: Path) -> None:
+    found = read_vector_footprints(outlines(tmp_path / "z.gpkg", z=50.0, height_m=9.0))
+    assert found.items[0].base == pytest.approx(15.24, abs=0.001)
+    assert [remark.id for remark in found.remarks] == ["z"]
+    path = outlines(tmp_path / "bare.gpkg", None, height=100.0)
+    assert read_vector_footprints(path).items[0].height == 100.0
+    given = read_buildings(path, None, SourceKeys(crs=FOOT_FRAME))
+    assert getattr(given.items[0], "height", None) == pytest.approx(30.48, abs=0.001)
+
+
+def test_a_model_in_a_given_foot_frame(tmp_path: Path) -> None:
+    corners = [(0, 0), (40, 0), (40, 30), (0, 30)]
+    lines = ["g house", *(f"v {x + 988_406} {y + 211_814} {z}" for z in (0, 100) for x, y in corners)]
+    faces = ["4 3 2 1", "5 6 7 8", *(f"{i + 1} {(i + 1) % 4 + 1} {(i + 1) % 4 + 5} {i + 5}" for i in range(4))]
+    (tmp_path / "b.obj").write_text("\n".join([*lines, *(f"f {face}" for face in faces), ""]))
+    found = read_buildings(tmp_path / "b.obj", None, SourceKeys(crs=FOOT_FRAME))
+    assert "z" in [remark.id for remark in found.remarks]
+    assert found.items[0].shell.vertices[:, 2].max() == pytest.approx(30.48, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("columns", "named"),
+    [
+        ({"roofhgt7": 12.5, "shape_area": 120.0, "objectid": 7}, ["roofhgt7"]),
+        ({"wert": 12.5, "shape_area": 120.0, "kod": 7}, ["wert"]),
+        ({"hoyde": 12, "elev_top": 30}, ["hoyde", "elev_top"]),
+        ({"height": None, "dachhoehe": 12.0}, ["dachhoehe"]),
+        ({"height": 9.0, "elev_top": 30.0}, []),
+        ({"levels": 4, "elev_top": 30.0}, []),
+        ({"kod": 7, "elev_top": 99999.0}, []),
+    ],
+)
+def test_columns_that_look_like_heights_are_named(tmp_path: Path, columns: dict[str, Any], named: list[str]) -> None:
+    found = read_vector_footprints(outlines(tmp_path / "b.gpkg", "EPSG:32618", **columns))
+    assert [remark.id for remark in found.remarks] == named
+    assert all("b.gpkg that look like heights" in remark.reason for remark in found.remarks)
+
+
+def street(folder: Path, name: bytes, page: str | None = None, driver: int = 0) -> Path:
+    """Write a Shapefile whose only name has these bytes."""
+    path = folder / "s.shp"
+    line = LineString([(385_000, 6_671_000), (385_050, 6_671_000)])
+    geopandas.GeoDataFrame({"name": ["x" * len(name)]}, geometry=[line], crs="EPSG:32635").to_file(path)
+    table = bytearray((folder / "s.dbf").read_bytes())
+    table[29] = driver
+    place = bytes(table).rindex(b"x" * len(name))
+    table[place : place + len(name)] = name
+    (folder / "s.dbf").write_bytes(table)
+    (folder / "s.cpg").unlink()
+    if page is not None:
+        (folder / "s.cpg").write_text(page)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "written", "page", "driver", "noted"),
+    [
+        ("Hämeentie", "utf-8", None, 0, False),
+        ("Hämeentie", "utf-8", None, 87, False),
+        ("Hämeentie", "utf-8", "UTF-8", 0, False),
+        ("Hämeentie", "utf-8", "ISO-8859-1", 0, True),
+        ("Hämeentie", "utf-8", "no such page", 0, True),
+        ("Hämeentie", "cp1252", "1252", 0, False),
+        ("Hämeentie", "cp1252", "ANSI 1252", 0, False),
+        ("Hämeentie", "latin-1", "88591", 0, False),
+        ("Hämeentie", "cp1252", None, 3, False),
+        ("Hämeentie", "cp1252", None, 0, True),
+        ("Café", "cp1252", None, 87, True),
+        ("Невский", "cp1251", "1251", 0, False),
+        ("Невский", "cp1251", None, 201, False),
+        ("銀座通り", "cp932", None, 19, False),
+        ("Main Street", "ascii", "no such page", 0, False),
+    ],
+)
+def test_the_code_page_is_stated_or_found(
+    tmp_path: Path, text: str, written: str, page: str | None, driver: int, noted: bool
+) -> None:
+    found = read_centrelines(street(tmp_path, text.encode(written), page, driver))
+    assert [item.name for item in found.items] == [text]
+    assert bool(found.remarks) == noted
+
+
+def test_a_given_code_page_counts(tmp_path: Path) -> None:
+    path = street(tmp_path, "Невский".encode("cp1251"))
+    assert read_centrelines(path, SourceKeys(encoding="windows-1251")).items[0].name == "Невский"
+    with pytest.raises(InputError, match="its text is not UTF-8; give another encoding"):
+        read_centrelines(path, SourceKeys(encoding="UTF-8"))
+
+
+@pytest.mark.parametrize("page", ["UTF-8", "no such page"])
+def test_the_refusal_names_the_page_file(tmp_path: Path, page: str) -> None:
+    with pytest.raises(InputError, match=r"s\.cpg beside it states.*give encoding: windows-1252"):
+        read_centrelines(street(tmp_path, b"H\xe4meentie", page))
+
+
+def read_field_input(name: str) -> Block:
+    return read_block(FIELD_INPUTS / name / "block.yaml")
+
+
+@pytest.mark.realdata
+def test_blocks_in_feet() -> None:
+    plain = read_field_input("height-in-foot-frame")
+    assert any("unit of its frame" in note for note in plain.notes)
+    city = read_field_input("nyc-heightroof")
+    assert [building.id for building in city.buildings] == ["1015862", "1015863"]
+    assert [building.base for building in city.buildings] == pytest.approx([15.24, 15.24])
+    for block in (plain, city):
+        assert [b.height + b.roof.height for b in block.buildings if b.roof] == pytest.approx([30.0, 40.0], abs=0.05)
+
+
+@pytest.mark.realdata
+def test_a_shapefile_without_a_code_page() -> None:
+    assert [street.name for street in read_field_input("shp-no-cpg").streets] == ["Hämeentie"]
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", ["bang-folder", "bang-other"])
+def test_a_path_with_a_separator(name: str) -> None:
+    assert [building.id for building in read_field_input(name).buildings] == ["a", "b"]
