@@ -17,8 +17,10 @@ from catalogs.block.keys import BlockFileSettings, BuildingsSection, GroundSecti
 from catalogs.block.likely_shops import likely_shop_positions
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
+from catalogs.buildings.axis_mistakes import swapped_places
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.crs import (
+    bounds_to_lonlat,
     check_block_crs,
     choose_block_crs,
     coordinate_transform,
@@ -234,6 +236,8 @@ def _read_streets(
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
     near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
     streets, faults = build_block_streets(near, frame, area=area)
+    if area is None and not any(street.line.intersects(shapely.box(*extent)) for street in streets):
+        _check_swapped_axes(_lonlat_bounds(centrelines), bounds_to_lonlat(frame.to_wkt(), extent), files, file)
     if not streets and not cut:
         raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
     if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
@@ -247,6 +251,19 @@ def _read_streets(
     reasons = feature_ids_by_reason(remark for remark in near.remarks if remark.id not in outside)
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
     return streets, format_reason_notes(reasons), faults
+
+
+def _check_swapped_axes(
+    streets: Bounds | None, buildings: Bounds, files: NamedFiles, file: BlockFileErrorContext
+) -> None:
+    """Raise BlockFileError where streets and buildings meet once longitude and latitude of one are swapped."""
+    if streets is not None and swapped_places(np.array(streets), np.array(buildings)):
+        places = [f"{(box[0] + box[2]) / 2:.4f}, {(box[1] + box[3]) / 2:.4f}" for box in (streets, buildings)]
+        raise file.make_error(
+            "streets.path",
+            f"longitude and latitude look swapped in one of two files: {files['streets.path'][0]} lies at {places[0]}, "
+            f"{files['buildings.path'][0]} at {places[1]}; write longitude first in both",
+        )
 
 
 def _shops_and_entrances(

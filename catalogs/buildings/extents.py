@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 
+from catalogs.buildings.axis_mistakes import axis_mistake
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, coordinate_transform, has_east_north_axes, parse_crs
 from catalogs.features import BuildingModels, CentrelinesAndGround, Fault, Footprints
 from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
@@ -119,6 +120,8 @@ def locate_boxes(crs: str, boxes: Float64Array) -> BoxLocations:
             size, EARTH_RADIUS_M * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
         )
     places = BoxLocations(lonlat.reshape(-1, 4, 2), points.mean(axis=1), size)
+    if mistake := axis_mistake(frame, boxes):
+        raise InputError(f"in {crs[:60]} {mistake}")
     if places.location_mask.any() and not has_east_north_axes(frame):
         _check_axis_order(frame, *places.mean_lonlat(places.location_mask))
     return places

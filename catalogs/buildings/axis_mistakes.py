@@ -1,0 +1,87 @@
+"""Coordinates that make sense once their axes are swapped, or the number of their zone is taken off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catalogs.crs import LONLAT, coordinate_transform
+from facade_core.core.arrays import BoolArray, Float64Array
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
+NEARBY_DEG = 0.5  # swapped coordinates of one place agree with those of its other files
+_ZONE_STEP = 1e6  # number of a zone in front of an easting
+# Zones of ETRS89 / UTM whose eastings begin with the number of the zone.
+_PREFIXED_UTM = {31: "EPSG:5649", 32: "EPSG:4647", 33: "EPSG:5650"}
+
+
+def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
+    """Return the likely mistake of boxes that all lie nowhere, or outside the area where their CRS is used.
+
+    Parameters
+    ----------
+    frame : CRS of the boxes.
+    boxes : (n, 4) of (xmin, ymin, xmax, ymax).
+
+    Returns
+    -------
+    The mistake and the remedy; None where no box lies inside after a change, or one does without.
+    """
+    middle = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, [1, 3]].mean(axis=1)])
+    if not len(middle) or _is_in_use(frame, middle).any():
+        return None
+    x, y = np.median(middle, axis=0).tolist()
+    if _is_in_use(frame, middle[:, ::-1]).all():
+        axes = ("longitude", "latitude") if frame.is_geographic else ("x", "y")
+        return f"{axes[0]} and {axes[1]} look swapped (the first number is {x:.7g}, the second {y:.7g}); write {axes[0]} first"
+    if frame.is_geographic:
+        return None
+    zone = int(x // _ZONE_STEP)
+    for own in range(0, 70):
+        shifted = middle + np.array([(own - zone) * _ZONE_STEP, 0.0])
+        if own != zone and _is_in_use(frame, shifted).all():
+            return _zone_mistake(frame, x, zone, own)
+    return None
+
+
+def swapped_places(first: Float64Array, second: Float64Array) -> bool:
+    """Return True where two boxes (west, south, east, north), degrees, meet once the axes of one are swapped."""
+    west, south, east, north = second[[1, 0, 3, 2]] + np.array([-1, -1, 1, 1]) * NEARBY_DEG
+    return bool(first[0] <= east and first[2] >= west and first[1] <= north and first[3] >= south)
+
+
+def _zone_mistake(frame: CRS, x: float, zone: int, own: int) -> str:
+    if own == 0:
+        known = _PREFIXED_UTM.get(zone) if "UTM zone" in frame.name else None
+        named = f", such as {known}" if known else ""
+        return (
+            f"eastings begin with the number of a zone, {zone} (as in {x:.0f}), which {frame.to_string()} ({frame.name}) "
+            f"does not have; name the frame that has it{named}, or take it off"
+        )
+    return (
+        f"eastings of {frame.to_string()} ({frame.name}) begin with the number of its zone, {own}, and these (as in {x:.0f}) "
+        "do not; name the frame without it, or put it in front"
+    )
+
+
+def _is_in_use(frame: CRS, points: Float64Array) -> BoolArray:
+    """Return a mask (n,) of points that lie on Earth, and in the area of use of a CRS that has one."""
+    longitude, latitude = coordinate_transform(frame, LONLAT)(points[:, 0], points[:, 1])
+    with np.errstate(invalid="ignore"):
+        found: BoolArray = np.isfinite(longitude + latitude) & (np.abs(longitude) <= 360.0) & (np.abs(latitude) <= 90.0)
+        area = frame.area_of_use
+        if area is not None:
+            found &= (latitude >= area.south - AREA_MARGIN_DEG) & (latitude <= area.north + AREA_MARGIN_DEG)
+            east = (longitude - area.west + AREA_MARGIN_DEG) % 360.0
+            found &= east <= (area.east - area.west) % 360.0 + 2 * AREA_MARGIN_DEG + (
+                360.0 if area.west <= -180.0 else 0.0
+            )
+    if not frame.is_geographic:  # beyond its zone a projection may fold back
+        x, y = coordinate_transform(LONLAT, frame)(longitude, latitude)
+        with np.errstate(invalid="ignore"):
+            found &= np.hypot(x - points[:, 0], y - points[:, 1]) < 1.0
+    return found

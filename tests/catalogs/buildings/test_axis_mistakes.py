@@ -1,0 +1,78 @@
+"""Swapped axes, and numbers of zones in eastings, are recognised and named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from catalogs.block.reader import read_block
+from catalogs.buildings.axis_mistakes import axis_mistake, swapped_places
+from catalogs.buildings.extents import locate_boxes
+from facade_core.core.errors import BlockFileError, InputError
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y", "mistake"),
+    [
+        ("EPSG:25832", 32_384_000, 5_500_000, "begin with the number of a zone, 32 (as in 32384005), which EPSG:25832"),
+        ("EPSG:25832", 32_384_000, 5_500_000, "such as EPSG:4647, or take it off"),
+        ("EPSG:25833", 33_384_000, 5_500_000, "such as EPSG:5650, or take it off"),
+        ("EPSG:32632", 32_384_000, 5_500_000, "such as EPSG:4647"),
+        ("EPSG:4647", 384_000, 5_500_000, "begin with the number of its zone, 32, and these (as in 384005) do not"),
+        ("EPSG:31467", 500_000, 5_500_000, "begin with the number of its zone, 3, and"),
+        ("EPSG:3879", 497_000, 6_671_000, "begin with the number of its zone, 25, and"),
+        ("EPSG:2177", 500_000, 5_800_000, "begin with the number of its zone, 6, and"),
+        ("EPSG:32635", 6_671_000, 385_000, "x and y look swapped (the first number is 6671005, the second 385005)"),
+        ("EPSG:28992", 487_000, 121_000, "x and y look swapped"),
+        ("EPSG:4326", 35.0, 139.0, "longitude and latitude look swapped"),
+        ("EPSG:4258", 60.16, 24.93, "longitude and latitude look swapped"),
+    ],
+)
+def test_mistakes_are_named(crs: str, x: float, y: float, mistake: str) -> None:
+    size = 0.001 if CRS(crs).is_geographic else 10
+    boxes = np.array([[x, y, x + size, y + size]])
+    assert mistake in str(axis_mistake(CRS(crs), boxes))
+    with pytest.raises(InputError, match=r"look swapped|number of"):
+        locate_boxes(crs, boxes)
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y"),
+    [
+        ("EPSG:25832", 384_000, 5_500_000),
+        ("EPSG:4647", 32_384_000, 5_500_000),
+        ("EPSG:3879", 25_497_000, 6_671_000),
+        ("EPSG:3857", 2_776_000, 8_437_000),
+        ("EPSG:32635", 385_000, 6_671_000),
+        ("EPSG:5514", -743_000, -1_043_000),
+        ("EPSG:4326", 139.0, 35.0),
+        ("EPSG:4326", 179.99, -17.0),
+        ("EPSG:32635", 1e12, 1e12),
+    ],
+)
+def test_right_and_hopeless_coordinates_are_no_mistake(crs: str, x: float, y: float) -> None:
+    assert axis_mistake(CRS(crs), np.array([[x, y, x + 0.01, y + 0.01]])) is None
+
+
+def test_one_right_building_is_enough() -> None:
+    boxes = np.array([[385_000, 6_671_000, 385_010, 6_671_010], [6_671_000, 385_000, 6_671_010, 385_010.0]])
+    assert axis_mistake(CRS("EPSG:32635"), boxes) is None
+
+
+def test_swapped_places() -> None:
+    here = np.array([24.92, 60.15, 24.93, 60.16])
+    assert swapped_places(here, here[[1, 0, 3, 2]])
+    assert not swapped_places(here, here)
+    assert not swapped_places(here, np.array([26.0, 60.15, 26.1, 60.16]))
+
+
+@pytest.mark.realdata
+def test_latlon_swapped(data: Path) -> None:
+    folder = data / "field_inputs" / "latlon-swapped"
+    if not folder.is_dir():
+        pytest.skip("no field inputs in the data folder")
+    with pytest.raises(BlockFileError, match=r"longitude and latitude look swapped.*buildings\.geojson"):
+        read_block(folder / "block.yaml")
