@@ -23,6 +23,9 @@ TABLE = "matches.csv"
 COLUMNS = ("photo", "facade", "probability", "candidates", "why", "x", "y", "heading", "by")
 # Name for columns without one.
 REMARK_COLUMN = "remark"
+# Columns of text: spreadsheets run a cell as a formula that begins with one of _FORMULA_STARTS.
+_TEXT_COLUMNS = frozenset(("photo", "facade", "candidates", "why", "by"))
+_FORMULA_STARTS = ("=", "+", "-", "@")
 # Separator of candidates in a cell.
 _SEPARATOR = "; "
 
@@ -127,9 +130,23 @@ def read_match_table(path: Path) -> MatchTable:
     known = (*names, *(name for name in COLUMNS if name not in names))
     rows = []
     for row in cells:
-        values = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
+        values = {
+            name: _unescape_formula(cell.strip()) if name in _TEXT_COLUMNS else cell.strip()
+            for name, cell in zip(columns, row, strict=False)
+            if name
+        }
         rows.append({name: values.get(name, "") for name in known})
     return MatchTable(path, known, tuple(rows), separator)
+
+
+def _escape_formula(text: str) -> str:
+    """Put an apostrophe before a text that a spreadsheet would run as a formula."""
+    return f"'{text}" if text.lstrip("'").startswith(_FORMULA_STARTS) else text
+
+
+def _unescape_formula(text: str) -> str:
+    """Return the text that `_escape_formula` got; a text without the apostrophe stays."""
+    return text[1:] if text.startswith("'") and text.lstrip("'").startswith(_FORMULA_STARTS) else text
 
 
 def _name_columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
@@ -173,7 +190,10 @@ def write_match_table(table: MatchTable, *, new: bool = False) -> None:
     text = io.StringIO(newline="")
     rows = csv.DictWriter(text, table.columns, delimiter=table.separator)
     rows.writeheader()
-    rows.writerows(table.rows)
+    rows.writerows(
+        {name: _escape_formula(cell) if name in _TEXT_COLUMNS else cell for name, cell in row.items()}
+        for row in table.rows
+    )
     temporary = table.path.with_name(f".{table.path.name}.{os.getpid()}.tmp")
     temporary.write_text(text.getvalue(), encoding="utf-8", newline="")
     try:

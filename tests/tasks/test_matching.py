@@ -272,3 +272,23 @@ def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
         write_match_table(MatchTable(path, COLUMNS, ()), new=True)
     assert [one.name for one in tmp_path.iterdir()] == ["matches.csv"]
     assert len(read_match_table(path).rows) == 24
+
+
+@pytest.mark.parametrize("name", ["=1+1.jpg", "+a.jpg", "-a.jpg", "@a.jpg", "'=a.jpg", "''-a.jpg", "'a.jpg", "a=1.jpg"])
+def test_no_cell_of_the_table_is_a_formula(name: str, tmp_path: Path) -> None:
+    row = format_match_row(name, "=facade", [], Pose(-5.0, 6.0, None, 0.0), has_heading=False)
+    write_match_table(MatchTable(tmp_path / "matches.csv", COLUMNS, (row,)))
+    with (tmp_path / "matches.csv").open(newline="") as file:
+        (cells,) = csv.DictReader(file)
+    assert all(not cells[column].startswith(("=", "+", "-", "@")) for column in ("photo", "facade"))
+    assert cells["x"] == "-5.00"
+    table = read_match_table(tmp_path / "matches.csv")
+    assert table.rows == (row,)
+    write_match_table(table)
+    assert read_match_table(tmp_path / "matches.csv").rows == (row,)
+
+
+def test_a_table_of_before_keeps_its_names(tmp_path: Path) -> None:
+    (tmp_path / "matches.csv").write_text("photo,facade\n=a.jpg,'b\n")
+    (row,) = read_match_table(tmp_path / "matches.csv").rows
+    assert (row["photo"], row["facade"]) == ("=a.jpg", "'b")
