@@ -10,9 +10,12 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import stat
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
@@ -27,6 +30,8 @@ _IMPORTS = re.compile(
     rf"\b(?:from\s+({PACKAGE_FOLDER.name}[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+({PACKAGE_FOLDER.name}[\w.]*))"
 )
 _DECORATION_LOCK = threading.Lock()
+# Name of this installation in shared folders.
+_INSTALLATION = blake2b(str(PACKAGE_FOLDER).encode(), digest_size=8).hexdigest()
 
 
 class KernelOptions(TypedDict, total=False):
@@ -47,6 +52,8 @@ def njit(**options: Unpack[KernelOptions]) -> Callable[[Kernel], Kernel]:
         with _DECORATION_LOCK:  # numba reads CACHE_DIR when it decorates a kernel
             if CACHE_FOLDER is not None:
                 _CONFIG.CACHE_DIR = str(_cache_folder(function.__module__))
+            else:  # numba refuses to cache where it finds no folder
+                options["cache"] = False
             return cast(Kernel, numba.njit(**options)(function))
 
     return decorate
@@ -113,15 +120,40 @@ def first_writable_folder(folders: tuple[Path, ...]) -> Path | None:
     return None
 
 
+def private_temporary_folder() -> Path | None:
+    """Return a folder of this user alone in the temporary folder; None where there is none.
+
+    Its processes share it. A folder that another user could have made is not used: cached kernels are code.
+    """
+    try:
+        folder = Path(tempfile.gettempdir()) / f"streetloom-kernels-{os.getuid()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        state = folder.lstat()
+    except OSError:
+        return None
+    is_private = stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o077
+    return folder if is_private else None
+
+
 def _candidate_folders() -> tuple[Path, ...]:
     """Return possible cache folders: NUMBA_CACHE_DIR, or one in the package and one in the user's cache.
 
     Shared folders get a subfolder per installation.
     """
-    place = blake2b(str(PACKAGE_FOLDER).encode(), digest_size=8).hexdigest()
     if _CONFIG.CACHE_DIR:
-        return (Path(_CONFIG.CACHE_DIR) / place,)
-    return PACKAGE_FOLDER / "__pycache__" / "kernels", Path.home() / ".cache" / "streetloom" / place
+        return (Path(_CONFIG.CACHE_DIR) / _INSTALLATION,)
+    folders = [PACKAGE_FOLDER / "__pycache__" / "kernels"]
+    with suppress(RuntimeError):  # a user without a home, as in containers
+        folders.append(Path.home() / ".cache" / "streetloom" / _INSTALLATION)
+    return tuple(folders)
 
 
-CACHE_FOLDER = first_writable_folder(_candidate_folders())
+def find_cache_folder() -> Path | None:
+    """Return the folder of the compilation cache, at worst a temporary one; None without any."""
+    if (found := first_writable_folder(_candidate_folders())) is not None:
+        return found
+    temporary = private_temporary_folder()
+    return None if temporary is None else first_writable_folder((temporary / _INSTALLATION,))
+
+
+CACHE_FOLDER = find_cache_folder()

@@ -61,14 +61,14 @@ def city_command(
       streetloom city helsinki.yaml --out s3://bucket/helsinki
       streetloom query out/helsinki --where "floors >= 5"
     """
-    from flows.cli.interrupts import exit_on_signal_from_thread
+    from flows.cli.interrupts import exit_on_signal
     from flows.lock import lock_folder
 
     if until is not None:
         next_time_of_day(until, datetime.now())  # fail before any file is read
     out = out or Path("out") / city_file.stem
     with lock_folder(out):
-        exit_on_signal_from_thread()
+        exit_on_signal()
         _note_default_partition(city_file)
         summary = _run_city_recorded(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
     if as_json:

@@ -179,7 +179,7 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: bool = False) -> None:
     import time
 
-    from flows.cli.interrupts import exit_on_signal_from_thread
+    from flows.cli.interrupts import exit_on_signal
     from flows.console import console, print_status, print_summary, show_progress
     from flows.run_entry import open_run
     from tasks.engine.store.disk_space import require_disk_space
@@ -193,7 +193,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
             require_disk_space(entry.run.local)
             if entry.run.local != out.resolve():
                 print_notice(f"log and the server's records are in {entry.run.local}")
-            exit_on_signal_from_thread()
+            exit_on_signal()
             if options.dask is not None:  # fail before a server starts
                 from tasks.engine.compute.connect import require_scheduler
 

@@ -6,7 +6,6 @@ import errno
 import tempfile
 import traceback
 from datetime import UTC, datetime
-from pathlib import Path
 
 from catalogs.imagery.http_client import ServiceUnavailableError
 from facade_core.core.errors import FacadeError, MachineError
@@ -59,9 +58,10 @@ def _locate_traceback(error: Exception) -> str:
         return f"where is in {log}"
     text = "".join(traceback.format_exception(error))
     try:
-        folder = Path(tempfile.gettempdir())
-        path = folder / f"streetloom-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.log"
-        path.write_text(text, encoding="utf-8")
+        # a new file that others cannot foresee or read
+        handle, path = tempfile.mkstemp(prefix=f"streetloom-{datetime.now(UTC):%Y%m%dT%H%M%SZ}-", suffix=".log")
+        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
     except OSError:
         return f"where cannot be written; the last of it is {text.strip().splitlines()[-2].strip()}"
     return f"where is in {path}"

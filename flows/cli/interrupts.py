@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
@@ -12,21 +15,35 @@ from typing import NoReturn
 TERMINATING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED_MESSAGE = "interrupted; what is done is kept, run the same command to go on"
 UNDONE_MESSAGE = "interrupted; nothing of it is left"
+# Seconds for cleanup after a signal.
+MAX_UNWIND_S = 5.0
 
 
 def exit_on_signal(message: str = INTERRUPTED_MESSAGE) -> None:
-    """Install handlers that exit with 128 + signal and one line, for use until `exit_on_signal_from_thread`."""
+    """Exit with 128 + signal and one line at the first signal, also while a library computes.
+
+    Python calls no handler while C code runs. So a thread, which reads the signals' wake-up socket, exits too. This closes the
+    pipes to the server's guard and to the workers, which then end. Call from the main thread; libraries may replace
+    handlers, and a second call restores them.
+    """
+    _watcher.message, _watcher.unwinds = message, False
+    _watcher.start()
     for number in TERMINATING_SIGNALS:
         signal.signal(number, lambda received, _: _exit_with_message(received, message))
 
 
 @contextmanager
 def unwind_on_signal() -> Iterator[None]:
-    """Raise KeyboardInterrupt on a signal within the block, so that cleanup runs; then exit as `exit_on_signal` does."""
+    """Raise KeyboardInterrupt on a signal within the block, so that cleanup runs; then exit as `exit_on_signal` does.
+
+    Cleanup that does not end within MAX_UNWIND_S, because a library computes, is given up.
+    """
 
     def stop(received: int, _: object) -> NoReturn:
         raise KeyboardInterrupt(received)
 
+    _watcher.message, _watcher.unwinds = INTERRUPTED_MESSAGE, True
+    _watcher.start()
     for number in TERMINATING_SIGNALS:
         signal.signal(number, stop)
     try:
@@ -36,32 +53,43 @@ def unwind_on_signal() -> Iterator[None]:
     exit_on_signal()
 
 
-def exit_on_signal_from_thread() -> None:
-    """Exit with 128 + signal and one line, from a thread. Call once, from the main thread.
+class _SignalWatcher:
+    """Thread that exits at a signal.
 
-    An exception in a handler can be swallowed, for example in a garbage collector's callback of a library, and the run
-    hangs; and Python calls no handler while a library computes. So the handlers do nothing, and a thread that reads the
-    signals' wake-up socket exits. This closes the pipes to the server's guard and to the workers, which then end.
+    Attributes
+    ----------
+    message : last line of the command.
+    unwinds : the main thread cleans up first.
     """
-    import socket
-    import threading
 
-    read, write = socket.socketpair()
-    write.setblocking(False)
-    for number in TERMINATING_SIGNALS:
-        signal.signal(number, lambda *_: None)
-    signal.set_wakeup_fd(write.fileno(), warn_on_full_buffer=False)
+    def __init__(self) -> None:
+        self.message, self.unwinds = INTERRUPTED_MESSAGE, False
+        self._sockets: tuple[socket.socket, socket.socket] | None = None
 
-    def watch() -> None:
-        with write:  # keeps the descriptor open as long as the thread runs
-            while (number := read.recv(1)[0]) not in TERMINATING_SIGNALS:
-                continue
-        _exit_with_message(number, INTERRUPTED_MESSAGE)
+    def start(self) -> None:
+        """Start the thread once, and make signals wake it."""
+        if self._sockets is None:
+            self._sockets = socket.socketpair()
+            self._sockets[1].setblocking(False)
+            threading.Thread(target=self._watch, args=(self._sockets[0],), daemon=True, name="interrupts").start()
+        signal.set_wakeup_fd(self._sockets[1].fileno(), warn_on_full_buffer=False)
 
-    threading.Thread(target=watch, daemon=True, name="interrupts").start()
+    def _watch(self, woken: socket.socket) -> None:
+        while (number := woken.recv(1)[0]) not in TERMINATING_SIGNALS:
+            continue
+        if self.unwinds:
+            time.sleep(MAX_UNWIND_S)
+        _exit_with_message(number, self.message)
+
+
+_watcher = _SignalWatcher()
+_exiting = threading.Lock()
 
 
 def _exit_with_message(number: int, message: str) -> NoReturn:
-    show_cursor = "\x1b[?25h" if sys.stderr and sys.stderr.isatty() else ""
-    os.write(2, f"{show_cursor}\nstreetloom: {message}\n".encode())
-    os._exit(128 + number)
+    if _exiting.acquire(blocking=False):  # the handler and the thread both come here
+        show_cursor = "\x1b[?25h" if sys.stderr and sys.stderr.isatty() else ""
+        os.write(2, f"{show_cursor}\nstreetloom: {message}\n".encode())
+        os._exit(128 + number)
+    while True:  # the other one exits
+        time.sleep(1.0)

@@ -20,15 +20,19 @@ def restore_database(home: Path) -> bool:
         try:
             shutil.copyfile(_cached_database(), temporary)
             temporary.replace(database)
-        except OSError:  # no readable cache: the server creates its own
+        except (OSError, RuntimeError):  # no readable cache, or no home: the server creates its own
             return False
     return True
 
 
 def cache_database(home: Path) -> None:
     """Cache the database that a server has just created in `home`."""
-    database, kept = home / DATABASE_NAME, _cached_database()
+    database = home / DATABASE_NAME
     if not database.is_file():  # the user's settings use another path
+        return
+    try:
+        kept = _cached_database()
+    except RuntimeError:  # a user without a home
         return
     temporary = kept.with_suffix(f".{os.getpid()}.tmp")
     try:
