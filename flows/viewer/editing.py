@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
@@ -113,12 +113,18 @@ def editor_write_endpoint(editor: EditorUser, handler: Callable[[object], JsonOb
         if refused := _refusal_response(request, editor, writes=True):
             return refused
         body = b""
-        async for part in request.stream():
-            body += part
-            if len(body) > MAX_BODY_BYTES:
-                return JSONResponse({"reason": "that is too much for corrections"}, 413)
+        try:
+            async for part in request.stream():
+                body += part
+                if len(body) > MAX_BODY_BYTES:
+                    return JSONResponse({"reason": "that is too much for corrections"}, 413)
+        except ClientDisconnect:  # nobody reads the answer
+            return Response(status_code=400)
         try:
             content = json.loads(body)
+            json.dumps(content, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            return JSONResponse({"reason": "what is sent holds half a character; write it anew"}, 400)
         except (ValueError, RecursionError):
             return JSONResponse({"reason": "what is sent is no JSON"}, 400)
         return await _respond(handler, content)

@@ -210,6 +210,14 @@ def test_heights_that_are_none_are_refused_in_one_line(case: str, tmp_path: Path
     assert said.startswith(str(tmp_path))
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e39])
+def test_heights_beyond_all_numbers_are_refused_without_a_warning(value: float, tmp_path: Path) -> None:
+    path = write(tmp_path, values=np.full(HEIGHTS.shape, value))
+    with pytest.raises(InputError, match="has no known height inside"):
+        read_elevation(path, UTM, BOX)
+
+
 @pytest.mark.parametrize("name", ["d.tif", "d.asc", "d.img", "d.vrt", "coarse.tif", "turned.tif"])
 def test_heights_as_they_are_wanted_are_read(name: str, tmp_path: Path) -> None:
     path = write(tmp_path)

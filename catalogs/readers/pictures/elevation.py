@@ -25,6 +25,7 @@ from facade_core.core.types import ElevationRaster
 if TYPE_CHECKING:
     from pyproj import CRS
     from rasterio.io import DatasetReader
+    from rasterio.windows import Window
 
 MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
@@ -98,6 +99,7 @@ def _read_around(
     from pyproj import Transformer
     from rasterio import Affine
     from rasterio.enums import Resampling
+    from rasterio.errors import RasterioError
     from rasterio.transform import from_origin, rowcol, xy
     from rasterio.warp import reproject
     from rasterio.windows import Window
@@ -144,11 +146,20 @@ def _read_around(
             f"gdalwarp -tr {MIN_CELL_M:g} {MIN_CELL_M:g}"
         )
     shape = max(1, round(window.height / coarser)), max(1, round(window.width / coarser))
-    found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
-    source = np.ma.filled(found.astype(np.float32), np.nan)
+    try:
+        found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
+    except RasterioError as error:
+        place = _find_damaged_place(raster, window)
+        if place is None:
+            raise
+        raise InputError(
+            f"{path} has damaged cells around {place} ({raster_crs.to_string()[:60]}), in the surroundings of the block; "
+            "fetch the file again, or cut that place out with gdal_translate -projwin"
+        ) from error
     unit = _METRES_PER_UNIT.get((raster.units[0] or "").lower(), 1.0)
-    source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
+        source = np.ma.filled(found.astype(np.float32), np.nan)
+        source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
         source[~((source > _HEIGHT_RANGE_M[0]) & (source < _HEIGHT_RANGE_M[1]))] = np.nan
 
     west, north = cells[0] + (first[0] * step, last[1] * step)
@@ -170,6 +181,23 @@ def _read_around(
     if not np.isfinite(inner).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     return ElevationRaster(float(west), float(north), step, heights)
+
+
+def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:
+    """Return the middle "x, y" of the first stored block of a window that cannot be read; None where each can."""
+    from rasterio.errors import RasterioError
+    from rasterio.windows import Window
+
+    rows, columns = raster.block_shapes[0]
+    for row in range(window.row_off // rows * rows, window.row_off + window.height, rows):
+        for column in range(window.col_off // columns * columns, window.col_off + window.width, columns):
+            block = Window(column, row, min(columns, raster.width - column), min(rows, raster.height - row))
+            try:
+                raster.read(1, window=block)
+            except RasterioError:
+                x, y = raster.transform * (column + block.width / 2, row + block.height / 2)
+                return f"{x:.7g}, {y:.7g}"
+    return None
 
 
 def _overlaps(columns: Float64Array, rows: Float64Array, raster: DatasetReader) -> bool:

@@ -131,3 +131,34 @@ def test_a_redo_with_nothing_due_says_so() -> None:
     assert describe_outcome(summary) == "there is nothing to do: all 680 units were done before"
     assert describe_outcome(summary | {"units_done": 2}) == "2 units done, 680 were done before"
     assert describe_outcome(summary | {"failures": [{"unit": "a-0", "reason": "bad"}]}).endswith("a-0: bad")
+
+
+def test_half_a_character_is_refused(port: int) -> None:
+    headers = {TOKEN_HEADER: "right", "Origin": HERE}
+    for body in (
+        b'{"corrections": [{"facade_id": "\\ud800"}]}',
+        b'{"corrections": [], "why": "\\udfff"}',
+        b'"\\ud800"',
+    ):
+        for path in ADDRESSES:
+            status, answer = ask(port, "POST", path, headers, body)
+            assert (status, json.loads(answer)) == (
+                400,
+                {"reason": "what is sent holds half a character; write it anew"},
+            )
+
+
+def test_a_request_that_is_cut_off_leaves_no_traceback(port: int, caplog: pytest.LogCaptureFixture) -> None:
+    import socket
+    import time
+
+    head = (
+        f"POST /edit/corrections HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\n"
+        f"{TOKEN_HEADER}: right\r\nContent-Type: application/json\r\nContent-Length: 5000\r\n\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        connection.sendall(head.encode() + b'{"corr')
+        time.sleep(0.2)
+    time.sleep(0.5)
+    assert ask(port, "GET", "/", {})[0] == 200
+    assert not [record for record in caplog.records if record.exc_info]
