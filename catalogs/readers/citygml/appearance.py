@@ -10,17 +10,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.readers.citygml.stream import parse_numbers
+from catalogs.readers.citygml.stream import gml_id, parse_numbers
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
     filename_variants,
     find_referenced_file,
     is_outside_folder,
 )
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
+
+
+# Values of wrapMode by which a picture does not repeat.
+_ENDING_WRAP_MODES = frozenset(("none", "clamp", "border", "mirror"))
+_MAX_EXCESS = 0.01  # of a picture
 
 
 @dataclass(slots=True)
@@ -34,6 +40,9 @@ class CityGmlAppearance:
     pictures : file by URI as written, None where it is missing.
     texture_indices : index of each picture that faces use.
     matrix_count : number of surfaces textured by a matrix.
+    georeferenced_count : number of georeferenced textures.
+    unwrapped_count : number of textures whose picture ends inside a surface instead of repeating.
+    colours : (rank of the theme, diffuse colour) of X3DMaterials by the id of their targets.
     """
 
     path: Path
@@ -41,6 +50,9 @@ class CityGmlAppearance:
     pictures: dict[str, Path | None] = field(default_factory=dict)
     texture_indices: dict[Path, int] = field(default_factory=dict)
     matrix_count: int = 0
+    georeferenced_count: int = 0
+    unwrapped_count: int = 0
+    colours: dict[str, tuple[tuple[bool, str], Colour]] = field(default_factory=dict)
 
 
 def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -> None:
@@ -55,9 +67,10 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
     picture = appearance.pictures[uri]
     if picture is None:
         return
-    holder = next(texture.iterancestors("{*}Appearance"), None)
-    theme = "" if holder is None else (holder.findtext("{*}theme") or "").strip()
-    rank = (theme.casefold() != "rgbtexture", theme)
+    rank = _theme_rank(texture)
+    wrap_mode = (texture.findtext("{*}wrapMode") or "").strip().lower()
+    if wrap_mode in _ENDING_WRAP_MODES and any(map(_exceeds_picture, texture.iter("{*}textureCoordinates"))):
+        appearance.unwrapped_count += 1
     for coordinates in texture.iter("{*}TexCoordList"):
         texts = coordinates.findall("{*}textureCoordinates")
         rings = [text.get("ring") for text in texts]
@@ -67,6 +80,39 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
             name = (ring or "").strip().rpartition("#")[2]
             if name not in appearance.ring_textures or rank < appearance.ring_textures[name][0]:
                 appearance.ring_textures[name] = (rank, picture, text.text or "")
+
+
+def add_material(material: Element, appearance: CityGmlAppearance) -> None:
+    """Add the diffuse colour of an X3DMaterial to its targets."""
+    stated = parse_numbers(material.findtext("{*}diffuseColor") or "0.8 0.8 0.8")  # default of X3D
+    if len(stated) != 3 or not all(0.0 <= value <= 1.0 for value in stated):
+        return
+    red, green, blue = (round(255 * value) for value in stated)
+    rank = _theme_rank(material)
+    for target in material.iterfind("{*}target"):
+        name = ((target.text or "").strip() or target.get("{http://www.w3.org/1999/xlink}href", "")).rpartition("#")[2]
+        if name not in appearance.colours or rank < appearance.colours[name][0]:
+            appearance.colours[name] = (rank, (red, green, blue))
+
+
+def surface_colour(polygon: Element, appearance: CityGmlAppearance) -> Colour | None:
+    """Return the colour of the material of a polygon, or of the surface or geometry that contains it."""
+    if not appearance.colours:
+        return None
+    holders = (polygon, *polygon.iterancestors())
+    return next((appearance.colours[id][1] for one in holders if (id := gml_id(one)) in appearance.colours), None)
+
+
+def _theme_rank(data: Element) -> tuple[bool, str]:
+    """Return the rank of the theme of surface data: rgbTexture first, else by name."""
+    holder = next(data.iterancestors("{*}Appearance"), None)
+    theme = "" if holder is None else (holder.findtext("{*}theme") or "").strip()
+    return theme.casefold() != "rgbtexture", theme
+
+
+def _exceeds_picture(coordinates: Element) -> bool:
+    numbers = parse_numbers(coordinates.text)
+    return bool(numbers) and (min(numbers) < -_MAX_EXCESS or max(numbers) > 1.0 + _MAX_EXCESS)
 
 
 def face_texture(
@@ -111,4 +157,10 @@ def appearance_remarks(appearance: CityGmlAppearance) -> list[Remark]:
     if appearance.matrix_count:
         text = f"{appearance.matrix_count} of {file}"
         remarks.append(Remark(text, "textures placed by a matrix instead of coordinates ignored", None))
+    if appearance.georeferenced_count:
+        text = f"{appearance.georeferenced_count} of {file}"
+        remarks.append(Remark(text, "georeferenced textures ignored; give the picture as imagery.aerial", None))
+    if appearance.unwrapped_count:
+        text = f"{appearance.unwrapped_count} of {file}"
+        remarks.append(Remark(text, "textures whose wrapMode ends the picture inside a surface: repeated there", None))
     return remarks

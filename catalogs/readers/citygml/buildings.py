@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,19 +19,29 @@ from catalogs.reader_errors import fault_reason
 from catalogs.readers.axes import CoordinateAxes, resolve_crs_axes
 from catalogs.readers.citygml.appearance import (
     CityGmlAppearance,
+    add_material,
     add_parameterized_texture,
     appearance_remarks,
     face_texture,
+    surface_colour,
 )
 from catalogs.readers.citygml.stream import gml_id, iterate_elements, local_name, parse_numbers
-from catalogs.readers.citygml.surfaces import collect_building_units, polygon_rings, select_lod_surfaces
+from catalogs.readers.citygml.surfaces import (
+    CityGmlSurface,
+    collect_building_units,
+    polygon_rings,
+    select_lod_surfaces,
+)
 from catalogs.readers.faces import PlanarFace, triangulate_faces
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
+from facade_core.core.types import BuildingFinish
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
+SURFACE_DATA = ("ParameterizedTexture", "X3DMaterial", "GeoreferencedTexture")
 _METRE_NAMES = frozenset(("m", "metre", "meter", "metres", "meters"))
 _MAX_LEVELS = 300.0  # 9999 is a code for unknown
 
@@ -42,11 +53,12 @@ _SurfaceRings = tuple[dict[str, Float64Array], bool, str | None]
 class _ReaderState:
     """State of the reader of a file: results of the first pass, updated by each building.
 
-    axes: axes by the name of the coordinate system.
+    axes: axes by the name of the coordinate system. passed_over: geometries that are not read by the name of their property.
     """
 
     path: Path
     appearance: CityGmlAppearance
+    passed_over: Counter[str] = field(default_factory=Counter)
     frame: str | None = None
     axes: dict[str, CoordinateAxes] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
@@ -88,6 +100,10 @@ def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
             raise
         except Exception as error:  # the other buildings are read
             faults.append(Fault(id, "building", f"{path.name}: {fault_reason(error)}"))
+    reading.remarks += [
+        Remark(f"{count} {name} of {path.name}", "geometries of buildings that are not read", None)
+        for name, count in sorted(reading.passed_over.items())
+    ]
     crs = frame.crs if frame else _building_axes(None, np.empty((0, 3)), reading).crs
     return BuildingModels(
         crs, tuple(models), tuple(reading.appearance.texture_indices), tuple(reading.remarks), tuple(faults)
@@ -98,13 +114,17 @@ def _scan_file(path: Path) -> _ReaderState:
     """Read texture coordinates, which may follow the buildings, and the coordinate system, and check the root element."""
     reading = _ReaderState(path, CityGmlAppearance(path))
     known = False
-    for element in iterate_elements(path, ("Envelope", "ParameterizedTexture", "CityModel", "Building")):
+    for element in iterate_elements(path, ("Envelope", *SURFACE_DATA, "CityModel", "Building")):
         match local_name(element):
             case "Envelope":
                 if len(list(element.iterancestors())) == 2:
                     reading.frame = element.get("srsName")
             case "ParameterizedTexture":
                 add_parameterized_texture(element, reading.appearance)
+            case "X3DMaterial":
+                add_material(element, reading.appearance)
+            case "GeoreferencedTexture":
+                reading.appearance.georeferenced_count += 1
             case "Building":
                 known |= "citygml" in element.tag
             case _:
@@ -118,7 +138,8 @@ def _scan_file(path: Path) -> _ReaderState:
 def _read_building(
     building: Element, id: str, requested_lod: int | None, reading: _ReaderState
 ) -> tuple[CoordinateAxes, BuildingModel]:
-    units, dangling = collect_building_units(building)
+    units, dangling, passed_over = collect_building_units(building)
+    reading.passed_over.update(passed_over)
     if dangling:
         reading.remarks.append(Remark(id, "buildings with references that lead out of them, not followed", None))
     surfaces, lod = select_lod_surfaces(units, requested_lod)
@@ -137,7 +158,34 @@ def _read_building(
         height=_stated_number(building, "{*}measuredHeight", "{*}Height", unit=axes.metres_per_height_unit),
         levels=levels if levels is not None and levels < _MAX_LEVELS else None,
         name=(building.findtext("{*}name") or "").strip() or None,
+        finish=_material_finish(surfaces, outlines, axes, id, reading),
     )
+
+
+def _material_finish(
+    surfaces: Sequence[CityGmlSurface],
+    outlines: Sequence[_SurfaceRings],
+    axes: CoordinateAxes,
+    id: str,
+    reading: _ReaderState,
+) -> BuildingFinish:
+    """Return the colours of materials that cover most of the walls and of the roof."""
+    areas: dict[str, dict[Colour, float]] = {"wall": {}, "roof": {}}
+    for surface, (rings, _, semantic) in zip(surfaces, outlines, strict=True):
+        colour = surface_colour(surface.polygon, reading.appearance)
+        if colour is None or not rings or semantic == "inside":
+            continue
+        ring = axes.to_east_north_up(next(iter(rings.values()))) * (*axes.metres_per_unit, 1.0)
+        normal = np.cross(ring - ring[0], np.roll(ring, -1, axis=0) - ring[0]).sum(axis=0)
+        area = float(np.linalg.norm(normal))
+        kind = semantic or ("roof" if abs(normal[2]) > 0.5 * area else "wall")
+        if kind in areas:
+            areas[kind][colour] = areas[kind].get(colour, 0.0) + area
+    if any(len(found) > 1 for found in areas.values()):
+        reason = "buildings with several colours of materials, read in that of the largest area"
+        reading.remarks.append(Remark(id, reason, None))
+    chosen = {kind: max(found.items(), key=itemgetter(1))[0] for kind, found in areas.items() if found}
+    return BuildingFinish(chosen.get("wall"), chosen.get("roof"))
 
 
 def _build_faces(

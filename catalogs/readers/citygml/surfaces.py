@@ -27,6 +27,7 @@ _UNIT_KINDS = {
 _POLYGON_TAGS = frozenset(("Polygon", "PolygonPatch", "Triangle", "Rectangle"))
 _RING_TAGS = ("{*}exterior", "{*}outerBoundaryIs", "{*}interior", "{*}innerBoundaryIs")
 _LOD_TAG = re.compile(r"lod([0-4])(?:Solid|MultiSurface|Geometry|FootPrint|RoofEdge)")
+_OTHER_GEOMETRY_TAG = re.compile(r"lod[0-4][A-Z]|pointCloud$")
 _HREF = "{http://www.w3.org/1999/xlink}href"
 _NAMESPACES = {
     "g": "http://www.opengis.net/gml",
@@ -69,15 +70,17 @@ class _Geometry:
     semantic: str | None
 
 
-def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]:
-    """Return the units of a building, and whether references lead out of it.
+def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool, list[str]]:
+    """Return the units of a building, whether references lead out of it, and the geometries that are not read.
+
+    The geometries that are not read are the names of their properties, such as lod3ImplicitRepresentation.
 
     Units are the building, its parts and outer installations. Each polygon is in one unit. Thematic surfaces precede
     the solids that refer to their polygons.
     """
     references = building.xpath(".//@x:href", namespaces=_NAMESPACES)
     ids = {gml_id(e): e for e in building.xpath(".//*[@g:id or @h:id]", namespaces=_NAMESPACES)} if references else {}
-    kinds, geometries = _collect_geometries(building, ids)
+    kinds, geometries, passed_over = _collect_geometries(building, ids)
     units = [BuildingUnit(kind) for kind in kinds]
     semantics: dict[Element, str | None] = {}
     taken = set()
@@ -90,12 +93,14 @@ def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]
                 units[geometry.unit].surfaces_by_lod.setdefault(geometry.lod, []).append(
                     CityGmlSurface(polygon, turned, semantic)
                 )
-    return units, any(name.startswith("#") and name[1:] not in ids for name in references)
+    dangling = any(name.startswith("#") and name[1:] not in ids for name in references)
+    return units, dangling, passed_over
 
 
-def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str], list[_Geometry]]:
-    """Return the kind of each unit, that of the building first, and all geometries outside rooms."""
+def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str], list[_Geometry], list[str]]:
+    """Return the kind of each unit, that of the building first, all geometries outside rooms, and those not read."""
     kinds, geometries, visited = ["building"], [], set()
+    passed_over: list[str] = []
     features: list[tuple[Element, int, str | None]] = [(building, 0, None)]
     for feature, unit, semantic in features:  # grows in the loop
         inside = (feature.findtext("{*}relationToConstruction") or "").strip() == "inside"
@@ -114,7 +119,9 @@ def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[
                 for part in _resolve_targets(member, ids):
                     kinds.append(_UNIT_KINDS[name])
                     features.append((part, len(kinds) - 1, None))
-    return kinds, geometries
+            elif _OTHER_GEOMETRY_TAG.match(name):
+                passed_over.append(name)
+    return kinds, geometries, passed_over
 
 
 def _resolve_targets(member: Element, ids: Mapping[str, Element]) -> list[Element]:
