@@ -20,6 +20,7 @@ from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.axis_mistakes import swapped_places
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.crs import (
+    LONLAT,
     bounds_to_lonlat,
     check_block_crs,
     choose_block_crs,
@@ -29,11 +30,11 @@ from catalogs.crs import (
     parse_metric_crs,
     project_lonlat_box,
 )
-from catalogs.features import CentrelinesAndGround, Fault, feature_ids_by_reason, format_reason_notes
+from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
+from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
 from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
 from facade_core.core.arrays import Float64Array
-from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import Building, MappedGround, Street
 
@@ -115,9 +116,9 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     shops, entrances = _shops_and_entrances(files, frame, extent)
     around = shapely.box(*extent) if area is None else area.buffer(GROUND_MARGIN_M, join_style="mitre")
     lying = _read_ground_sources(keys, files, sources, file)
+    notes += format_reason_notes(feature_ids_by_reason(remark for one in lying for remark in one.remarks))
     if centrelines is None:
         ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
-    notes += format_reason_notes(feature_ids_by_reason(remark for one in lying for remark in one.remarks))
         return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
@@ -132,9 +133,9 @@ def _read_building_sources(
 ) -> list[BuildingSource]:
     """Read each building file, with the frame and offset that the block file states."""
     sources: list[BuildingSource] = []
+    given = _source_keys("buildings", keys.buildings, files, file)
     for path in files["buildings.path"]:
         source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod, given)
-    given = _source_keys("buildings", keys.buildings, files, file)
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
             raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
@@ -147,8 +148,6 @@ def _read_building_sources(
     return sources
 
 
-def _read_centrelines(
-    keys: BlockFileSettings, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFileErrorContext
 def _source_keys(
     key: str, section: BuildingsSection | StreetsSection | GroundSection, files: NamedFiles, file: BlockFileErrorContext
 ) -> SourceKeys:
@@ -166,6 +165,8 @@ def _source_keys(
     return SourceKeys(section.crs, section.encoding, up)
 
 
+def _read_centrelines(
+    keys: BlockFileSettings, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFileErrorContext
 ) -> CentrelinesAndGround:
     assert keys.streets is not None
     given = _source_keys("streets", keys.streets, files, file)
@@ -248,7 +249,14 @@ def _read_streets(
             "check streets.crs, or leave streets out",
         )
     outside = {piece.id for piece in centrelines.items} - {piece.id for piece in near.items}
-    reasons = feature_ids_by_reason(remark for remark in near.remarks if remark.id not in outside)
+    to_frame = coordinate_transform(near.crs or LONLAT, frame)
+
+    def is_near(remark: Remark) -> bool:
+        if remark.geometry is None:
+            return remark.id not in outside
+        return shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(shapely.box(*extent))
+
+    reasons = feature_ids_by_reason(filter(is_near, near.remarks))
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
     return streets, format_reason_notes(reasons), faults
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, SupportsFloat
 import shapely
 from shapely import LineString
 
-from catalogs.features import CentrelinesAndGround, Fault, GroundFeature
+from catalogs.features import CentrelinesAndGround, Fault, GroundFeature, Remark
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines
-from catalogs.readers.vectors.osm import is_street, split_osmnx_values
+from catalogs.readers.vectors.osm import PASSAGE_REASON, is_building_passage, is_street, split_osmnx_values
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
     from_osm = any("highway" in tags for _, _, tags in edges)
     nowhere: dict[str, None] = {}
     ground: list[GroundFeature] = []
+    passages: dict[str, Remark] = {}
 
     def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None]]:
         for start, end, tags in edges:
@@ -60,12 +61,16 @@ def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
                 continue
             osmid = split_osmnx_values(tags.get("osmid", ""))[0]
             name = split_osmnx_values(tags["name"])[0] if "name" in tags else None
-            yield f"w{osmid}" if osmid.isdigit() else f"{start}-{end}", line, name
+            id = f"w{osmid}" if osmid.isdigit() else f"{start}-{end}"
+            if is_building_passage({"tunnel": split_osmnx_values(tags.get("tunnel", ""))[0]}):
+                passages[id] = Remark(id, PASSAGE_REASON, line)  # an edge for each direction
+                continue
+            yield id, line, name
 
     found = build_centrelines(_graph_crs(path, graph.graph.get("crs")), streets())
     reason = "node {} of the street graph has no x and y; give it both, or remove its edges"
     faults = (*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere))
-    return replace(found, faults=faults, ground=tuple(ground))
+    return replace(found, faults=faults, remarks=(*found.remarks, *passages.values()), ground=tuple(ground))
 
 
 def _load_graph(path: Path) -> networkx.Graph:

@@ -179,6 +179,9 @@ _GROUND_FILTER = {
 }  # fmt: skip
 
 
+PASSAGE_REASON = "passages through buildings closed, without viewpoints"
+
+
 def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     """Read the street centrelines and ground features of a .pbf in lon/lat (EPSG:4326).
 
@@ -188,13 +191,18 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
         Where the file is no readable .pbf.
     """
     ground: list[GroundFeature] = []
+    passages: list[Remark] = []
 
     def streets() -> Iterator[tuple[str, BaseGeometry, str | None]]:
         for feature, geometry, tags in _read_features(path, lambda osm: osm.get_network("all")):
             ground.append(GroundFeature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
-                if line is not None and not line.is_empty and is_street(line, tags):
-                    yield feature, line, tags.get("name")
+                if line is None or line.is_empty or not is_street(line, tags):
+                    continue
+                if is_building_passage(tags):
+                    passages.append(Remark(feature, PASSAGE_REASON, line))
+                    continue
+                yield feature, line, tags.get("name")
 
     found = build_centrelines(LONLAT, streets())
     known = {feature.id for feature in ground}
@@ -204,7 +212,12 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     ):
         if feature not in known or "Polygon" in geometry.geom_type:
             ground.append(GroundFeature(feature, geometry, tags))
-    return replace(found, ground=tuple(ground))
+    return replace(found, remarks=(*found.remarks, *passages), ground=tuple(ground))
+
+
+def is_building_passage(tags: Mapping[str, str]) -> bool:
+    """Return True for a way through a building, which stays closed: a camera would look at its wall."""
+    return tags.get("tunnel", "").strip().lower() == "building_passage"
 
 
 def is_street(line: BaseGeometry, tags: Mapping[str, str]) -> bool:

@@ -175,3 +175,21 @@ def test_a_shapefile_without_a_code_page() -> None:
 @pytest.mark.parametrize("name", ["bang-folder", "bang-other"])
 def test_a_path_with_a_separator(name: str) -> None:
     assert [building.id for building in read_field_input(name).buildings] == ["a", "b"]
+
+
+def test_a_passage_through_a_building_is_no_street(tmp_path: Path) -> None:
+    lines = [LineString([(0, y), (0, y + 10)]) for y in (0, 10, 20)]
+    columns = {"id": ["a", "b", "c"], "highway": ["residential"] * 3, "tunnel": [None, "building_passage", None]}
+    geopandas.GeoDataFrame(columns, geometry=lines, crs="EPSG:3067").to_file(tmp_path / "s.gpkg")
+    found = read_centrelines(tmp_path / "s.gpkg")
+    assert [item.id for item in found.items] == ["a", "c"]
+    assert [(remark.id, remark.reason) for remark in found.remarks] == [
+        ("b", "passages through buildings closed, without viewpoints")
+    ]
+
+
+@pytest.mark.realdata
+def test_a_block_with_a_passage() -> None:
+    block = read_field_input("passage")
+    assert [street.id for street in block.streets] == ["s1", "s2", "s4"]
+    assert "passages through buildings closed, without viewpoints: 1 (3)" in block.notes
