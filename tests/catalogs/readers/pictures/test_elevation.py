@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rasterio
 import rasterio.shutil
+from PIL import Image
 from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
@@ -175,7 +176,7 @@ def test_what_is_no_raster_is_refused(tmp_path: Path, content: bytes, reason: st
 def test_a_truncated_raster_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "dem.tif", tilted())
     path.write_bytes(path.read_bytes()[:60_000])
-    with pytest.raises(InputError, match=r"dem\.tif cannot be read as a raster"):
+    with pytest.raises(InputError, match=r"dem\.tif has damaged cells around"):
         read_elevation(path, UTM, BOX)
 
 
@@ -201,3 +202,18 @@ def test_a_raster_that_covers_a_part_is_nan_beyond_it(tmp_path: Path) -> None:
     x, _ = places(found)
     assert known[:, x[0] < WEST + 128].all()
     assert not known[:, x[0] > WEST + 130].any()
+
+
+@pytest.mark.parametrize("compress", ["deflate", "lzw"])
+def test_damaged_cells_are_named_by_their_place(compress: str, tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(10, 1, (512, 512)).astype(np.float32)
+    tiles = {"tiled": True, "blockxsize": 128, "blockysize": 128, "compress": compress}
+    path = write(tmp_path / "a.tif", heights, 1.0, **tiles)
+    with Image.open(path) as image:
+        offset = image.tag_v2[324][2 * 4 + 1]  # TileOffsets: third row, second column
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 300] = b"\xff" * 300
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"has damaged cells around 385192, 6671680 \(EPSG:32635\), in the surr"):
+        read_elevation(path, UTM, (WEST + 100, NORTH - 400, WEST + 300, NORTH - 200))
+    assert np.isfinite(read_elevation(path, UTM, (WEST + 300, NORTH - 100, WEST + 400, NORTH - 50)).heights).any()
