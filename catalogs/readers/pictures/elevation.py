@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.crs import metres_per_height_unit
 from catalogs.readers.gdal_files import check_siblings
 from catalogs.readers.pictures.rasters import (
     RASTER_DRIVERS,
@@ -31,7 +32,16 @@ MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
 _MARGIN_CELLS = 2  # cells around the block, for interpolation at its border
 _HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, declared or not
-_METRES_PER_UNIT = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 0.3048006096, "cm": 0.01, "dm": 0.1}
+_METRES_PER_UNIT = {
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "us survey foot": 0.3048006096,
+    "us-ft": 0.3048006096,
+    "ftus": 0.3048006096,
+    "cm": 0.01,
+    "dm": 0.1,
+}
 # Cells before averaging: 3.5 km at 0.25 m.
 MAX_CELLS_READ = 200_000_000
 MAX_VRT_DEPTH = 4  # nesting of virtual rasters
@@ -156,7 +166,8 @@ def _read_around(
             f"{path} has damaged cells around {place} ({raster_crs.to_string()[:60]}), in the surroundings of the block; "
             "fetch the file again, or cut that place out with gdal_translate -projwin"
         ) from error
-    unit = _METRES_PER_UNIT.get((raster.units[0] or "").lower(), 1.0)
+    stated = (raster.units[0] or "").strip().lower().replace("_", " ")
+    unit = _METRES_PER_UNIT.get(stated, 1.0) if stated else metres_per_height_unit(raster.crs.to_wkt())
     with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
         source = np.ma.filled(found.astype(np.float32), np.nan)
         source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)

@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
+import numpy as np
 import pytest
+import rasterio
 import shapely
+from pyproj import CRS, Transformer
 from shapely import LineString, Polygon
 
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.formats import read_buildings, read_centrelines
+from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.source_keys import SourceKeys
 from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError
@@ -193,3 +197,15 @@ def test_a_block_with_a_passage() -> None:
     block = read_field_input("passage")
     assert [street.id for street in block.streets] == ["s1", "s2", "s4"]
     assert "passages through buildings closed, without viewpoints: 1 (3)" in block.notes
+
+
+@pytest.mark.parametrize(("crs", "height"), [(FOOT_FRAME, 30.48), (f"{FOOT_FRAME}+5703", 100.0)])
+def test_terrain_in_a_foot_frame(tmp_path: Path, crs: str, height: float) -> None:
+    profile = {"width": 60, "height": 60, "count": 1, "dtype": "float32", "crs": CRS(crs).to_wkt()}
+    place = rasterio.Affine(10, 0, 988_200, 0, -10, 212_100)
+    with rasterio.open(tmp_path / "dem.tif", "w", "GTiff", transform=place, **profile) as raster:
+        raster.write(np.full((60, 60), 100.0, np.float32), 1)
+    to_frame = Transformer.from_crs(FOOT_FRAME, 32618, always_xy=True).transform
+    x, y = to_frame(988_450, 211_820)
+    found = read_elevation(tmp_path / "dem.tif", CRS(32618), (x - 5, y - 5, x + 5, y + 5))
+    assert np.nanmean(found.heights) == pytest.approx(height, abs=0.01)
