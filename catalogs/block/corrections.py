@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeGuard, overload
 
@@ -172,6 +173,18 @@ def read_corrections(block: Path) -> Corrections:
     InputError : one line with the file, the line number and the remedy.
     """
     path = corrections_file(block)
+    try:
+        state = path.stat()
+    except FileNotFoundError:
+        return NO_CORRECTIONS
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
+    return _read_corrections_file(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+
+
+@lru_cache(maxsize=4)
+def _read_corrections_file(path: Path, state: tuple[int, int, int]) -> Corrections:
+    """Read a corrections file, once for each state of it: a run reads it for the block and for its city."""
     try:
         text = read_regular(path).decode("utf-8-sig")  # editors of Windows add a byte order mark
     except FileNotFoundError:

@@ -50,6 +50,9 @@ class CorrectionDiff:
     def __init__(self, results: PublishedBlock, before: Corrections) -> None:
         self.results = results
         self._renamed_ids = cast(dict[str, str], results.group.attrs.get("known_by_place", {}))
+        self._old_ids: dict[str, list[str]] = {}
+        for old, new in self._renamed_ids.items():
+            self._old_ids.setdefault(new, []).append(old)
         self._stored, self.before = before, before.rename_targets(self._renamed_ids)
         self.facades = {id: index for index, id in enumerate(results.plan.facades.id)}
         self.buildings = {id: index for index, id in results.names.items()}
@@ -182,7 +185,7 @@ class CorrectionDiff:
 
     def _withdraw(self, one: Correction) -> list[Correction]:
         """Return the withdrawal of a correction for every id of its target."""
-        ids = [one.id, *(before for before, now in self._renamed_ids.items() if now == one.id)]
+        ids = [one.id, *self._old_ids.get(one.id, ())]
         return [replace(one, id=id) for id in ids if self._stored.value_correction(id, one.kind) is not None]
 
     def _rejection_reason(self, one: Correction) -> str | None:
