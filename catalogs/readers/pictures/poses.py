@@ -15,7 +15,7 @@ from typing import SupportsFloat, TypeAlias
 
 import numpy as np
 
-from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
+from catalogs.crs import LONLAT, has_east_north_axes, metres_per_height_unit, parse_crs
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import is_system_error, short_message, to_single_line
 from facade_core.core.arrays import Float64Array
@@ -259,11 +259,12 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         x, y, crs = lon, lat, LONLAT
     if x is None or y is None:
         raise ValueError("neither x and y nor lon and lat are given")
+    height_unit = 1.0 if crs is None else metres_per_height_unit(crs)
     return SourcePose(
         crs,
         x,
         y,
-        value["z"],
+        None if value["z"] is None else value["z"] * height_unit,
         heading,
         value["pitch"] or 0.0,
         value["roll"] or 0.0,

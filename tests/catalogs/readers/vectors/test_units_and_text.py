@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from shapely import LineString, Polygon
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.elevation import read_elevation
+from catalogs.readers.pictures.poses import SourcePose, read_poses
 from catalogs.readers.source_keys import SourceKeys
 from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError
@@ -209,3 +211,11 @@ def test_terrain_in_a_foot_frame(tmp_path: Path, crs: str, height: float) -> Non
     x, y = to_frame(988_450, 211_820)
     found = read_elevation(tmp_path / "dem.tif", CRS(32618), (x - 5, y - 5, x + 5, y + 5))
     assert np.nanmean(found.heights) == pytest.approx(height, abs=0.01)
+
+
+def test_a_camera_in_a_foot_frame(tmp_path: Path) -> None:
+    pose = {"x": 988_450.0, "y": 211_820.0, "z": 100.0, "heading": 0.0}
+    (tmp_path / "poses.json").write_text(json.dumps({"crs": FOOT_FRAME, "poses": {"a.jpg": pose}}))
+    found = read_poses(tmp_path / "poses.json")["a.jpg"]
+    assert isinstance(found, SourcePose)
+    assert found.z == pytest.approx(30.48, abs=0.001)
