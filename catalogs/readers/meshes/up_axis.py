@@ -22,6 +22,8 @@ _MIN_OPEN_SHARE = 0.5  # of the level area of a model without a floor that faces
 _MIN_SIDE_SHARE = 0.05  # of the area, along each axis of a building
 _MAX_GROUND_SPAN_M = 5.0  # m; between the lower ends of buildings on one ground
 _MIN_SITE_SPAN_M = 20.0  # m
+_MAX_SITE_SPAN_M = 50_000.0  # m
+_MAX_HEIGHT_M = 10_000.0  # m above the datum
 Y_UP_REASON = "mesh files whose faces show that y is up, turned; state buildings.up where it is not"
 
 
@@ -89,5 +91,7 @@ def _stands_along_y(surfaces: Sequence[MeshSurface]) -> bool:
             lows[one.building].append(one.corners.reshape(-1, 3).min(axis=0))
     if len(lows) < 2:
         return False
-    spans = np.ptp([np.min(one, axis=0) for one in lows.values()], axis=0)
-    return bool(spans[1] < _MAX_GROUND_SPAN_M and spans[2] > _MIN_SITE_SPAN_M)
+    lowest = np.array([np.min(one, axis=0) for one in lows.values()])
+    spans = np.ptp(lowest, axis=0)
+    is_height = bool((np.abs(lowest[:, 1]) < _MAX_HEIGHT_M).all())  # no northing
+    return is_height and bool(spans[1] < _MAX_GROUND_SPAN_M and _MIN_SITE_SPAN_M < spans[2] < _MAX_SITE_SPAN_M)
