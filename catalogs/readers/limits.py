@@ -20,7 +20,6 @@ from catalogs.features import (
     Remark,
 )
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
 
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
+MAX_OUTLINE_CORNERS = 2000  # of a building's outline, as of a way of OpenStreetMap; memory of a plan grows by their square
 MAX_ID_LENGTH = 1000  # letters
 MAX_NAME_LENGTH = 200  # letters; longer names are cut
 MAX_CENTRELINE_POINTS = 100_000  # of a centreline
@@ -93,8 +93,8 @@ def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None
         )
     if isinstance(item, Footprint):
         corners = shapely.get_num_coordinates(item.outline)
-        if corners > MAX_CORNERS:
-            return f"its outline has {corners} corners, more than {MAX_CORNERS}; simplify it"
+        if corners > MAX_OUTLINE_CORNERS:
+            return f"its outline has {corners} corners, more than {MAX_OUTLINE_CORNERS}; simplify it"
         if item.height is not None and item.height > MAX_BUILDING_HEIGHT_M:
             return f"it is {item.height:.6g} m high; check its heights, or remove it"
     if item.base is not None and not MIN_GROUND_HEIGHT_M <= item.base <= MAX_GROUND_HEIGHT_M:

@@ -394,3 +394,18 @@ def _read(path: Path) -> Block | str:
         return read_block(path)
     except BlockFileError as refusal:
         return str(refusal)
+
+
+def test_an_outline_of_more_corners_than_a_plan_holds_is_set_aside(tmp_path: Path) -> None:
+    def make(folder: Path) -> str:
+        ring = [list(point) for point in shapely.Point(EAST + 40, NORTH).buffer(6, quad_segs=600).exterior.coords]
+        features = [
+            feature("Polygon", [square()], id="good", height=7.0),
+            feature("Polygon", [ring], id="star", height=7.0),
+        ]
+        (folder / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+        return "b.geojson"
+
+    block = block_of(tmp_path, make(tmp_path))
+    assert [building.id for building in block.buildings] == ["good"]
+    assert "its outline has 2401 corners, more than 2000; simplify it" in block.faults[0].reason
