@@ -254,7 +254,7 @@ def _read_streets(
     def is_near(remark: Remark) -> bool:
         if remark.geometry is None:
             return remark.id not in outside
-        return shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(shapely.box(*extent))
+        return bool(shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(shapely.box(*extent)))
 
     reasons = feature_ids_by_reason(filter(is_near, near.remarks))
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.gdal_paths import gdal_read_path
-from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
+from catalogs.readers.geopackage_tables import check_geopackage_tables
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 

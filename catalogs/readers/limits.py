@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
-MAX_OUTLINE_CORNERS = 2000  # of a building's outline, as of a way of OpenStreetMap; memory of a plan grows by their square
+MAX_OUTLINE_CORNERS = (
+    2000  # of a building's outline, as of a way of OpenStreetMap; memory of a plan grows by their square
+)
 MAX_ID_LENGTH = 1000  # letters
 MAX_NAME_LENGTH = 200  # letters; longer names are cut
 MAX_CENTRELINE_POINTS = 100_000  # of a centreline

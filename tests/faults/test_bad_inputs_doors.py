@@ -1,4 +1,4 @@
-"""Files beside those of a block file: pipes and devices, odd documents, parts of a city. One line, at once, in bounded memory."""
+"""Files beside those of a block file: pipes, devices, odd documents, parts of a city. One line, at once, bounded."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -193,8 +194,7 @@ def test_cases_of_the_second_trial(case: str, data: Path, tmp_path: Path) -> Non
     (tmp_path / case / "exemplars").unlink()
     shutil.copytree(data / "bad_inputs_2" / "exemplars", tmp_path / case / "exemplars", copy_function=shutil.copyfile)
     name, words = CASES[case]
+    file, out = tmp_path / case / name, tmp_path / "out"
+    read = partial(read_block, file) if name == "block.yaml" else partial(partition_city_file, file, out)
     with pytest.raises(InputError, match=words):
-        if name == "block.yaml":
-            read_block(tmp_path / case / name)
-        else:
-            partition_city_file(tmp_path / case / name, tmp_path / "out")
+        read()

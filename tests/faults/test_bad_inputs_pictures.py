@@ -249,7 +249,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
         lambda folder: as_png(deep(1, np.float32)(folder).read_bytes()[:4000])(folder),
         r"a\.png cannot be opened as a picture",
     ),
-    "folder": (lambda folder: folder / ".", r"cannot be opened as a picture \(Is a directory\)"),
+    "folder": (lambda folder: folder / ".", r"it is a folder; name a file"),
     "missing": (lambda folder: folder / "a.png", r"a\.png cannot be opened as a picture \(No such file"),
     "long-name": (lambda folder: folder / ("a" * 300), r"cannot be opened as a picture \(File name too long\)"),
 }
@@ -422,11 +422,11 @@ from pathlib import Path
 import numpy, cv2, rasterio
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import ImageError
-from tasks.stages.shared.images import read_exemplar_picture, read_image
+from tasks.stages.shared.images import read_exemplar_picture, read_image_and_mask
 held = int(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmSize"))) * 1024
 resource.setrlimit(resource.RLIMIT_AS, (held + 1_000_000_000,) * 2)
 for name in sys.argv[1:]:
-    for read in (read_exemplar_picture, read_image):
+    for read in (read_exemplar_picture, read_image_and_mask):
         try:
             found = read(Path(name))
             print(Path(name).name, *(found.rgb if hasattr(found, "rgb") else found[0]).shape)

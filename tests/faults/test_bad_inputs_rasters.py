@@ -188,7 +188,7 @@ DEM: dict[str, tuple[Callable[[Path], Path], str]] = {
         r"d\.asc ",
     ),
     "only-a-signature": (content(b"II*\0"), NO_RASTER),
-    "cut": (lambda f: content(write(f).read_bytes()[:60_000])(f), NO_RASTER),
+    "cut": (lambda f: content(write(f).read_bytes()[:60_000])(f), r"has damaged cells around"),
     "folder": (lambda f: f, r"is no file; give an elevation raster"),
     "missing": (lambda f: f / "none.tif", r"is no file; give an elevation raster"),
     "overviews-elsewhere": (

@@ -22,7 +22,7 @@ from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
-from facade_core.core.errors import ImageError
+from facade_core.core.errors import ImageError, InputError
 from facade_core.core.regular_files import open_regular
 
 if TYPE_CHECKING:
@@ -150,6 +150,8 @@ def open_picture(path: Path) -> Iterator[Image]:
             raise
         if isinstance(error, OSError) and is_unreadable_file(error):
             raise ImageError(unreadable_message(path, error)) from error
+        if isinstance(error, InputError):  # a folder, a pipe or a device
+            raise ImageError(f"{error}") from error
         reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
         raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
 

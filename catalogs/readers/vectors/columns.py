@@ -217,7 +217,7 @@ def tags_from_records(
         if (
             "height" not in tags
             and levels
-            and (found := _height_above_ground(record, *levels, units.metres_per_unit("")))
+            and (found := _height_above_ground(record, levels[0], levels[1], units.metres_per_unit("")))
         ):
             tags["height"], tags["ground"] = found
         if "ground" not in tags and (ground := _ground_height(record, grounds, units)):
