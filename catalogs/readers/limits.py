@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -27,9 +28,11 @@ if TYPE_CHECKING:
 
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
-MAX_OUTLINE_CORNERS = (
-    2000  # of a building's outline, as of a way of OpenStreetMap; memory of a plan grows by their square
-)
+# Of a building's outline, as of a way of OpenStreetMap: memory of a plan grows by their square.
+MAX_OUTLINE_CORNERS = 2000
+MAX_SOURCE_CORNERS = 10_000  # of an outline that is simplified to MAX_OUTLINE_CORNERS
+# Tolerances of the simplification as shares of an outline's diagonal: a centimetre to a metre of 100 m.
+SIMPLIFY_SHARES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 MAX_ID_LENGTH = 1000  # letters
 MAX_NAME_LENGTH = 200  # letters; longer names are cut
 MAX_CENTRELINE_POINTS = 100_000  # of a centreline
@@ -64,6 +67,7 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
         raise InputError(
             f"{path} holds {len(source.items)} {kind}s, more than {MAX_FEATURES}; cut out the area that is meant"
         )
+    source = _simplify_outlines(source)
     reasons = [_limit_violation(item) for item in source.items]
     faults = [replace(f, id=_short_id(f.id), reason=to_single_line(f.reason)) for f in source.faults]
     faults += [
@@ -73,6 +77,25 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
     ]
     items = tuple(_clean_name(item) for item, reason in zip(source.items, reasons, strict=True) if not reason)
     return replace(source, items=items, faults=tuple(faults), remarks=_clean_remarks(source.remarks))
+
+
+def _simplify_outlines(source: SourceT) -> SourceT:
+    """Simplify outlines of up to MAX_SOURCE_CORNERS to MAX_OUTLINE_CORNERS, with a remark."""
+    if not isinstance(source, Footprints):
+        return source
+    items, remarks = list(source.items), list(source.remarks)
+    for index, item in enumerate(items):
+        corners = shapely.get_num_coordinates(item.outline)
+        if item.shell is None and MAX_OUTLINE_CORNERS < corners <= MAX_SOURCE_CORNERS:
+            west, south, east, north = item.outline.bounds
+            for share in SIMPLIFY_SHARES:
+                outline = item.outline.simplify(share * math.hypot(east - west, north - south))
+                if shapely.get_num_coordinates(outline) <= MAX_OUTLINE_CORNERS:
+                    items[index] = replace(item, outline=outline)
+                    reason = f"outlines of more than {MAX_OUTLINE_CORNERS} corners simplified"
+                    remarks.append(Remark(item.id, reason, outline))
+                    break
+    return replace(source, items=tuple(items), remarks=tuple(remarks))
 
 
 def _clean_name(item: ItemT) -> ItemT:
