@@ -24,7 +24,12 @@ from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
 from tasks.stages.facades.evidence import read_facade_photo
-from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, focal_length, read_exemplar_picture, read_image_and_mask
+from tasks.stages.shared.images import (
+    MAX_EXEMPLAR_SIDE,
+    read_exemplar_picture,
+    read_focal_length_px,
+    read_image_and_mask,
+)
 from tasks.stages.shared.images import MAX_PIXELS as KEPT
 
 RAMP = np.linspace(0.0, 1.0, 48 * 64).reshape(48, 64)
@@ -354,9 +359,9 @@ def test_exif_that_lies_is_no_focal_length(tmp_path: Path) -> None:
         exif = Image.Exif()
         exif.get_ifd(0x8769)[0xA405] = told
         path = saved(tmp_path, "a.jpg", Image.fromarray(RGB), exif=exif)
-        assert focal_length(path) is None or told
+        assert read_focal_length_px(path) is None or told
     path.write_bytes(path.read_bytes().replace(b"Exif\0\0", b"Exif\0\0\xff\xff", 1))
-    assert focal_length(path) is None
+    assert read_focal_length_px(path) is None
 
 
 SEEDS = {
@@ -404,7 +409,7 @@ def test_changed_bytes_of_a_picture_are_read_or_refused(seed: str, tmp_path: Pat
         for read in (
             lambda: list_images(tmp_path, "exemplar"),
             lambda: read_picture(path, max_side=32),
-            lambda: focal_length(path),
+            lambda: read_focal_length_px(path),
         ):
             try:
                 read()

@@ -27,7 +27,7 @@ from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.bundles.refined_poses import pose_from_record
-from tasks.stages.bundles.worker import BundleMember, process_bundle
+from tasks.stages.bundles.worker import BundlePanorama, process_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
@@ -43,7 +43,7 @@ def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
     units = []
     for index, (name, bundle) in enumerate(zip(bundle_names(plan, block), panorama_bundles(plan, block), strict=True)):
         members = tuple(
-            BundleMember(block.panoramas[i].path, plan.poses[i], _panorama_estimate(record, plan, i))
+            BundlePanorama(block.panoramas[i].path, plan.poses[i], _panorama_estimate(record, plan, i))
             for i in bundle
             if (record := records[i]) is not None and record["status"] == "done"
         )
@@ -105,7 +105,7 @@ def _match_previous(change: ReingestContext) -> dict[int, int]:
     return match_units_by_name(change.records["bundles"], bundle_names(change.after, change.block))
 
 
-def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: Sequence[int]) -> str:
+def bundle_key(run: Run, plan: Plan, members: Sequence[BundlePanorama], surfaces: Sequence[int]) -> str:
     """Return the key of panoramas that are refined together on some charts."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
     around = (

@@ -23,7 +23,7 @@ from tasks.stages.bundles.record import BundledPose, BundleRecord, PoseFieldsFro
 from tasks.stages.shared.images import read_panorama
 
 
-class BundleMember(NamedTuple):
+class BundlePanorama(NamedTuple):
     """A panorama of a bundle.
 
     Attributes
@@ -64,7 +64,7 @@ def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
     return fork, {unit.index: record}
 
 
-def _refined_fields(scene: Scene, one: BundleMember, found: JointPose) -> PoseFieldsFromBundle:
+def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> PoseFieldsFromBundle:
     """Return the fields of a panorama's record that the bundle replaces; without a new pose how far the others are off."""
     told: PoseFieldsFromBundle = {
         "shared": found.surfaces,

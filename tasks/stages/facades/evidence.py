@@ -27,7 +27,13 @@ from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
-from tasks.stages.shared.images import capture_date, focal_length, read_bounded_picture, read_panorama, read_textures
+from tasks.stages.shared.images import (
+    capture_date,
+    read_bounded_picture,
+    read_focal_length_px,
+    read_panorama,
+    read_textures,
+)
 
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
@@ -292,7 +298,7 @@ def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     """
     picture = read_bounded_picture(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    focal = focal_length(path)
+    focal = read_focal_length_px(path)
     try:
         found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
     except ImageError as error:

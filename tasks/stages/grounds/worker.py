@@ -16,7 +16,7 @@ from tasks.engine.outcome import rejection_record_fields
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.grounds.record import GroundRecord
-from tasks.stages.shared.panorama_cameras import open_cameras, write_chart_views
+from tasks.stages.shared.panorama_cameras import open_cameras, write_fused_views
 
 
 def process_ground(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -29,7 +29,7 @@ def process_ground(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
     cameras, used = open_cameras(taken, mask_ground_occluders, refused)
     read = time.time()
     found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
-    digests, told = write_chart_views(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
+    digests, told = write_fused_views(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
     record: GroundRecord = {
         "unit": unit.name,
         "key": unit.key,

@@ -31,7 +31,7 @@ def image_size(path: Path) -> tuple[int, int]:
         return image.height, image.width
 
 
-def focal_length(path: Path) -> float | None:
+def read_focal_length_px(path: Path) -> float | None:
     """Return the focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None if unknown."""
     from PIL import ExifTags
 

@@ -72,7 +72,7 @@ def collect_chart_views(
     return found, used
 
 
-def write_chart_views(
+def write_fused_views(
     group: StoreGroup, plan: Plan, found: Mapping[int, FusedCameraView], used: Mapping[int, Sequence[SurfacePanorama]]
 ) -> tuple[dict[str, str], list[tuple[str, float, float]]]:
     """Write the views of charts to the base layer.

@@ -21,7 +21,7 @@ from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.outcome import rejection_record_fields
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_chart_views, open_camera, write_chart_views
+from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_chart_views, open_camera, write_fused_views
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.record import WallsAndRoofsRecord
 
@@ -46,7 +46,7 @@ def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSe
     shown, used = collect_chart_views(
         dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene)
     )
-    digests, told = write_chart_views(open_root(fork), plan, shown, used)
+    digests, told = write_fused_views(open_root(fork), plan, shown, used)
     read = sum(reading)
     record: WallsAndRoofsRecord = {
         "unit": unit.name,

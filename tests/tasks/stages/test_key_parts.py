@@ -28,7 +28,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.unit_key import diff_key_parts, join_key_parts, split_key
 from tasks.stages.bundles.stage import bundle_key
-from tasks.stages.bundles.worker import BundleMember
+from tasks.stages.bundles.worker import BundlePanorama
 from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
@@ -185,7 +185,7 @@ def pose_of(inputs: Inputs) -> tuple[str, ...]:
 
 
 def bundle_of(inputs: Inputs) -> tuple[str, ...]:
-    member = BundleMember(
+    member = BundlePanorama(
         inputs.path("panorama.jpg"), inputs.given, PriorPose(inputs.pose, TOLD if inputs.rectified else None)
     )
     return (bundle_key(inputs.run, inputs.plan(), [member, member], [0]),)

@@ -15,7 +15,7 @@ from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence, read_facade_photo
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.shared.images import capture_date, focal_length
+from tasks.stages.shared.images import capture_date, read_focal_length_px
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
 
@@ -57,11 +57,11 @@ def test_a_photo_without_a_facade_is_refused_by_name(tmp_path: Path) -> None:
 def test_focal_length_is_that_of_the_exif(tmp_path: Path) -> None:
     image, path = Image.new("RGB", (3600, 2400)), tmp_path / "photo.jpg"
     image.save(path)
-    assert focal_length(path) is None
+    assert read_focal_length_px(path) is None
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA405] = 28
     image.save(path, exif=exif)
-    assert focal_length(path) == pytest.approx(2800)
+    assert read_focal_length_px(path) == pytest.approx(2800)
 
 
 @pytest.mark.parametrize(

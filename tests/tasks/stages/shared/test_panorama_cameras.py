@@ -93,7 +93,7 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         camera = np.resize(np.array(own, np.int8), size)
         found[chart] = FusedCameraView(np.zeros((*size, 3), np.uint8), camera >= 0, camera, np.ones(size, np.float32))
-    digests, told = module.write_chart_views(group, plan, found, used)
+    digests, told = module.write_fused_views(group, plan, found, used)
     assert sorted(digests) == [f"{0:016x}", f"{1:016x}"]
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)
