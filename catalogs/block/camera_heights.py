@@ -45,9 +45,12 @@ class GroundHeights:
             rows = np.rint((raster.y - points[:, 1]) / raster.step).astype(np.int64)
             columns = np.rint((points[:, 0] - raster.x) / raster.step).astype(np.int64)
             high, wide = raster.heights.shape
-            return raster.heights[np.clip(rows, 0, high - 1), np.clip(columns, 0, wide - 1)].astype(np.float64)
-        if not len(self.heights):
-            return np.zeros(len(points))
+            found = raster.heights[np.clip(rows, 0, high - 1), np.clip(columns, 0, wide - 1)].astype(np.float64)
+            return np.where(np.isfinite(found), found, self._at_buildings(points)) if len(self.heights) else found
+        return self._at_buildings(points) if len(self.heights) else np.zeros(len(points))
+
+    def _at_buildings(self, points: Float64Array) -> Float64Array:
+        """Return the median ground height (n,) of the buildings nearest to points (n, 2)."""
         from scipy.spatial import cKDTree
 
         nearest = cKDTree(self.places).query(points, k=min(NEIGHBOURS, len(self.heights)))[1]
@@ -86,29 +89,33 @@ def correct_camera_heights(
         return tuple(panoramas), ()
     z = np.array([panoramas[index].pose.z for index in stated], np.float64)
     level = ground.at(np.array([(panoramas[index].pose.x, panoramas[index].pose.y) for index in stated]))
+    unknown = ~np.isfinite(level)
+    if unknown.all():
+        reason = "camera heights over ground without a known height ignored; extend the terrain, or leave z out"
+        return _with_heights(panoramas, stated, np.full(len(z), np.nan), unknown, reason)
+    level[unknown] = np.median(level[~unknown])
     above = z - level
-    wrong = ~_is_plausible(above) & np.isfinite(above)
+    wrong = ~_is_plausible(above)
     if not wrong.any():
         return tuple(panoramas), ()
     if not ground.is_stated:
         every = np.ones(len(z), bool)
         reason = _ignored(above, "whose height no source states; give terrain: {path: ...}, or leave z out")
         return _with_heights(panoramas, stated, np.full(len(z), np.nan), every, reason)
-    known = np.isfinite(above)
-    if 2 * wrong.sum() <= known.sum():
+    if 2 * wrong.sum() <= len(z):
         return _with_heights(panoramas, stated, np.where(wrong, np.nan, z), wrong, _ignored(above[wrong]))
     if _is_plausible(z).sum() * 2 > len(z):
         new, how = level + z, "camera heights taken as heights above the ground, not of its datum"
     else:
-        offset = float(np.median(above[known])) - camera_height
+        offset = float(np.median(above)) - camera_height
         new, how = z - offset, f"camera heights of another datum than the ground, lowered by {offset:.2f} m"
         if offset < 0:
             how = f"camera heights of another datum than the ground, raised by {-offset:.2f} m"
-    sound = _is_plausible(new - level) & known
-    if 2 * sound.sum() <= known.sum():
-        return _with_heights(panoramas, stated, np.full(len(z), np.nan), known, _ignored(above[known]))
+    sound = _is_plausible(new - level)
+    if 2 * sound.sum() <= len(z):
+        return _with_heights(panoramas, stated, np.full(len(z), np.nan), np.ones(len(z), bool), _ignored(above))
     shifted, notes = _with_heights(panoramas, stated, new, sound, how)
-    left = known & ~sound
+    left = ~sound
     if not left.any():
         return shifted, notes
     rest, more = _with_heights(shifted, stated, np.full(len(z), np.nan), left, _ignored(above[left]))

@@ -83,14 +83,15 @@ def _read_scene(
     parents = {child: index for index, node in enumerate(header["nodes"]) for child in node.get("children", [])}
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
-    embedded, refused, unplaced = set(), set(), set()
+    embedded, refused, unplaced, skipped = set(), set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
-        if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-            continue
         owner, mesh_index, primitive = primitives[int(node)]
         names = _primitive_names(header, owner, mesh_index, parents)
+        if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+            skipped.add(_building_name(names) or path.stem)
+            continue
         material = header_item(header, "materials", primitive.get("material"))
         if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
             continue
@@ -128,6 +129,7 @@ def _read_scene(
         "models whose pictures are inside the glTF file, of another format or absent: read without; "
         "save the pictures as PNG, JPEG or WebP beside it": embedded,
         "models whose pictures have no texture coordinates: read without": unplaced,
+        "models whose points and lines are not read": skipped,
         OUTSIDE_FOLDER_REASON: refused,
     }
     remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]

@@ -76,6 +76,11 @@ def check_extensions(path: Path, header: JsonObject) -> None:
     if unknown:
         raise InputError(f"{path} needs {', '.join(sorted(unknown))}, which is not read; export it without")
     primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
+    weights = [item.get("weights") or [] for key in ("meshes", "nodes") for item in header.get(key, [])]
+    if any(primitive.get("targets") for primitive in primitives) and any(map(any, weights)):
+        raise InputError(f"{path} has morph targets, which are not read; export the shape that is meant")
+    if any("skin" in node for node in header.get("nodes", [])):
+        raise InputError(f"{path} has skins, which are not read; export the shape that is meant")
     if any(primitive.get("mode") == _TRIANGLE_FAN for primitive in primitives):
         raise InputError(f"{path} has triangle fans, which are not read; export it as triangles")
     if any("sparse" in accessor for accessor in header.get("accessors", [])):

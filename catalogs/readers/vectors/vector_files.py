@@ -231,9 +231,9 @@ def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | Non
 
 
 def _lowest_z(geometry: BaseGeometry | None) -> float | None:
+    """Return the lowest z; None where a corner has none, which may be the lowest."""
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
-    heights = heights[np.isfinite(heights)]
-    return float(heights.min()) if len(heights) else None
+    return float(heights.min()) if len(heights) and np.isfinite(heights).all() else None
 
 
 def _plan_outline(geometry: BaseGeometry) -> BaseGeometry:

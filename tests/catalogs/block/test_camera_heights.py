@@ -90,9 +90,13 @@ def test_heights_without_a_common_offset_are_ignored() -> None:
     assert "40.0 to 160.0 m above the ground" in note
 
 
-def test_cameras_beyond_the_known_terrain_keep_their_heights() -> None:
-    unknown = ElevationRaster(-50.0, 50.0, 1.0, np.full((101, 200), np.nan, np.float32))
-    assert corrected([50.0, 90.0], [None] * 2, unknown) == ([50.0, 90.0], ())
+def test_heights_beyond_the_known_terrain() -> None:
+    heights = np.full((101, 200), np.nan, np.float32)
+    found, (note,) = corrected([50.0, 90.0], [None] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
+    assert found == [None] * 2
+    assert "over ground without a known height ignored" in note
+    found, (note,) = corrected([50.0, 90.0], [10.0] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
+    assert found == [None] * 2, "40 and 80 m above the buildings' ground have no common offset"
 
 
 @pytest.mark.realdata
