@@ -9,7 +9,7 @@ import sys
 # Whether 4 MB are mapped by themselves, by what glibc tells.
 PROGRAM = """
 import ctypes
-from flows.memory import release_large_allocations
+from flows.memory import set_malloc_mmap_threshold
 
 class Told(ctypes.Structure):
     _fields_ = [(name, ctypes.c_size_t) for name in "arena ordblks smblks hblks hblkhd usm fsm uord ford keep".split()]
@@ -33,4 +33,4 @@ def mapped(call: str) -> int:
 
 def test_what_is_large_is_mapped_by_itself() -> None:
     assert mapped("") == 0, "else there is nothing to be done"
-    assert mapped("release_large_allocations()") == 1
+    assert mapped("set_malloc_mmap_threshold()") == 1
