@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.building_corrections import apply_corrections_to_block
-from catalogs.block.camera_heights import correct_camera_heights, ground_heights
+from catalogs.block.camera_heights import correct_camera_heights
 from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
@@ -171,9 +171,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         found = file.call_reader(
             "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
         )
-        panoramas, heights = correct_camera_heights(
-            found.items, ground_heights(built.items, terrain), keys.texture.viewpoint_height
-        )
+        panoramas, heights = correct_camera_heights(found.items, built.items, terrain, keys.texture.viewpoint_height)
         broken_panoramas = found.faults
         far = format_reason_notes(feature_ids_by_reason(found.remarks)) + heights
     return Block(

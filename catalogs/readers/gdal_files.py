@@ -81,8 +81,6 @@ def read_info(path: Path, layer: str, **options: object) -> dict[str, Any]:
 
     opened, fixed = _check_and_name(path)
     info: dict[str, Any] = pyogrio.read_info(opened, layer=layer, **fixed, **options)
-    if info["driver"] not in _find_format(path)[1]:
-        raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
     return info
 
 
@@ -90,7 +88,6 @@ def read_dataframe(path: Path, layer: str, **options: object) -> GeoDataFrame:
     """Return `pyogrio.read_dataframe` of a layer of a checked file."""
     import pyogrio
 
-    read_info(path, layer)
     opened, fixed = _check_and_name(path)
     return pyogrio.read_dataframe(opened, layer=layer, **fixed, **options)
 
@@ -99,7 +96,6 @@ def read_arrow(path: Path, layer: str, **options: object) -> tuple[dict[str, Any
     """Return `pyogrio.read_arrow` of a layer of a checked file."""
     import pyogrio
 
-    read_info(path, layer)
     opened, fixed = _check_and_name(path)
     found: tuple[dict[str, Any], pa.Table] = pyogrio.read_arrow(opened, layer=layer, **fixed, **options)
     return found
@@ -109,7 +105,6 @@ def read_raw(path: Path, layer: str, **options: object) -> tuple[Any, ...]:
     """Return `pyogrio.raw.read` of a layer of a checked file."""
     import pyogrio
 
-    read_info(path, layer)
     opened, fixed = _check_and_name(path)
     found: tuple[Any, ...] = pyogrio.raw.read(opened, layer=layer, **fixed, **options)
     return found
@@ -151,7 +146,11 @@ def _check_and_name(path: Path) -> tuple[str, dict[str, str]]:
 
     check_vector_file(path)
     pyogrio.set_gdal_config_options(dict(OFFLINE_OPTIONS))
-    return gdal_read_path(path), {"LIST_ALL_TABLES": "NO"} if path.suffix.lower() == ".gpkg" else {}
+    opened, options = gdal_read_path(path), {"LIST_ALL_TABLES": "NO"} if path.suffix.lower() == ".gpkg" else {}
+    driver = pyogrio.read_info(opened, **options)["driver"]
+    if driver not in _find_format(path)[1]:
+        raise InputError(f"{path} is {driver} by its content; export it again, e.g. as GeoPackage")
+    return opened, options
 
 
 def _find_format(path: Path) -> tuple[tuple[bytes, ...], tuple[str, ...]]:

@@ -21,6 +21,7 @@ from catalogs.features import (
     Remark,
 )
 from catalogs.reader_errors import to_single_line
+from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
 # Of a building's outline, as of a way of OpenStreetMap: memory of a plan grows by their square.
 MAX_OUTLINE_CORNERS = 2000
-MAX_SOURCE_CORNERS = 10_000  # of an outline that is simplified to MAX_OUTLINE_CORNERS
 # Tolerances of the simplification as shares of an outline's diagonal: a centimetre to a metre of 100 m.
 SIMPLIFY_SHARES = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 MAX_ID_LENGTH = 1000  # letters
@@ -80,13 +80,13 @@ def reject_implausible_items(source: SourceT, path: Path) -> SourceT:
 
 
 def _simplify_outlines(source: SourceT) -> SourceT:
-    """Simplify outlines of up to MAX_SOURCE_CORNERS to MAX_OUTLINE_CORNERS, with a remark."""
+    """Simplify outlines of up to MAX_CORNERS to MAX_OUTLINE_CORNERS, with a remark."""
     if not isinstance(source, Footprints):
         return source
     items, remarks = list(source.items), list(source.remarks)
     for index, item in enumerate(items):
         corners = shapely.get_num_coordinates(item.outline)
-        if item.shell is None and MAX_OUTLINE_CORNERS < corners <= MAX_SOURCE_CORNERS:
+        if item.shell is None and MAX_OUTLINE_CORNERS < corners <= MAX_CORNERS:
             west, south, east, north = item.outline.bounds
             for share in SIMPLIFY_SHARES:
                 outline = item.outline.simplify(share * math.hypot(east - west, north - south))

@@ -22,6 +22,7 @@ from catalogs.readers.meshes.gltf_materials import (
     header_item,
 )
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
+from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
 from catalogs.readers.referenced_files import (
     OUTSIDE_FOLDER_REASON,
     filename_variants,
@@ -32,7 +33,6 @@ from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
-_Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 MAX_NODES = 50_000
 _MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
@@ -115,7 +115,7 @@ def _read_scene(
         elif picture is not None:
             unplaced.add(building or path.stem)
         corners = decode_normalized(header, primitive["attributes"]["POSITION"], mesh.vertices)
-        vertices = (corners @ transform[:3, :3].T + transform[:3, 3]) @ _Z_UP_FROM_Y_UP.T + origin
+        vertices = (corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
         surfaces.append(
             MeshSurface(
                 building=building,

@@ -12,7 +12,7 @@ from catalogs.features import Remark
 from catalogs.readers.meshes.surfaces import MeshSurface
 from facade_core.core.arrays import Float64Array
 
-_Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _LEVEL_SEMANTICS = ("roof", "ground", "ceiling")
 _UPRIGHT_SEMANTICS = ("wall", "window", "door")
 _MIN_ADVANTAGE = 1.25  # of one axis over the other
@@ -39,7 +39,7 @@ def turn_up(surfaces: Sequence[MeshSurface], up: str | None, name: str) -> tuple
     is_y_up = up == "y" if up is not None else _is_y_up(surfaces)
     if not is_y_up:
         return list(surfaces), []
-    turned = [replace(one, corners=one.corners @ _Z_UP_FROM_Y_UP.T) for one in surfaces]
+    turned = [replace(one, corners=one.corners @ Z_UP_FROM_Y_UP.T) for one in surfaces]
     return turned, [Remark(name, Y_UP_REASON, None)] if up is None else []
 
 
