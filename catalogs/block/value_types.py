@@ -49,7 +49,7 @@ def has_type(value: object, hint: object) -> bool:
     return isinstance(hint, type) and isinstance(value, hint)
 
 
-def _is_any_of(value: object, arguments: tuple[object, ...]) -> bool:
+def _is_union_member(value: object, arguments: tuple[object, ...]) -> bool:
     return any(has_type(value, hint) for hint in arguments)
 
 
@@ -73,8 +73,8 @@ def _is_array(value: object, arguments: tuple[object, ...]) -> bool:
 
 
 _CHECKS: Mapping[object, Callable[[object, tuple[object, ...]], bool]] = {
-    typing.Union: _is_any_of,
-    types.UnionType: _is_any_of,
+    typing.Union: _is_union_member,
+    types.UnionType: _is_union_member,
     typing.Literal: lambda value, arguments: value in arguments,
     tuple: _is_tuple,
     dict: _is_mapping,

@@ -16,7 +16,7 @@ from facade_core.core.arrays import ObjectArray
 if TYPE_CHECKING:
     from pyproj import CRS
 
-MISSING_PARTS_REASON = "buildings with parts of which no file has any, read as one outline; add the file of their parts"
+MISSING_PARTS_REASON = "buildings whose parts are missing, read as one outline; add the file of their parts"
 
 
 class _Entry(NamedTuple):

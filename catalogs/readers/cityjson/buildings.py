@@ -162,7 +162,7 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
     template_points = parse_points(store.get("vertices-templates"))
     appearance = _read_appearance(document, reading)
 
-    def placed(geometry: JsonObject) -> list[PlanarFace]:
+    def place_faces(geometry: JsonObject) -> list[PlanarFace]:
         if geometry["type"] != "GeometryInstance":
             return extract_faces(geometry, points, appearance)
         moved = instantiate_geometry_template(geometry, template_points, corners)
@@ -185,7 +185,7 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
             faces = [
                 face
                 for geometries in pieces
-                for face in _merge_geometries([placed(g) for g in _sort_richest_first(geometries)])
+                for face in _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)])
             ]
             model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes())
         except GeometryError as reason:

@@ -69,7 +69,7 @@ def profile_to_srgb(content: object, modes: tuple[str, ...]) -> ColourProfile | 
     return _build_profile(content, mode) if mode in modes else None
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _build_profile(content: bytes, mode: str) -> ColourProfile | None:
     from PIL import ImageCms
 

@@ -226,7 +226,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
         covers += _nest_rings(shell.points, own)
     low = min((shell.points[c, 2] for p in shell.patches for r in p.rings for c in r), default=0.0)
 
-    def named(patch: MeshPolygon) -> MeshPolygon:
+    def name_patch(patch: MeshPolygon) -> MeshPolygon:
         down = ring_area_vector(shell.points[list(patch.rings[0])])
         level = down[2] < -0.9 * np.linalg.norm(down)
         return (
@@ -235,7 +235,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
             else patch
         )
 
-    return PolygonMesh(shell.points, (*shell.patches, *map(named, covers)))
+    return PolygonMesh(shell.points, (*shell.patches, *map(name_patch, covers)))
 
 
 def _nest_rings(points: Float64Array, rings: Sequence[tuple[int, ...]]) -> list[MeshPolygon]:

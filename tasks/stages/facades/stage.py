@@ -114,7 +114,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
     corrections, _ = match_corrections(plan, block.corrections, block.crs)
     textured = plan.textured[plan.facades.chart].tolist()
 
-    def posed(panoramas: Sequence[int]) -> tuple[tuple[Path, Pose], ...]:
+    def panorama_poses(panoramas: Sequence[int]) -> tuple[tuple[Path, Pose], ...]:
         return tuple(
             (block.panoramas[p].path, pose_from_record(plan.poses[p], poses[p]))
             for p in panoramas
@@ -123,7 +123,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
 
     found = []
     for i, name in enumerate(plan.facades.id):
-        newest, earlier = posed(captures[i].newest), posed(captures[i].before)
+        newest, earlier = panorama_poses(captures[i].newest), panorama_poses(captures[i].before)
         corrected = corrections.get(i, AS_FOUND)
         found.append(
             FacadeImagery(

@@ -32,7 +32,7 @@ def said(id: str, **values: object) -> Corrections:
     return Corrections({id: {what: Correction(id, what, value) for what, value in values.items()}})
 
 
-def corrected(building: Building, **values: object) -> Building:
+def correct_building(building: Building, **values: object) -> Building:
     ((found,), left) = apply_corrections_to_buildings([building], said(building.id, **values), STOREY)
     assert not left
     return found
@@ -45,35 +45,35 @@ def at(x: float, y: float) -> tuple[float, float]:
 
 def test_heights_are_of_the_eaves_and_an_assumed_roof_stays() -> None:
     building = house("a")
-    found = corrected(building, height=7.004)
+    found = correct_building(building, height=7.004)
     assert (found.height, found.roof) == (7.0, building.roof)
     assumed = replace(building, height_source="default")
-    assert corrected(assumed, levels=2.0).height == pytest.approx(6.4)
-    assert corrected(building, levels=2.0) == replace(building, levels=2), "what is stated is no guess"
-    assert corrected(assumed, levels=2.0, height=8.0).height == 8.0
+    assert correct_building(assumed, levels=2.0).height == pytest.approx(6.4)
+    assert correct_building(building, levels=2.0) == replace(building, levels=2), "what is stated is no guess"
+    assert correct_building(assumed, levels=2.0, height=8.0).height == 8.0
     on_top = replace(assumed, raised=6.4)
-    assert corrected(on_top, levels=1.0).height == pytest.approx(9.6)
+    assert correct_building(on_top, levels=1.0).height == pytest.approx(9.6)
 
 
 def test_roofs() -> None:
     building = house("a")
-    assert corrected(building, roof_shape="hipped").roof == Roof("hipped", 3.0)
-    assert corrected(building, roof_height=2.0).roof == Roof("gabled", 2.0)
-    assert corrected(building, roof_shape="gabled").roof == replace(building.roof, confidence=1.0)  # type: ignore[type-var]
-    assert corrected(building, roof_shape="flat").roof == Roof("flat", 0.0)
+    assert correct_building(building, roof_shape="hipped").roof == Roof("hipped", 3.0)
+    assert correct_building(building, roof_height=2.0).roof == Roof("gabled", 2.0)
+    assert correct_building(building, roof_shape="gabled").roof == replace(building.roof, confidence=1.0)  # type: ignore[type-var]
+    assert correct_building(building, roof_shape="flat").roof == Roof("flat", 0.0)
     flat = replace(building, roof=Roof("flat", 0.0))
-    raised = corrected(flat, roof_shape="gabled").roof
+    raised = correct_building(flat, roof_shape="gabled").roof
     assert raised is not None
     assert raised.height == pytest.approx(4 * np.tan(np.radians(30)), abs=0.01)
 
 
 def test_a_colour_goes_with_the_material_that_it_came_with() -> None:
     building = replace(house("a"), finish=BuildingFinish((150, 84, 66), (158, 66, 50), "brick", "roof_tiles"))
-    assert corrected(building, wall_material="plaster").finish == replace(
+    assert correct_building(building, wall_material="plaster").finish == replace(
         building.finish, wall_material="plaster", wall_colour=None
     )
-    assert corrected(building, roof_material="slate").finish.roof_colour == (158, 66, 50), "stated by itself"
-    assert corrected(building, wall_colour="#102030").finish.wall_colour == (24, 32, 48), "paint is never black"
+    assert correct_building(building, roof_material="slate").finish.roof_colour == (158, 66, 50), "stated by itself"
+    assert correct_building(building, wall_colour="#102030").finish.wall_colour == (24, 32, 48), "paint is never black"
 
 
 def test_what_cannot_be_is_left_and_told() -> None:

@@ -30,7 +30,7 @@ def cameras(*heights: float | None) -> list[PosedPanorama]:
     return [PosedPanorama(f"p{i}", Path(f"p{i}.jpg"), Pose(20.0 * i + 5.0, 0.0, z, 0.0)) for i, z in enumerate(heights)]
 
 
-def corrected(heights: list[float | None], bases: list[float | None], terrain: ElevationRaster | None = None):
+def correct_heights(heights: list[float | None], bases: list[float | None], terrain: ElevationRaster | None = None):
     found, notes = correct_camera_heights(cameras(*heights), buildings(*bases), terrain, USUAL)
     return [one.pose.z for one in found], notes
 
@@ -45,12 +45,12 @@ def corrected(heights: list[float | None], bases: list[float | None], terrain: E
     ],
 )
 def test_plausible_and_absent_heights_stay(heights: list[float | None], bases: list[float | None]) -> None:
-    assert corrected(heights, bases) == (heights, ())
+    assert correct_heights(heights, bases) == (heights, ())
 
 
 @pytest.mark.parametrize("z", [14.5, 31.9, -40.0, 0.0, 0.2, 2540.0])
 def test_heights_over_ground_of_unknown_height_are_ignored(z: float) -> None:
-    found, (note,) = corrected([z, z + 0.4, 2.0], [None] * 3)
+    found, (note,) = correct_heights([z, z + 0.4, 2.0], [None] * 3)
     assert found == [None] * 3
     assert "of another datum ignored" in note
     assert note.endswith("whose height no source states; give terrain: {path: ...}, or leave z out: 3 (p0, p1, p2)")
@@ -59,7 +59,7 @@ def test_heights_over_ground_of_unknown_height_are_ignored(z: float) -> None:
 @pytest.mark.parametrize("offset", [18.2, 45.7, -31.0, 6.0])
 def test_a_common_offset_is_removed(offset: float) -> None:
     stated = [10.0 + offset + 2.3, 11.0 + offset + 2.5, None, 12.0 + offset + 2.7]
-    found, (note,) = corrected(stated, [10.0, 11.0, 11.5, 12.0])
+    found, (note,) = correct_heights(stated, [10.0, 11.0, 11.5, 12.0])
     assert found[2] is None
     assert [z for z in found if z is not None] == pytest.approx([12.3, 13.5, 14.7], abs=0.05)
     assert "another datum than the ground" in note
@@ -69,35 +69,35 @@ def test_a_common_offset_is_removed(offset: float) -> None:
 
 def test_heights_above_the_ground_are_added_to_it() -> None:
     slope = ElevationRaster(-50.0, 50.0, 1.0, np.tile(np.arange(200, dtype=np.float32), (101, 1)))
-    found, (note,) = corrected([2.0, 2.2, 1.8], [None] * 3, slope)
+    found, (note,) = correct_heights([2.0, 2.2, 1.8], [None] * 3, slope)
     assert found == pytest.approx([57.0, 77.2, 96.8])
     assert "heights above the ground" in note
 
 
 def test_single_outliers_are_ignored() -> None:
-    found, (note,) = corrected([12.5, 12.4, 60.0, 12.6], [10.0] * 4)
+    found, (note,) = correct_heights([12.5, 12.4, 60.0, 12.6], [10.0] * 4)
     assert found == [12.5, 12.4, None, 12.6]
     assert note.endswith("50.0 m above the ground (a camera is 0.5 to 8 m), mend z, or leave it out: 1 (p2)")
-    found, notes = corrected([32.5, 32.4, 160.0, 32.6], [10.0] * 4)
+    found, notes = correct_heights([32.5, 32.4, 160.0, 32.6], [10.0] * 4)
     assert found == [pytest.approx(12.45), pytest.approx(12.35), None, pytest.approx(12.55)]
     assert len(notes) == 2
 
 
 def test_heights_without_a_common_offset_are_ignored() -> None:
-    found, (note,) = corrected([50.0, 90.0, 130.0, 170.0], [10.0] * 4)
+    found, (note,) = correct_heights([50.0, 90.0, 130.0, 170.0], [10.0] * 4)
     assert found == [None] * 4
     assert "40.0 to 160.0 m above the ground" in note
 
 
 def test_heights_beyond_the_known_terrain() -> None:
     heights = np.full((101, 200), np.nan, np.float32)
-    found, (note,) = corrected([50.0, 90.0], [None] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
+    found, (note,) = correct_heights([50.0, 90.0], [None] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
     assert found == [None] * 2
     assert "whose height no source states" in note
-    found, (note,) = corrected([50.0, 90.0], [10.0] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
+    found, (note,) = correct_heights([50.0, 90.0], [10.0] * 2, ElevationRaster(-50.0, 50.0, 1.0, heights))
     assert found == [None] * 2, "40 and 80 m above the buildings' ground have no common offset"
     heights[:, :60] = 40.0
-    found, (note,) = corrected([540.0, 540.2, 540.1], [None] * 3, ElevationRaster(-50.0, 50.0, 1.0, heights))
+    found, (note,) = correct_heights([540.0, 540.2, 540.1], [None] * 3, ElevationRaster(-50.0, 50.0, 1.0, heights))
     assert found == pytest.approx([42.4, 42.6, 42.5]), "two of the cameras are over unknown ground"
 
 

@@ -74,7 +74,7 @@ def test_missing_parts_are_noted(tmp_path: Path) -> None:
     block = read(tmp_path, "building.parquet")
     assert heights(block) == {"08a": (0, 9), "08b": (0, 12)}
     assert any(
-        note.startswith("buildings with parts of which no file has any") and "08a" in note for note in block.notes
+        note.startswith("buildings whose parts are missing") and "08a" in note for note in block.notes
     )
 
 

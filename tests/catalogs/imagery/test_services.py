@@ -23,7 +23,9 @@ BOX = (7.0, 48.0, 8.0, 49.0)
 GOOD = Shot("good", 7.5, 48.5, 30.0)
 
 
-def asked(service: ImageryService, wanted: PanoramaQuery | None = None) -> tuple[list[RemotePanorama], dict[str, str]]:
+def query_service(
+    service: ImageryService, wanted: PanoramaQuery | None = None
+) -> tuple[list[RemotePanorama], dict[str, str]]:
     """What a service offers, and why it does not offer others."""
     found = list(service.search(wanted or PanoramaQuery(BOX)))
     faults = {one.id: one.reason for one in found if isinstance(one, Fault)}
@@ -33,7 +35,7 @@ def asked(service: ImageryService, wanted: PanoramaQuery | None = None) -> tuple
 
 def test_a_stac_api_tells_pose_day_author_and_licence(served: Imagery) -> None:
     served.shots = [GOOD, replace(GOOD, id="elsewhere", lon=9.0), replace(GOOD, id="flat", field_of_view=70)]
-    (offer,), faults = asked(stac_service(served.stac()))
+    (offer,), faults = query_service(stac_service(served.stac()))
     assert faults == {}
     assert (offer.id, offer.captured, offer.author, offer.licence) == ("good", "2024-05-17", "anna", "CC-BY-SA-4.0")
     assert (offer.pose.x, offer.pose.y, offer.pose.heading, offer.size) == (7.5, 48.5, 30.0, (128, 256))
@@ -47,12 +49,12 @@ def test_a_heading_that_geovisio_rounds_is_taken_from_the_tag_beside_it(served: 
         item["properties"]["exif"] = {"Exif.GPSInfo.GPSImgDirection": tag}
         page = {"features": [item], "links": []}
         served.faults["/api/search"] = lambda *_, page=page: (200, {}, json.dumps(page).encode())
-        assert asked(stac_service(served.stac()))[0][0].pose.heading == heading
+        assert query_service(stac_service(served.stac()))[0][0].pose.heading == heading
 
 
 def test_a_span_of_days_is_asked_of_the_service(served: Imagery) -> None:
     served.shots = [GOOD, replace(GOOD, id="old", captured="2019-01-02")]
-    offers, _ = asked(stac_service(served.stac()), PanoramaQuery(BOX, "2023-01-01/.."))
+    offers, _ = query_service(stac_service(served.stac()), PanoramaQuery(BOX, "2023-01-01/.."))
     assert [offer.id for offer in offers] == ["good"]
     for wrong in ("2023", "2023-01-01", "2023-13-01/..", "x/y"):
         with pytest.raises(InputError, match=r"--dates .* is no span; give FROM/TO"):
@@ -69,13 +71,13 @@ def test_what_cannot_be_used_is_told_and_the_rest_goes_on(served: Imagery) -> No
         replace(GOOD, id="no-copies", licence="CC-BY-ND-4.0"),
         replace(GOOD, id="turned", heading=1e9),
     ]
-    offers, faults = asked(stac_service(served.stac()))
+    offers, faults = query_service(stac_service(served.stac()))
     assert [offer.id for offer in offers] == ["good"]
     assert faults["no-heading"].startswith("states a place but no heading; give its pose in a poses file")
     assert faults["no-licence"].startswith("states no licence; ask who took it")
     assert faults["no-copies"].startswith("is under CC-BY-ND-4.0, which forbids changed copies")
     assert "at most 3600" in faults["turned"]
-    offers, faults = asked(stac_service(served.stac()), PanoramaQuery(BOX, licence="CC0-1.0"))
+    offers, faults = query_service(stac_service(served.stac()), PanoramaQuery(BOX, licence="CC0-1.0"))
     assert {offer.id: offer.licence for offer in offers} == {"good": "CC-BY-SA-4.0", "no-licence": "CC0-1.0"}
     assert set(faults) == {"no-heading", "no-copies", "turned"}
 
@@ -95,20 +97,20 @@ def test_an_item_that_is_broken_is_one_fault(served: Imagery, change: dict[str, 
     item = served.item(GOOD) | change
     page = {"type": "FeatureCollection", "features": [item, served.item(replace(GOOD, id="other"))], "links": []}
     served.faults["/api/search"] = lambda *_: (200, {}, json.dumps(page).encode())
-    offers, faults = asked(stac_service(served.stac()))
+    offers, faults = query_service(stac_service(served.stac()))
     assert [offer.id for offer in offers] == ["other"]
     assert list(faults) == ["good"]
 
 
 def test_pages_are_followed_and_those_without_end_are_left(served: Imagery) -> None:
     served.shots, served.limit = [replace(GOOD, id=f"p{i}") for i in range(7)], 3
-    offers, faults = asked(stac_service(served.stac()))
+    offers, faults = query_service(stac_service(served.stac()))
     assert [offer.id for offer in offers] == [f"p{i}" for i in range(7)]
     assert (served.asked["/api/search"], faults) == (3, {})
     following = {"rel": "next", "href": f"{served.stac()}/search?again", "type": "application/geo+json"}
     page = {"type": "FeatureCollection", "features": [served.item(GOOD)], "links": [following]}
     served.faults["/api/search"] = lambda *_: (200, {}, json.dumps(page).encode())
-    offers, faults = asked(stac_service(served.stac()))
+    offers, faults = query_service(stac_service(served.stac()))
     assert [offer.id for offer in offers] == ["good"]
     (reason,) = faults.values()
     assert "pages without end (page 2 brings nothing new)" in reason
@@ -118,7 +120,7 @@ def test_an_answer_that_is_cut_off_is_asked_by_quarters_and_each_picture_comes_o
     """GeoVisio has no pages: what is beyond its limit does not come."""
     served.shots = [replace(GOOD, id=f"p{i}", lon=7 + (i % 25) / 25, lat=48 + (i // 25) / 25) for i in range(300)]
     served.limit, served.paged = 100, False
-    offers, faults = asked(stac_service(served.stac()))
+    offers, faults = query_service(stac_service(served.stac()))
     assert (len(offers), {offer.id for offer in offers}) == (300, {shot.id for shot in served.shots})
     assert faults == {}
 
@@ -129,14 +131,14 @@ def test_a_next_page_that_names_a_file_is_not_read(served: Imagery, tmp_path: Pa
         page = {"features": [served.item(GOOD)], "links": [{"rel": "next", "href": href}]}
         served.faults["/api/search"] = lambda *_, page=page: (200, {}, json.dumps(page).encode())
         with pytest.raises(InputError, match="is no address"):
-            asked(stac_service(served.stac()))
+            query_service(stac_service(served.stac()))
 
 
 @pytest.mark.parametrize("content", [b"<html>", b"[1]", b"{}", b'{"type": "Catalog"}'])
 def test_what_is_no_stac_api_is_refused_in_one_line(served: Imagery, content: bytes) -> None:
     served.faults["/api"] = lambda *_: (200, {}, content)
     with pytest.raises(InputError, match="is no STAC API that can be searched") as error:
-        asked(stac_service(served.stac()))
+        query_service(stac_service(served.stac()))
     assert "\n" not in str(error.value)
 
 
@@ -145,11 +147,11 @@ def test_mapillary_wants_a_token_that_is_nowhere_to_be_found_afterwards(
 ) -> None:
     served.shots = [GOOD, replace(GOOD, id="no-heading", heading=None), replace(GOOD, id="flat", field_of_view=70)]
     with pytest.raises(InputError, match=f"Mapillary wants a token: set {TOKEN_VARIABLE}"):
-        asked(mapillary_service(served.address))
+        query_service(mapillary_service(served.address))
     monkeypatch.setenv(TOKEN_VARIABLE, "MLY|17|secret")
     service, near = mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51))
     with caplog.at_level(logging.DEBUG):
-        offers, faults = asked(service, near)
+        offers, faults = query_service(service, near)
         account = read_fetch_log(tmp_path / "pictures")
         fetch_panoramas(service.name, offers, account, service.download, lambda _: None, lambda _: None)
         account.write_poses()
@@ -167,7 +169,7 @@ def test_mapillary_is_asked_small_boxes(served: Imagery, monkeypatch: pytest.Mon
     """It refuses those of more than 0.01 square degrees."""
     monkeypatch.setenv(TOKEN_VARIABLE, "MLY|17|secret")
     served.shots = [replace(GOOD, id=f"p{i}", lon=7.0 + 0.011 * i, lat=48.05) for i in range(15)]
-    offers, _ = asked(mapillary_service(served.address), PanoramaQuery((7.0, 48.0, 7.16, 48.06)))
+    offers, _ = query_service(mapillary_service(served.address), PanoramaQuery((7.0, 48.0, 7.16, 48.06)))
     assert {offer.id for offer in offers} == {shot.id for shot in served.shots[:15]}
     assert served.asked["/images"] == 8
 
@@ -188,7 +190,7 @@ def test_pages_of_mapillary_are_followed_without_the_token_that_their_addresses_
 
     served.faults["/images"] = paged
     with caplog.at_level(logging.DEBUG):
-        offers, faults = asked(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51)))
+        offers, faults = query_service(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51)))
     assert [offer.id for offer in offers] == ["good", "second"]
     assert ["pages without end (page 3" in reason for reason in faults.values()] == [True]
     assert not any("secret" in path for path in seen)
@@ -201,7 +203,7 @@ def test_mapillary_is_asked_for_a_span_of_days(served: Imagery, monkeypatch: pyt
     served.shots = [replace(GOOD, id=day, captured=day) for day in days]
     spans = {"2023-12-31/..": days[1:], "../2019-12-31": days[:1], "2023-01-01/2023-12-31": days[1:2], "../..": days}
     for span, expected in spans.items():
-        offers, _ = asked(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51), span))
+        offers, _ = query_service(mapillary_service(served.address), PanoramaQuery((7.49, 48.49, 7.51, 48.51), span))
         assert sorted(offer.id for offer in offers) == list(expected)
 
 
@@ -215,7 +217,9 @@ def test_a_folder_is_a_service_too(tmp_path: Path) -> None:
         "elsewhere.jpg": {"lon": 9.5, "lat": 48.5, "heading": 0.0},
     }
     (folder / "poses.json").write_text(json.dumps({"poses": poses}))
-    (offer,), faults = asked(resolve_service(str(folder)), PanoramaQuery(BOX, licence="mine", frame="EPSG:32632"))
+    (offer,), faults = query_service(
+        resolve_service(str(folder)), PanoramaQuery(BOX, licence="mine", frame="EPSG:32632")
+    )
     assert (offer.id, offer.captured, offer.licence, offer.pose.z) == ("posed", "2024-05-17", "mine", 140.0)
     assert (offer.pose.x, offer.pose.y, offer.pose.heading) == pytest.approx((7.5, 48.5, 12.0), abs=0.01)
     assert list(faults) == ["unposed.jpg"]

@@ -15,7 +15,7 @@ def never() -> bytes:
     raise AssertionError("it is made again")
 
 
-def published(
+def publish_snapshot(
     folder: Path, earlier: Path | None, *, doubted: bool = False, **files: tuple[str, Callable[[], bytes]]
 ) -> SnapshotFileWriter:
     folder.mkdir()
@@ -32,13 +32,13 @@ def is_linked(name: str, *folders: Path) -> bool:
 
 def test_what_is_made_of_the_same_is_linked(tmp_path: Path) -> None:
     first, second, third = (tmp_path / name for name in ("1", "2", "3"))
-    published(first, None, a=("x", lambda: b"old"), b=("y", lambda: b"same"))
-    made = published(second, first, a=("x2", lambda: b"new"), b=("y", never))
+    publish_snapshot(first, None, a=("x", lambda: b"old"), b=("y", lambda: b"same"))
+    made = publish_snapshot(second, first, a=("x2", lambda: b"new"), b=("y", never))
     assert (second / "pages" / "a").read_bytes() == b"new"
     assert (first / "pages" / "a").read_bytes() == b"old"
     assert is_linked("b", first, second)
     assert list(made.linked) == ["pages/b"]
-    published(third, second, a=("x2", never), b=("y", never))
+    publish_snapshot(third, second, a=("x2", never), b=("y", never))
     assert is_linked("b", first, second, third)
     assert find_snapshot_damage(third, thorough=True) is None
 
@@ -48,11 +48,11 @@ def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubt
     tmp_path: Path, doubted: bool
 ) -> None:
     first, second = tmp_path / "1", tmp_path / "2"
-    published(first, None, **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")})
+    publish_snapshot(first, None, **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")})
     (first / "pages" / "lost").unlink()
     (first / "pages" / "cut").write_bytes(b"who")
     (first / "pages" / "garbled").write_bytes(b"\0" * 5)
-    made = published(
+    made = publish_snapshot(
         second,
         first,
         doubted=doubted,

@@ -16,7 +16,7 @@ from catalogs.published.snapshot import (
 from facade_core.core.errors import InputError, StoreError
 
 
-def published(out: Path, id: str) -> SnapshotFolder[Path]:
+def publish_snapshot(out: Path, id: str) -> SnapshotFolder[Path]:
     """A snapshot with the files by which one is known."""
     snapshot = snapshot_folder(out, id)
     snapshot.folder.mkdir(parents=True)
@@ -29,7 +29,7 @@ def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
     assert find_current_snapshot(tmp_path) is None
     with pytest.raises(InputError, match="current cannot be read"):
         current_snapshot(tmp_path)
-    first, second = published(tmp_path, "ONE"), published(tmp_path, "TWO")
+    first, second = publish_snapshot(tmp_path, "ONE"), publish_snapshot(tmp_path, "TWO")
     for snapshot in (first, second):
         set_current_snapshot(snapshot)
         assert current_snapshot(tmp_path) == find_current_snapshot(tmp_path) == snapshot
@@ -48,7 +48,7 @@ def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "..", "../ONE", "ONE/..", "ONE\0", "none"])
 def test_a_pointer_to_nothing_is_refused(name: str, tmp_path: Path) -> None:
-    published(tmp_path, "ONE")
+    publish_snapshot(tmp_path, "ONE")
     (tmp_path / "current").write_text(name)
     assert find_current_snapshot(tmp_path) is None
     with pytest.raises(InputError, match=r"`streetloom run BLOCK\.yaml --out .*` publishes again"):
@@ -56,7 +56,7 @@ def test_a_pointer_to_nothing_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_who_goes_on_without_needs_the_summary_and_who_reads_the_table(tmp_path: Path) -> None:
-    snapshot = published(tmp_path, "ONE")
+    snapshot = publish_snapshot(tmp_path, "ONE")
     set_current_snapshot(snapshot)
     snapshot.items.unlink()
     assert find_current_snapshot(tmp_path) == snapshot
@@ -69,7 +69,7 @@ def test_who_goes_on_without_needs_the_summary_and_who_reads_the_table(tmp_path:
 
 
 def test_nobody_is_alone_where_somebody_reads(tmp_path: Path) -> None:
-    snapshot = published(tmp_path, "ONE")
+    snapshot = publish_snapshot(tmp_path, "ONE")
     with snapshot.hold_for_reading() as read, snapshot.hold_for_reading():
         assert read is snapshot
         with snapshot.lock_exclusively() as nobody:
@@ -81,7 +81,7 @@ def test_nobody_is_alone_where_somebody_reads(tmp_path: Path) -> None:
 
 
 def test_a_store_that_is_not_there_is_not_made(tmp_path: Path) -> None:
-    snapshot = published(tmp_path, "ONE")
+    snapshot = publish_snapshot(tmp_path, "ONE")
     with pytest.raises(StoreError, match=r"does not hold snapshot ONE .*there is none.*publishes again"):
         snapshot.open_session()
     assert not (tmp_path / "store").exists()

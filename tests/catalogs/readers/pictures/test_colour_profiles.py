@@ -32,13 +32,13 @@ TO_XYZ = np.array([[0.4360, 0.3851, 0.1431], [0.2225, 0.7169, 0.0606], [0.0139, 
 WALL = (190, 70, 50)
 
 
-def fixed(*values: float) -> bytes:
+def encode_fixed_point(*values: float) -> bytes:
     return b"".join(struct.pack(">i", round(value * 65536)) for value in values)
 
 
 def icc(space: bytes, pcs: bytes, tags: dict[bytes, bytes], kind: bytes = b"mntr") -> bytes:
     """Return an ICC profile of version 2."""
-    tags = {b"wtpt": b"XYZ \0\0\0\0" + fixed(*D50), b"desc": b"desc\0\0\0\0\0\0\0\x01" + bytes(80)} | tags
+    tags = {b"wtpt": b"XYZ \0\0\0\0" + encode_fixed_point(*D50), b"desc": b"desc\0\0\0\0\0\0\0\x01" + bytes(80)} | tags
     table, content = b"", b""
     start = 128 + 4 + 12 * len(tags)
     for name, value in tags.items():
@@ -46,7 +46,7 @@ def icc(space: bytes, pcs: bytes, tags: dict[bytes, bytes], kind: bytes = b"mntr
         content += value + bytes(-len(value) % 4)
     size = start + len(content)
     header = struct.pack(">I4sI4s4s4s", size, b"lcms", 0x02100000, kind, space, pcs) + bytes(12) + b"acsp" + bytes(28)
-    return (header + fixed(*D50)).ljust(128, b"\0") + struct.pack(">I", len(tags)) + table + content
+    return (header + encode_fixed_point(*D50)).ljust(128, b"\0") + struct.pack(">I", len(tags)) + table + content
 
 
 def gamma(exponent: float) -> bytes:
@@ -63,7 +63,10 @@ def matrix(name: str) -> Float64Array:
 
 
 def rgb_profile(name: str) -> bytes:
-    tags = {b"%cXYZ" % c: b"XYZ \0\0\0\0" + fixed(*column) for c, column in zip(b"rgb", matrix(name).T, strict=True)}
+    tags = {
+        b"%cXYZ" % c: b"XYZ \0\0\0\0" + encode_fixed_point(*column)
+        for c, column in zip(b"rgb", matrix(name).T, strict=True)
+    }
     return icc(b"RGB ", b"XYZ ", tags | {b"%cTRC" % c: gamma(SPACES[name][2]) for c in b"rgb"})
 
 
@@ -89,7 +92,7 @@ def cmyk_profile() -> bytes:
     assert lab is not None
     values = np.frombuffer(lab.tobytes(), np.uint8).reshape(16, 3) ^ np.array([0, 128, 128], np.uint8)
     curve = bytes(range(256))
-    head = b"mft1\0\0\0\0" + bytes([4, 3, 2, 0]) + fixed(1, 0, 0, 0, 1, 0, 0, 0, 1)
+    head = b"mft1\0\0\0\0" + bytes([4, 3, 2, 0]) + encode_fixed_point(1, 0, 0, 0, 1, 0, 0, 0, 1)
     return icc(b"CMYK", b"Lab ", {b"A2B0": head + curve * 4 + values.tobytes() + curve * 3}, b"prtr")
 
 
