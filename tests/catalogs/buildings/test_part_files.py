@@ -73,9 +73,7 @@ def test_missing_parts_are_noted(tmp_path: Path) -> None:
     write(tmp_path / "building.parquet", BUILDINGS, box(0), box(30))
     block = read(tmp_path, "building.parquet")
     assert heights(block) == {"08a": (0, 9), "08b": (0, 12)}
-    assert any(
-        note.startswith("buildings whose parts are missing") and "08a" in note for note in block.notes
-    )
+    assert any(note.startswith("buildings whose parts are missing") and "08a" in note for note in block.notes)
 
 
 def test_openstreetmap_parts_of_a_second_file(tmp_path: Path) -> None:
