@@ -1,13 +1,13 @@
 """Painted facades beside real ones: `python -m benchmarks.painting --data DIR` prints JSON.
 
-painted: of the demo's style library, as `tasks.examples.demo` paints it; the others: rectified photos with labels (ecp, cmp and
-artdeco; for evaluation only, as here). brightness and saturation: of a wall's median pixel, tenth, half and nine tenths of the
-facades; panes: grey of windows, by share of their pixels, median over facades; contrast: deviation of walls' and windows' grey
-over its mean. detail: squared gradients of brightness over its squared mean above 2.5 m as a camera of `streetloom bench look`
-would show them at 45 degrees, as a share of the same of walls in held-out panoramas, at densities of texels a metre.
-stains: deviations of plain wall in bands of .7 and 2.6 m at a quarter, half and three fourths of the facades; the median window
-of a photograph is held for 1.2 m wide, as nothing tells its scale. seconds: of the processor, to paint one facade (median) and
-the library.
+painted: of the demo's style library, as `tasks.examples.paint_demo` paints it; the others: rectified photos with labels (ecp,
+cmp and artdeco; for evaluation only, as here). brightness and saturation: of a wall's median pixel, tenth, half and nine
+tenths of the facades; panes: grey of windows, by share of their pixels, median over facades; contrast: deviation of walls' and
+windows' grey over its mean. detail: squared gradients of brightness over its squared mean above 2.5 m as a camera of
+`streetloom bench look` would show them at 45 degrees, as a share of the same of walls in held-out panoramas, at densities of
+texels a metre. stains: deviations of plain wall in bands of .7 and 2.6 m at a quarter, half and three fourths of the facades;
+the median window of a photograph is held for 1.2 m wide, as nothing tells its scale. seconds: of the processor, to paint one
+facade (median) and the library.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from facade_core.street.materials.stains import BANDS_M, wall_brightness_deviati
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.styles import NORDIC_STYLES
-from tasks.examples.demo import EXEMPLAR_PIXELS_PER_METRE, EXEMPLARS, SEED
+from tasks.examples.demo import SEED
+from tasks.examples.paint_demo import EXEMPLAR_PIXELS_PER_METRE, EXEMPLARS
 
 DENSITIES = (64, 32, 16)
 # Of the sets in DATA/facades: ids of wall and window.

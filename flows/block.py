@@ -10,6 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from queue import SimpleQueue
 from typing import cast
@@ -41,8 +42,10 @@ from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
+from tasks.preview import start_preview
 from tasks.publish.prune import prune_snapshots_or_explain
 from tasks.publish.task import publish_block
+from tasks.stages.facades.stage import FACADES
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.streets.memory import street_memory
@@ -185,7 +188,10 @@ def _texture_block(
             else:
                 # reuse the forecast unless a stage that the keys depend on has changed since
                 known = None if changed & set(kind.reads) else forecast.units.get(kind.stage)
-                ended = _run_stage(run, find_pending_units(run, block, kind, known), compute, submit)
+                pending = find_pending_units(run, block, kind, known)
+                if kind is FACADES and pending.pieces and not pending.done:
+                    start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
+                ended = _run_stage(run, pending, compute, submit)
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended

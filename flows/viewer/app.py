@@ -79,7 +79,7 @@ def _city_routes(runs: Mapping[str, Folder], editor: EditorUser | None) -> list[
 
 
 def _run_routes(out: Folder, editor: EditorUser | None) -> list[BaseRoute]:
-    reader, growth = RunReader(out), StreetReplay()
+    reader, replay = RunReader(out), StreetReplay()
 
     def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
@@ -132,13 +132,12 @@ def _run_routes(out: Folder, editor: EditorUser | None) -> list[BaseRoute]:
 
     def panorama(request: Request) -> Response:
         view = reader.open_newest()
-        number = _parse_index(request, "viewpoint", len(view.tables.street))
-        rgb = view.group["panoramas/rgb"][number]
+        rgb = replay.draw_panorama(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
 
     def grown(request: Request) -> Response:
         view = reader.open_newest()
-        image = growth.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
+        image = replay.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
 
     def in_3d(request: Request) -> Response:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataSource, download_example_data
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.examples.demo import EXEMPLARS, paint_exemplars
+from tasks.examples.demo import copy_painted_exemplars
 
 # Path of the exemplars in packaged block files, replaced by the painted library.
 LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
@@ -18,7 +18,6 @@ def fetch_block(
     name: str,
     folder: Path,
     sources: Mapping[str, ExampleDataSource] = EXAMPLE_SOURCES,
-    paint: Callable[[Path], None] = paint_exemplars,
 ) -> tuple[Path, ExampleDataSource]:
     """Download an example block's public data and write its block file.
 
@@ -27,7 +26,6 @@ def fetch_block(
     name : name of the block.
     folder : target folder.
     sources : sources of each block by name.
-    paint : paints a style library into a folder.
 
     Returns
     -------
@@ -43,9 +41,7 @@ def fetch_block(
         raise InputError(f"{name}: no block of this name has public data; there is {', '.join(sources)}")
     begin_stage("fetch", len(source.files))
     download_example_data(source, folder, lambda: report_progress("fetch", 1))
-    exemplars = folder / "exemplars"
-    if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
-        paint(exemplars)
+    copy_painted_exemplars(folder / "exemplars")
     text = (EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
     block = folder / f"{name}.yaml"
     block.write_text(text.replace(LIBRARY, "exemplars").replace("${STREETLOOM_DATA}/", ""), encoding="utf-8")

@@ -25,7 +25,7 @@ from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.geometry.walls import WallRole
-from tasks.examples.demo import paint_exemplars
+from tasks.examples.demo import copy_painted_exemplars
 from tasks.stages.ingest.planning import make_plan
 
 # Command-line options by key of the block file.
@@ -171,7 +171,7 @@ def write_new_block(
     exemplars: Path | None,
     poses: Path | None = None,
     seed: int = 0,
-    paint: Callable[[Path], None] = paint_exemplars,
+    write_library: Callable[[Path], None] = copy_painted_exemplars,
 ) -> NewBlock:
     """Write the block file `path` for a part of a city's geometry.
 
@@ -181,10 +181,10 @@ def write_new_block(
     map_files : geometry of the city.
     area : (west, south, east, north) in degrees, a square, or the side of the most built-up square, metres.
     photos : folder of pictures: panoramas by shape and pose, photos by the id of a facade as their name.
-    exemplars : style library; None: paint one in the block file's folder.
+    exemplars : style library; None: a painted one in the block file's folder.
     poses : file of the panoramas' poses.
     seed : random seed of the block.
-    paint : paints a style library into a folder.
+    write_library : writes the painted style library into a folder.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def write_new_block(
     own = False
     try:
         if not library.exists():
-            own = _paint_library(library, paint)
+            own = _write_library(library, write_library)
         options = _OPTIONS | map_files.option_by_key()
         if exemplars is None:  # the option was not given
             options = {key: option for key, option in options.items() if option != "--exemplars"}
@@ -214,11 +214,11 @@ def write_new_block(
         raise
 
 
-def _paint_library(library: Path, paint: Callable[[Path], None]) -> bool:
-    """Paint a style library atomically; return False if another process created it first."""
+def _write_library(library: Path, write: Callable[[Path], None]) -> bool:
+    """Write a style library atomically; return False if another process created it first."""
     draft = library.with_name(f".{library.name}.{os.getpid()}.draft")
     try:
-        paint(draft)
+        write(draft)
         draft.rename(library)
     except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):

@@ -1,4 +1,4 @@
-"""Pictures of a street after any of its viewpoints, replayed from the panoramas."""
+"""Pictures of a street after any of its viewpoints, and panoramas."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import rebuild_material_field
+from tasks.stages.streets.panoramas import render_field_panorama
 from tasks.stages.streets.worker import add_viewpoint_to_buffer, replay_street
 from tasks.viewing.run_view import RunView
 
@@ -32,6 +33,15 @@ BEHIND_M, ABOVE_M, FIELD_OF_VIEW_DEG = 14.0, 26.0, 70.0
 _THREADS = os.cpu_count() or 1
 
 
+@dataclass(frozen=True)
+class _LoadedRun:
+    """Plan and materials of a run; its snapshots change, these do not."""
+
+    view: RunView
+    plan: Plan
+    field: MaterialField | None
+
+
 @dataclass
 class _ReplayedStreet:
     """Street of the newest request.
@@ -42,20 +52,19 @@ class _ReplayedStreet:
     texel : (h, w) texel of each pixel, -1 off the street and -2 for the sky.
     """
 
-    view: RunView
+    run: _LoadedRun
     street: int
-    plan: Plan
     buffer: TexelBuffer
-    field: MaterialField | None
     steps: int
     texel: Int64Array
 
 
 class StreetReplay:
-    """Drawing of streets after any viewpoint; the newest street stays cached."""
+    """Drawing of streets after any viewpoint, and of panoramas; the newest run and street stay cached."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
+        self._run: _LoadedRun | None = None
         self._street: _ReplayedStreet | None = None
 
     def draw_after_viewpoint(self, view: RunView, viewpoint: int) -> UInt8Array:
@@ -69,42 +78,52 @@ class StreetReplay:
         viewpoints = np.flatnonzero(view.tables.street == street)
         steps = int(np.searchsorted(viewpoints, viewpoint)) + 1
         with self._lock:
-            replayed = self._street
-            if (
-                replayed is None
-                or not _is_same_run(replayed, view)
-                or replayed.street != street
-                or replayed.steps > steps
-            ):
-                if not view.group[journal_path("viewpoints")][viewpoint].item():
-                    raise InputError(
-                        f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
-                    )
-                plan = replayed.plan if replayed and _is_same_run(replayed, view) else _plan(view)
-                field = rebuild_material_field(view.group, plan)
+            run, replayed = self._load_run(view), self._street
+            plan, field = run.plan, run.field
+            if replayed is None or replayed.run is not run or replayed.street != street or replayed.steps > steps:
+                _require_textured(view, viewpoint)
                 window = replay_street(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
-                replayed = _ReplayedStreet(
-                    view, street, plan, window, field, steps, _texels_in_picture(plan, window, street)
-                )
+                replayed = _ReplayedStreet(run, street, window, steps, _texels_in_picture(plan, window, street))
             for step in viewpoints[replayed.steps : steps].tolist():
-                seen = replayed.plan.viewpoints[step]
+                seen = plan.viewpoints[step]
                 add_viewpoint_to_buffer(
-                    replayed.plan, view.group, replayed.buffer, seen, field=replayed.field is not None, threads=_THREADS
+                    plan, view.group, replayed.buffer, seen, field=field is not None, threads=_THREADS
                 )
-            if replayed.field is not None:
-                paint_visible_texels(replayed.buffer, replayed.plan.scene.placement, replayed.field)
+            if field is not None:
+                paint_visible_texels(replayed.buffer, plan.scene.placement, field)
             replayed.steps = steps
             self._street = replayed
             return _draw(replayed)
 
+    def draw_panorama(self, view: RunView, viewpoint: int) -> UInt8Array:
+        """Return the panorama of a viewpoint, (h, w, 3) uint8: the stored one, else rendered now.
 
-def _is_same_run(replayed: _ReplayedStreet, view: RunView) -> bool:
-    """Report whether a view belongs to the cached run; its snapshots change, its plan does not."""
-    return replayed.view.tables is view.tables
+        Raises
+        ------
+        InputError : the viewpoint is not textured yet.
+        """
+        _require_textured(view, viewpoint)
+        stored = view.group["panoramas/rgb"]
+        with self._lock:
+            run = self._load_run(view)
+            if run.field is None:
+                return np.asarray(stored[viewpoint], np.uint8)
+            return render_field_panorama(
+                run.plan, view.group, run.field, run.plan.viewpoints[viewpoint], stored.shape[2]
+            )
+
+    def _load_run(self, view: RunView) -> _LoadedRun:
+        if self._run is None or self._run.view.tables is not view.tables:
+            plan = read_plan(view.session)
+            self._run = _LoadedRun(view, plan, rebuild_material_field(view.group, plan))
+        return self._run
 
 
-def _plan(view: RunView) -> Plan:
-    return read_plan(view.session)
+def _require_textured(view: RunView, viewpoint: int) -> None:
+    if not view.group[journal_path("viewpoints")][viewpoint].item():
+        street = int(view.tables.street[viewpoint])
+        step = viewpoint - int(np.argmax(view.tables.street == street))
+        raise InputError(f"viewpoint {step} of {view.tables.streets[street]['id']} is not textured yet")
 
 
 def _texels_in_picture(plan: Plan, window: TexelBuffer, street: int) -> Int64Array:

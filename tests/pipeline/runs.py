@@ -22,18 +22,24 @@ PATIENCE_S = 1200
 
 def write_block(folder: Path) -> Path:
     """Input of a small block cut from the real extract, seeded and complete; returns its block file."""
-    from tasks.examples import demo
+    from catalogs.block.reader import read_block
+    from tasks.examples.demo import copy_map, write_block_file
+    from tasks.examples.paint_demo import paint_exemplars, paint_photos
 
-    saved = {name: getattr(demo, name) for name in ("AREA", "STREETS", "TEXELS_PER_METRE", "EXEMPLARS")}
-    try:
-        demo.AREA = [24.9471, 60.1659, 24.9488, 60.1667]
-        demo.STREETS = ["Kasarmikatu", "Rikhardinkatu"]
-        demo.TEXELS_PER_METRE = 6
-        demo.EXEMPLARS = 4
-        block = demo.write_demo(folder)
-    finally:
-        for name, value in saved.items():
-            setattr(demo, name, value)
+    copy_map(folder)
+    paint_exemplars(folder / "exemplars", 4)
+    block = folder / "helsinki.yaml"
+    for photos in (False, True):
+        write_block_file(
+            block,
+            folder / "exemplars",
+            photos=photos,
+            area=[24.9471, 60.1659, 24.9488, 60.1667],
+            streets=["Kasarmikatu", "Rikhardinkatu"],
+            texels_per_metre=6,
+        )
+        if not photos:
+            paint_photos(read_block(block), folder / "photos")
     keys = yaml.safe_load(block.read_text())
     if keys["texture"].pop("sun", None):  # in whose light a photo's texels are not the photo's
         block.write_text(yaml.safe_dump(keys, sort_keys=False))

@@ -193,7 +193,7 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     before = {unit: at for (stage, unit), at in all_before.items() if stage == "viewpoints"}
     done, made = again(folder)
     assert surfaces_since(all_before, folder) == {"a"}
-    see = set().union(*(_viewpoints_that_see(made, wall) for wall in walls_of("a")))
+    see = set().union(*(_panoramas_that_show(made, wall) for wall in walls_of("a")))
     assert 1 <= len(see) < len(before)
     assert done == walls_of("a"), "what streets made of their own texels stands"
     assert made.said is not None
@@ -204,7 +204,7 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     assert {unit for unit in before if after[unit] != before[unit]} == see
     assert_as_fresh(folder, made)
     shown = [
-        [r["panorama"] for r in read_newest_journal(folder / out / "store", "viewpoints") if r]
+        [r.get("panorama") for r in read_newest_journal(folder / out / "store", "viewpoints") if r]
         for out in ("out", "fresh")
     ]
     assert shown[0] == shown[1]
@@ -362,8 +362,10 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
     )
 
 
-def _viewpoints_that_see(made: Textured, facade: str) -> set[str]:
+def _panoramas_that_show(made: Textured, facade: str) -> set[str]:
+    """The viewpoints whose panorama is stored and shows a facade."""
     from tasks.engine.context import load_run_plan
+    from tasks.stages.streets.panoramas import is_panorama_in_report
 
     plan = load_run_plan(made.run)
     chart = plan.facades.chart[plan.facades.id.index(facade)]
@@ -371,5 +373,5 @@ def _viewpoints_that_see(made: Textured, facade: str) -> set[str]:
         f"{plan.streets[street].id}/{step}"
         for street in range(len(plan.streets))
         for step, viewpoint in enumerate(plan.street_viewpoints(street))
-        if chart in plan.charts_of_viewpoint(viewpoint.id)
+        if chart in plan.charts_of_viewpoint(viewpoint.id) and is_panorama_in_report(plan, viewpoint)
     }

@@ -17,6 +17,7 @@ import pytest
 import trimesh
 import xarray as xr
 import zarr
+from PIL import Image
 
 from catalogs.query.execution import query
 from facade_core.atlas.journal import VOLATILE_FIELDS, atlas_digest
@@ -47,6 +48,15 @@ def test_everything_is_done_and_published(undisturbed: Run) -> None:
     for path in (*summary["outputs"]["glb"], summary["outputs"]["report"], summary["outputs"]["items"]):
         assert Path(path).stat().st_size > 1000
     assert (out / "current").read_text().strip() in summary["outputs"]["report"]
+
+
+def test_a_preview_of_a_street_was_drawn_before_the_streets(undisturbed: Run) -> None:
+    out, _ = undisturbed
+    picture = np.asarray(Image.open(out / "preview.jpg"))
+    assert picture.shape == (540, 960, 3)
+    assert picture.std() > 20
+    first = min(record["started"] for record in read_newest_journal(out / "store", "viewpoints") if record)
+    assert (out / "preview.jpg").stat().st_mtime < first
 
 
 def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> None:

@@ -62,12 +62,23 @@ def choose_cameras(
     """
     worth = _chart_worth(plan, records, sun)
     found = [aerial_camera(plan.scene, VIEW_SIZE, worth)]
-    for street in _view_streets(plan):
-        own = pick_evenly_spaced(plan.street_viewpoints(street), MAX_VIEWPOINTS_TRIED)
-        found.append(street_camera(plan.scene, own, VIEW_SIZE, worth))
+    found += [_street_view_camera(plan, street, VIEW_SIZE, worth) for street in _view_streets(plan)]
     if len(plan.facades.chart):
         found.append(close_up_camera(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
     return found
+
+
+def choose_preview_camera(plan: Plan, size: tuple[int, int]) -> PerspectiveCamera | None:
+    """Choose the camera of the first view along a street before any facade is made; None without a street."""
+    streets = _view_streets(plan)
+    if not streets or not (plan.facades.role == WallRole.STREET).any():
+        return None
+    return _street_view_camera(plan, streets[0], size, _chart_worth(plan, [None] * len(plan.facades.chart), None))
+
+
+def _street_view_camera(plan: Plan, street: int, size: tuple[int, int], worth: Float64Array) -> PerspectiveCamera:
+    own = pick_evenly_spaced(plan.street_viewpoints(street), MAX_VIEWPOINTS_TRIED)
+    return street_camera(plan.scene, own, size, worth)
 
 
 def _chart_worth(plan: Plan, records: Sequence[ProvenanceShares | None], sun: Sun | None) -> Float64Array:

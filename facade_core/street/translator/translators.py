@@ -51,12 +51,28 @@ class MaterialFieldTranslator:
 
     def translate(self, panorama: RenderedPanorama) -> UInt8Array:
         """Return the fully textured panorama, (h, w, 3) uint8."""
-        rgb = panorama.rgb.copy()
-        bare = (panorama.chart != MISS) & ~panorama.textured
-        chart, points = panorama.chart[bare], panorama.points[bare]
-        covered = pixel_footprint(points - panorama.viewpoint.position, self._normal[chart], rgb.shape[1])
-        rgb[bare] = self.materials.colour(chart, points, covered)
-        return rgb
+        return paint_bare_pixels(panorama, self.materials, self._normal)
+
+
+def paint_bare_pixels(panorama: RenderedPanorama, materials: MaterialField, normals: Float64Array) -> UInt8Array:
+    """Paint the untextured pixels of a panorama with their materials.
+
+    Parameters
+    ----------
+    panorama : partially textured panorama.
+    materials : material field of the block.
+    normals : (n, 3) unit normals of the charts.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
+    rgb = panorama.rgb.copy()
+    bare = (panorama.chart != MISS) & ~panorama.textured
+    chart, points = panorama.chart[bare], panorama.points[bare]
+    covered = pixel_footprint(points - panorama.viewpoint.position, normals[chart], rgb.shape[1])
+    rgb[bare] = materials.colour(chart, points, covered)
+    return rgb
 
 
 def pixel_footprint(ray: Float64Array, normal: Float64Array, width: int) -> Float64Array:

@@ -32,8 +32,6 @@ from facade_core.facade.exemplar import count_columns
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
-from facade_core.facade.texture.ground_floor import replace_shops_by_windows
-from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
@@ -53,7 +51,7 @@ from tasks.engine.outcome import (
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
-from tasks.stages.exemplars.worker import read_exemplar
+from tasks.stages.facades.analysed_exemplars import load_exemplar_analysis
 from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoCropQuality, read_evidence
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
@@ -64,9 +62,6 @@ if TYPE_CHECKING:
 # The classes that are counted, and what `facade_core.parsing.confidence.FacadeStatistics` has, as the catalogue names them.
 _COUNT_NAMES = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _ESTIMATED = ("window_to_wall", "windows", "floors")
-
-# Exemplars taken apart, by number and whether with shops, and their metres per texel.
-Styles = dict[tuple[int, bool], tuple[ExemplarAnalysis, float]]
 
 
 class _TexturedFacade(NamedTuple):
@@ -108,7 +103,6 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     prepared = time.time()
     records: dict[int, Record] = {}
     left: list[tuple[Unit, list[Exception]]] = []
-    styles: Styles = {}
 
     def done(unit: Unit, make: Callable[[], _TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
@@ -140,7 +134,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         beside = [
             facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
         ]
-        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, beside, styles), refused)
+        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, beside), refused)
     return fork, records
 
 
@@ -267,12 +261,9 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
 
 
 def _texture_from_exemplar(
-    run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles
+    run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int]
 ) -> _TexturedFacade:
-    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage.
-
-    Dissected exemplars are added to `styles`, with their metres per pixel.
-    """
+    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage."""
     facade, (imagery, *_) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
@@ -286,8 +277,8 @@ def _texture_from_exemplar(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     index, name = imagery.exemplar
-    given = _exemplar_style(group, index, True, styles)
-    style, metres_per_texel = given if imagery.shops else _exemplar_style(group, index, False, styles)
+    given = load_exemplar_analysis(run, group, index, shops=True)
+    style, metres_per_texel = given if imagery.shops else load_exemplar_analysis(run, group, index, shops=False)
     first = facades.id[int(facades.run[facade])]
     result = build_facade_from_exemplar(
         ScaledStyle(style, metres_per_texel, given[0]),
@@ -306,16 +297,6 @@ def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
     """Return a facade with the corrected elements."""
     elements = imagery.corrected.elements
     return facade if elements is None else replace_elements(facade, elements)
-
-
-def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarAnalysis, float]:
-    """Return a dissected exemplar, with or without its shops, and its metres per texel."""
-    if (index, shops) not in styles:
-        image, labels, metres_per_texel = read_exemplar(group, index)
-        if not shops:
-            image, labels = replace_shops_by_windows(image, labels)
-        styles[index, shops] = analyse_exemplar(image, labels), metres_per_texel
-    return styles[index, shops]
 
 
 def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:

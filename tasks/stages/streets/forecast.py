@@ -13,6 +13,7 @@ from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import diff_key_parts
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
+from tasks.stages.streets.panoramas import is_panorama_in_report
 
 
 def forecast_pending_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
@@ -57,7 +58,7 @@ def forecast_pending_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> 
 
 
 def forecast_pending_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast | None:
-    """Find the viewpoints that see rewritten base-layer charts, outside pending streets.
+    """Find the viewpoints whose stored panoramas show rewritten base-layer charts, outside pending streets.
 
     Returns None for the neural translator: its viewpoints are counted with their streets.
     """
@@ -65,5 +66,9 @@ def forecast_pending_viewpoints(inputs: ForecastInputs, own: Mapping[int, str]) 
         return None
     plan, streets = inputs.plan, inputs.pending["streets"]
     shown = np.unique(plan.select_view_rows(np.array(inputs.rewritten, np.int64))[:, 0])
-    pending = {int(v): READS_AGAIN for v in shown if plan.viewpoints[v].street not in streets}
+    pending = {
+        int(v): READS_AGAIN
+        for v in shown
+        if plan.viewpoints[v].street not in streets and is_panorama_in_report(plan, plan.viewpoints[v])
+    }
     return StageForecast(pending, sum(inputs.outline.viewpoints))

@@ -23,15 +23,15 @@ from tasks.stages.streets.record import StreetRecord, ViewpointRecord
 
 
 def find_lost_viewpoints(store: IntegrityInputs) -> list[int]:
-    """Find viewpoints that are done and whose panorama is not listed. A black one has no chunk: its record says so."""
+    """Find viewpoints whose stored panorama is not listed. A black one has no chunk: its record says so."""
     listed = {chunk[0] for chunk in list_chunks(store.session, "panoramas/rgb")}
     black = ""
     found = []
     for viewpoint, record in enumerate(cast(Sequence[ViewpointRecord | None], store.records["viewpoints"])):
-        if record is None or not is_done_record(record) or viewpoint in listed:
+        if record is None or not is_done_record(record) or "panorama" not in record or viewpoint in listed:
             continue
         black = black or picture_digest(np.zeros(store.group["panoramas/rgb"].shape[1:], np.uint8))
-        if record.get("panorama") != black:
+        if record["panorama"] != black:
             found.append(viewpoint)
     return found
 

@@ -1,7 +1,7 @@
 """Keys of streets and viewpoints.
 
-A viewpoint depends on the charts that it sees; where panoramas are blended also on the viewpoint before it. A street depends
-on all its viewpoints.
+Where panoramas are blended, a viewpoint depends on the charts that it sees and on the viewpoint before it. Of a material field,
+only a viewpoint with a stored panorama depends on those charts. A street depends on all its viewpoints.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
+from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.streets.record import ViewpointRecord
 
 # The records of some units (n,) of a stage, in that order.
@@ -81,7 +82,10 @@ def street_keys(
         read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
         passes.append([[plan.view_digests[v], passed[v]] for v in blended.tolist()])
-        key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
+        if blends:
+            key = unit_key(key, views[-1], read[-1], passes[-1])
+        else:
+            key = unit_key(first, views[-1], read[-1] if is_panorama_in_report(plan, viewpoint) else None)
         keys.append(key)
     photographed = [one["digests"] for one in shown if one and one.get("digests")]
     return StreetKeys(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from facade_core.atlas.journal import Record, StreetWaveRecord
 
@@ -12,22 +12,19 @@ class ViewpointRecord(Record, total=False):
 
     Attributes
     ----------
-    panorama : digest of the panorama.
+    panorama : digest of the panorama; missing where none is stored.
     passes : digest of the parts that other streets blend.
-    textured : share that was textured before translation.
     """
 
     panorama: str
     passes: str
-    textured: float
 
 
 class ViewpointResult(TypedDict):
     """Fields of a viewpoint's record that its worker knows."""
 
-    textured: float
     passes: str
-    panorama: str
+    panorama: NotRequired[str]
     worker: str
     started: float
     seconds: dict[str, float]

@@ -59,7 +59,8 @@ def _relocate_viewpoints(change: ReingestContext, again: Mapping[int, int], reco
     """Update the names of viewpoints, and move their panoramas."""
     plan = change.after
     for new, old in again.items():
-        if new != old:
+        record = records[new]
+        if new != old and record and "panorama" in record:
             change.group["panoramas/rgb"][new] = change.last["panoramas/rgb"][old]
     for index, record in enumerate(records):
         if record:

@@ -30,6 +30,7 @@ from facade_core.street.translator.translators import MaterialFieldTranslator, T
 from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
+from tasks.stages.streets.panoramas import is_panorama_in_report, render_field_panorama
 from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
 
@@ -109,7 +110,10 @@ def process_viewpoints(
 
 
 def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> ViewpointResult:
-    """Texture one viewpoint: render, translate, propagate, write the panorama."""
+    """Texture one viewpoint: render, translate, propagate, store the panorama.
+
+    With a material field no street reads the panorama: the texels in view are marked, and few panoramas are stored.
+    """
     start = time.time()
     here = load_street_worker_context(run)
     entry = (run, street, street_key)
@@ -126,30 +130,36 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
         seconds[stage] = now - clock
         clock = now
 
-    panorama = render_panorama(here.plan.scene, progress.window, viewpoint, size)
-    lap("render")
-    rgb = add_sky(here.translator.translate(panorama), panorama.depth)
-    lap("translate")
     in_turn = progress.done == step
+    passes, rgb = "", None
     if here.field is None:
+        panorama = render_panorama(here.plan.scene, progress.window, viewpoint, size)
+        lap("render")
+        rgb = add_sky(here.translator.translate(panorama), panorama.depth)
+        lap("translate")
         propagate_panorama(here.plan.scene, progress.window, viewpoint, rgb, charts_seen=panorama.chart)
-    elif in_turn:
-        mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
-    lap("propagate")
-    group["panoramas/rgb"][viewpoint.id] = rgb
+        passes = _shared_pixels_digest(here.plan, panorama.chart, rgb)
+        lap("propagate")
+    else:
+        # what others see of a field is told by the looks of viewpoints
+        if in_turn:
+            charts_seen = here.plan.scene.cast_panorama(viewpoint, size[1])[2]
+            mark_first_visible(here.plan.scene, progress.window, viewpoint, charts_seen)
+        lap("propagate")
+        if is_panorama_in_report(here.plan, viewpoint):
+            rgb = render_field_panorama(here.plan, group, here.field, viewpoint, size[1])
+            lap("render")
+    if rgb is not None:
+        group["panoramas/rgb"][viewpoint.id] = rgb
+        lap("write")
     _keep_buffer(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
-    lap("write")
-    return {
-        "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
-        if (panorama.chart >= 0).any()
-        else 0.0,
-        # what of a field others see is told by the looks of viewpoints
-        "passes": _shared_pixels_digest(here.plan, panorama.chart, rgb) if here.field is None else "",
-        "panorama": picture_digest(rgb),
+    result: ViewpointResult = {
+        "passes": passes,
         "worker": current_worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
+    return result if rgb is None else {**result, "panorama": picture_digest(rgb)}
 
 
 def write_street_texels(

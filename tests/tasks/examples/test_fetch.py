@@ -17,6 +17,7 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataFile, ExampleDataSource
 from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
+from tasks.examples.paint_demo import EXEMPLARS
 
 CONTENT = b'{"type": "CityJSON"}'
 PATH = "city/delfshaven/3-20-DELFSHAVEN.city.json"
@@ -43,11 +44,11 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 @pytest.fixture
 def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, ExampleDataSource]]:
-    """Fetch the block delfshaven, whose one file is published at loopback, with a checksum, and paint nothing."""
+    """Fetch the block delfshaven, whose one file is published at loopback, with a checksum."""
 
     def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, ExampleDataSource]:
         source = ExampleDataSource("open data", (ExampleDataFile(PATH, address + name, sha256),))
-        return fetch_block("delfshaven", folder, {"delfshaven": source}, lambda library: library.mkdir(exist_ok=True))
+        return fetch_block("delfshaven", folder, {"delfshaven": source})
 
     return fetched
 
@@ -62,6 +63,7 @@ def test_a_fetched_block_names_what_was_fetched(
     assert keys.imagery.exemplars is not None
     assert keys.imagery.exemplars.path == "exemplars"
     assert "$" not in block.read_text()
+    assert len(list((block.parent / "exemplars").glob("*.webp"))) == EXEMPLARS
 
 
 def test_what_is_there_is_not_fetched_again(

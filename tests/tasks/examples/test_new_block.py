@@ -98,20 +98,20 @@ def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: MapFiles, tmp_pa
         Image.new("RGB", (40, 60)).save(folder / "0.png")
 
     with pytest.raises(InputError, match=r"^--bbox: "):
-        write_new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, write_library=paint)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match=r"^--bbox: "):
-        write_new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, paint=paint)
+        write_new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, write_library=paint)
     assert list(tmp_path.iterdir()) == []
     broken = tmp_path / "broken.osm.pbf"
     broken.write_bytes(b"no map")
     with pytest.raises(InputError, match=r"^--osm: "):
-        write_new_block(tmp_path / "new" / "x.yaml", MapFiles(broken, broken), BOX, None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "x.yaml", MapFiles(broken, broken), BOX, None, None, write_library=paint)
     assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
     (tmp_path / "exemplars").mkdir()
     (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
     with pytest.raises(InputError):
-        write_new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
+        write_new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, write_library=paint)
     assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
 
 
@@ -171,12 +171,12 @@ def test_two_at_once_in_a_folder_share_a_whole_library(osm: MapFiles, exemplars:
             shutil.copytree(exemplars, folder)
             shutil.copytree(exemplars, tmp_path / "new" / "exemplars")
 
-    write_new_block(tmp_path / "new" / "mine.yaml", osm, BOX, None, None, paint=paint)
+    write_new_block(tmp_path / "new" / "mine.yaml", osm, BOX, None, None, write_library=paint)
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["exemplars", "mine.yaml"]
     shutil.rmtree(tmp_path / "new" / "exemplars")
     (tmp_path / "new" / "exemplars").mkdir()
     with pytest.raises(InputError, match=r"^imagery.exemplars.path: .*exemplars holds no pictures"):
-        write_new_block(tmp_path / "new" / "other.yaml", osm, BOX, None, None, paint=paint)
+        write_new_block(tmp_path / "new" / "other.yaml", osm, BOX, None, None, write_library=paint)
 
 
 def test_block_files_of_the_package_are_block_files() -> None:

@@ -1,0 +1,97 @@
+"""Painting of the demo's pictures: `python -m tasks.examples.paint_demo` writes them anew into the package."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from catalogs.block.reader import Block, read_block
+from facade_core.core.arrays import UInt8Array
+from facade_core.geometry.walls import WallRole
+from facade_core.synth.exemplars import paint_exemplar
+from facade_core.synth.facade import paint_facade
+from facade_core.synth.styles import NORDIC_STYLES
+from tasks.examples.demo import INPUTS, SEED, copy_map, write_block_file
+from tasks.stages.ingest.planning import make_plan
+
+# Painted walls of eight northern styles.
+EXEMPLARS = 40
+# Finer than the block, so that the exemplars suit blocks of any texel density.
+EXEMPLAR_PIXELS_PER_METRE = 64
+# Every third facade within PHOTO_METRES gets a painted photo with a hole.
+PHOTO_EVERY = 3
+PHOTO_PIXELS_PER_METRE = 32  # the minimum that resolves a course of bricks
+# Widths of facades that get a photo, metres.
+PHOTO_METRES = (6.0, 40.0)
+# Quality of WebP: the library takes 8 MB.
+QUALITY = 80
+
+
+def paint_exemplars(folder: Path, count: int = EXEMPLARS) -> None:
+    """Paint a style library of `count` pictures in northern styles, with label images."""
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def paint(number: int) -> None:
+        painted = paint_exemplar(
+            number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC_STYLES
+        )
+        name = f"exemplar-{number:02d}"
+        _save(folder / f"{name}.webp", painted.image)
+        Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", optimize=True)
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(paint, range(count)))
+
+
+def paint_photos(block: Block, folder: Path) -> None:
+    """Paint a photo of every third facade with its own size and floors; occluders are transparent."""
+    folder.mkdir(exist_ok=True)
+    # coarse panoramas change visibility, not the facades
+    facades = make_plan(replace(block, texture=replace(block.texture, panorama_width=256))).facades
+    fronts = np.flatnonzero(facades.role == WallRole.STREET).tolist()
+    chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
+
+    def paint(number: int) -> None:
+        i = chosen[number]
+        width, height, floors = float(facades.width[i]), float(facades.height[i]), int(facades.floors[i])
+        painted = paint_facade(
+            (height, width),
+            floors=floors,
+            columns=max(1, round(width / 3.4)),
+            style=NORDIC_STYLES[number % len(NORDIC_STYLES)],
+            metres_per_pixel=1 / PHOTO_PIXELS_PER_METRE,
+            seed=SEED + i,
+            occluders=2,
+        )
+        alpha = np.where(painted.occluded, 0, 255).astype(np.uint8)
+        _save(folder / f"{facades.id[i]}.webp", np.dstack([painted.image, alpha]))
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(paint, range(len(chosen))))
+
+
+def _save(path: Path, pixels: UInt8Array) -> None:
+    Image.fromarray(pixels).save(path, quality=QUALITY, method=6)
+
+
+def main() -> None:
+    """Paint the style library and the photos of the demo's block into the package."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        copy_map(folder)
+        paint_exemplars(folder / "exemplars")
+        write_block_file(folder / "without-photos.yaml", folder / "exemplars", photos=False)
+        paint_photos(read_block(folder / "without-photos.yaml"), folder / "photos")
+        for kind in ("exemplars", "photos"):
+            shutil.rmtree(INPUTS / kind, ignore_errors=True)
+            shutil.copytree(folder / kind, INPUTS / kind)
+
+
+if __name__ == "__main__":
+    main()
