@@ -5,6 +5,11 @@ DEMO_FLAGS ?=
 # Runs and tests start many interpreters: without bytecode each would compile all of its imports.
 unexport PYTHONDONTWRITEBYTECODE
 
+# uv trusts authorities of its own; behind a proxy that signs TLS anew only the system's store knows the signer
+ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt /etc/pki/tls/certs/ca-bundle.crt /etc/ssl/ca-bundle.pem /etc/ssl/cert.pem),)
+export UV_SYSTEM_CERTS ?= true
+endif
+
 .PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
