@@ -20,6 +20,7 @@ from tests.chromium import browser as browser  # one for all: Playwright is star
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block
 from tests.sharing import alone
+from tests.skips import find_unknown_reasons
 
 # The same examples each time, however long one takes.
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -53,6 +54,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return next((i for i, start in enumerate(LONG) if path.startswith(start)), len(LONG))
 
     items.sort(key=place)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail where tests were skipped for reasons that are not known; they are counted in the summary."""
+    if _unknown_skips(session.config) and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    for reason, count in _unknown_skips(config).items():
+        terminalreporter.write_line(
+            f"{count} skipped for a reason that tests/skips.py does not know: {reason}", red=True
+        )
+
+
+def _unknown_skips(config: pytest.Config) -> dict[str, int]:
+    reporter: Any = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or hasattr(config, "workerinput"):
+        return {}
+    return find_unknown_reasons(str(report.longrepr[2]) for report in reporter.stats.get("skipped", []))
 
 
 @pytest.fixture(scope="session")
