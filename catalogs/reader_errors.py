@@ -6,7 +6,9 @@ A broken file is rejected and a broken unit becomes a fault. Errors of the machi
 from __future__ import annotations
 
 import errno
+import json
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +24,21 @@ _SYSTEM_ERRNOS = frozenset(
 # A smaller file exhausts memory only with false sizes in its header.
 _SMALL_FILE_BYTES = 64 * 2**20
 _MAX_MESSAGE_LENGTH = 160
+_OTHER_CONTENT = "its content is not arranged as in this format"
+# Words of Python and numpy, and what they say of a file.
+_PLAIN_WORDS = (
+    (r"embedded null (?:byte|character)", "it holds a null character"),
+    (r"Exceeds the limit .*", "a number has thousands of digits"),
+    (r"could not convert string to float: (.*)", r"\1 is no number"),
+    (r"invalid literal for int\(\) with base \d+: (.*)", r"\1 is no whole number"),
+    (r"(?:not enough|too many) values to unpack.*", "a list has another number of values than it must"),
+    (r"cannot convert float (?:NaN|infinity) to integer.*", "a whole number is not finite"),
+    (r"setting an array element with a sequence.*|.*inhomogeneous shape.*", "rows of numbers differ in length"),
+    (r"cannot reshape array.*|operands could not be broadcast.*|all the input array.*", "arrays differ in size"),
+    (r"buffer (?:is smaller|size must).*|.*unpack(?:_from)? requires a buffer.*", "it is truncated"),
+    (r"Object arrays cannot be loaded.*|.*allow_pickle.*", "it holds Python objects, which are not read"),
+    (r"zero-size array.*|need at least one array.*|max\(\) arg is an empty.*|min\(\) arg is an empty.*", "it holds no values"),
+)  # fmt: skip
 
 
 def is_system_error(error: BaseException) -> bool:
@@ -32,8 +49,35 @@ def is_system_error(error: BaseException) -> bool:
 
 
 def short_message(error: BaseException) -> str:
-    """Return the message of an error as a short part of one line."""
-    return to_single_line(str(error))[:_MAX_MESSAGE_LENGTH] or type(error).__name__
+    """Return the message of an error as a short part of one line, without the words of Python for its own errors."""
+    return to_single_line(_plain_message(error))[:_MAX_MESSAGE_LENGTH].strip() or _OTHER_CONTENT
+
+
+def _plain_message(error: BaseException) -> str:
+    match error:
+        case FacadeError():
+            return str(error)
+        case RecursionError():
+            return "it is nested too deeply"
+        case json.JSONDecodeError():
+            return f"{error.msg.lower()} at line {error.lineno}, column {error.colno}"
+        case UnicodeDecodeError():
+            return f"it is no {error.encoding.upper()} text"
+        case UnicodeEncodeError():
+            return "it holds letters that cannot be encoded"
+        case OSError() if error.strerror:
+            return error.strerror
+        case KeyError() if error.args and isinstance(error.args[0], str):
+            return f"{error.args[0][:60]!r} is missing"
+        case OverflowError() | ZeroDivisionError() | FloatingPointError():
+            return "a number is beyond what is possible"
+        case AssertionError() | KeyError() | IndexError() | AttributeError() | TypeError():
+            return _OTHER_CONTENT
+    text = " ".join(str(error).split())
+    for pattern, words in _PLAIN_WORDS:
+        if found := re.fullmatch(pattern, text):
+            return found.expand(words)
+    return text
 
 
 def to_single_line(text: str) -> str:

@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeGuard, overload
 
 from catalogs.block.yaml_files import read_yaml
+from catalogs.printable_text import short_repr
+from catalogs.reader_errors import short_message
 from catalogs.readers.vectors.colours import parse_colour
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -178,7 +180,7 @@ def read_corrections(block: Path) -> Corrections:
     except FileNotFoundError:
         return NO_CORRECTIONS
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
+        raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
     return _read_corrections_file(path, (state.st_ino, state.st_size, state.st_mtime_ns))
 
 
@@ -190,19 +192,15 @@ def _read_corrections_file(path: Path, state: tuple[int, int, int]) -> Correctio
     except FileNotFoundError:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
-        raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
+        raise InputError(f"{path} cannot be read ({short_message(error)}); restore it, or move it away") from error
     newest: dict[str, dict[str, Correction]] = {}
     for number, line in enumerate(text.split("\n"), start=1):  # splitlines would split at other separators too
         if not line.strip():
             continue
         try:
-            entry = json.loads(line)
-            values = entry | {"place": _parse_location(entry.get("place"))}
-            correction = validate_correction(
-                Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()})
-            )
+            correction = _parse_line(json.loads(line))
         except (ValueError, TypeError, AttributeError, RecursionError, InputError) as error:
-            why = " ".join(str(error).split())[:120]
+            why = short_message(error).replace(" at line 1, ", " at ")
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
         newest.setdefault(correction.id, {})[correction.kind] = correction
     active = {
@@ -210,6 +208,22 @@ def _read_corrections_file(path: Path, state: tuple[int, int, int]) -> Correctio
         for id, entry in newest.items()
     }
     return Corrections({id: entry for id, entry in active.items() if entry})
+
+
+def _parse_line(entry: object) -> Correction:
+    """Return an object of a corrections file as a correction; InputError or ValueError for an invalid one."""
+    if not isinstance(entry, dict):
+        raise InputError("it is no object in braces")
+    if unknown := entry.keys() - LINE_KEYS.keys():
+        raise InputError(f"it has the unknown key {short_repr(min(unknown))}; there is {', '.join(LINE_KEYS)}")
+    if missing := [key for key in ("id", "what", "value") if key not in entry]:
+        raise InputError(f"it lacks {' and '.join(missing)}")
+    id, kind = entry["id"], entry["what"]
+    values = {LINE_KEYS[key]: value for key, value in entry.items()}
+    values["value"] = _parse_value(id, kind, entry["value"])
+    values["place"] = _parse_location(entry.get("place"))
+    values["width"] = _parse_width(entry.get("width"))
+    return Correction(**values)
 
 
 def append_corrections_to_file(block: Path, corrections: Iterable[Correction]) -> None:
@@ -272,26 +286,39 @@ def validate_correction(correction: Correction) -> Correction:
     ------
     InputError : unknown kind, missing id or invalid value.
     """
-    kinds = (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS)
-    if correction.kind not in kinds:
-        raise InputError(f"{correction.kind!r} is nothing that can be corrected; there is {', '.join(kinds)}")
-    if not isinstance(correction.id, str) or not correction.id:
+    value = _parse_value(correction.id, correction.kind, correction.value)
+    return replace(correction, value=value)
+
+
+def _parse_value(id: object, kind: object, value: object) -> object:
+    """Return the value of a correction, normalised; None of a withdrawn one."""
+    parse = _VALUE_PARSERS.get(kind) if isinstance(kind, str) else None
+    if parse is None:
+        raise InputError(f"{short_repr(kind)} is nothing that can be corrected; there is {', '.join(_VALUE_PARSERS)}")
+    if not isinstance(id, str) or not id:
         raise InputError("it names no facade or building")
-    if correction.value is None:
-        return correction
-    try:
-        return replace(correction, value=_VALUE_PARSERS[correction.kind](correction.value))
-    except (TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{correction.kind} of {correction.id}: {error}") from error
-
-
-def _parse_location(value: Iterable[float] | None) -> tuple[float, float] | None:
     if value is None:
         return None
-    longitude, latitude = map(float, value)
-    if not (math.isfinite(longitude) and math.isfinite(latitude)):
-        raise ValueError(f"{value} is no place; give longitude and latitude")
-    return longitude, latitude
+    try:
+        return parse(value)
+    except (TypeError, ValueError, IndexError) as error:
+        raise InputError(f"{kind} of {id}: {short_message(error)}") from error
+
+
+def _parse_location(value: object) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    if isinstance(value, list | tuple) and len(value) == 2 and all(map(is_number, value)):
+        return float(value[0]), float(value[1])
+    raise ValueError(f"{_quote_value(value)} is no place; give longitude and latitude")
+
+
+def _parse_width(value: object) -> float | None:
+    if value is None:
+        return None
+    if not is_number(value) or value <= 0:
+        raise ValueError(f"width {_quote_value(value)} is no width of a wall; give metres")
+    return value
 
 
 def _quote_value(value: object) -> str:
@@ -303,7 +330,7 @@ def _quote_value(value: object) -> str:
 def is_number(value: object) -> TypeGuard[float]:
     """Return whether a JSON value is a finite number."""
     try:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer too large for a float
         return False
 

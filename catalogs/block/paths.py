@@ -10,6 +10,7 @@ from itertools import islice
 from pathlib import Path
 
 from catalogs.block.keys import BlockFileSettings
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
@@ -111,7 +112,7 @@ def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind:
             f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path"
         ) from error
     except ValueError as error:  # a name that the file system cannot hold
-        raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
+        raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({short_message(error)}); name another one") from error
     if not is_folder and not stat.S_ISREG(kind):
         what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
         raise ValueError(f"{key}: {path} {what}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlparse
 
 from catalogs.crs import LONLAT
+from catalogs.reader_errors import short_message
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json
 from facade_core.core.errors import InputError
@@ -92,8 +93,7 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     except InputError:
         raise
     except Exception as error:  # pystac raises errors of any kind for invalid JSON content
-        why = " ".join(str(error).split())[:120]
-        raise InputError(f"{index} cannot be read as STAC ({type(error).__name__}: {why}); mend it") from error
+        raise InputError(f"{index} cannot be read as STAC ({short_message(error)}); mend it") from error
     for item in items:
         href = _data_asset(item, index).get_absolute_href() or _data_asset(item, index).href
         box = tuple(item.bbox) if item.bbox else None
@@ -125,8 +125,9 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     except InputError:
         raise
     except Exception as error:  # libraries raise errors of any kind for damaged files
-        why = " ".join(str(error).split())[:120]
-        raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error
+        raise InputError(
+            f"{index} cannot be read as an index of tiles ({short_message(error)}); give STAC or GeoParquet"
+        ) from error
     column = next((name for name in LOCATION_COLUMNS if name in table.columns), None)
     if column is None:
         raise InputError(f"{index} has no column that names the tiles' files; call it {LOCATION_COLUMNS[0]}")

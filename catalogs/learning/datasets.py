@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.reader_errors import short_message
 from catalogs.readers.json_text import load_json_object
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import AnyArray, UInt8Array
@@ -232,7 +233,9 @@ def read_swiss_street_photos(folder: str | Path) -> Iterator[LabelledFacade]:
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
             polygons[polygon["image_id"]].append(polygon)
     except (InputError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not the polygons of the swiss set ({error!r}); fetch the file again") from error
+        raise InputError(
+            f"{path}: not the polygons of the swiss set ({short_message(error)}); fetch the file again"
+        ) from error
     for photo in record["images"]:
         image = _read_image(folder / photo["file_name"], "RGB")
         maps = _draw_polygons(path, polygons[photo["id"]], meaning, image.shape[:2])

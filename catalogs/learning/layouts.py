@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.reader_errors import short_message
 from catalogs.readers.json_text import parse_json_object
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -57,13 +58,15 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
     try:
         lines = read_regular(path).decode("utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); give a .jsonl file of layouts") from error
+        raise InputError(f"{path}: cannot be read ({short_message(error)}); give a .jsonl file of layouts") from error
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
                 yield _parse_record(parse_json_object(line.encode(), f"{path}: line {number}"), number)
             except (KeyError, TypeError, ValueError) as error:
-                raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
+                raise InputError(
+                    f"{path}: line {number} is no layout ({short_message(error)}); correct or remove it"
+                ) from error
 
 
 def split_layouts_for_training(

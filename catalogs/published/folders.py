@@ -14,6 +14,7 @@ from typing import TypeAlias, TypeVar
 
 from catalogs.published import object_store
 from catalogs.published.s3 import S3Path
+from facade_core.core.cache_folders import user_cache_folder
 
 Folder: TypeAlias = Path | S3Path
 F = TypeVar("F", bound=Folder)
@@ -98,10 +99,10 @@ def file_size(path: Folder) -> int | None:
 def local_run_folder(place: Folder) -> Path:
     """Return the folder on this machine for a run's log, server records and partial files; the run's own if local.
 
-    For a run in a bucket it is in the user's cache ($XDG_CACHE_HOME).
+    For a run in a bucket it is in the user's cache, see `user_cache_folder`.
     """
     if isinstance(place, Path):
         return place
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     name = re.sub(r"[^A-Za-z0-9.-]+", "-", place.path).strip("-")[-60:]
-    return caches / "streetloom" / "runs" / f"{name}-{hashlib.blake2b(place.path.encode(), digest_size=4).hexdigest()}"
+    digest = hashlib.blake2b(place.path.encode(), digest_size=4).hexdigest()
+    return user_cache_folder() / "streetloom" / "runs" / f"{name}-{digest}"

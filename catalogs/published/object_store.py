@@ -190,7 +190,7 @@ def _open_store(bucket: str, address: str | None, region: str | None) -> S3Store
 
 def _profile_keys() -> Mapping[str, str] | None:
     """Return the keys of the environment's profile, or None; obstore does not look them up."""
-    file = os.environ.get("AWS_SHARED_CREDENTIALS_FILE") or Path.home() / ".aws" / "credentials"
+    file = os.environ.get("AWS_SHARED_CREDENTIALS_FILE") or os.path.expanduser("~/.aws/credentials")
     profiles = RawConfigParser()
     try:
         profiles.read(file)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import safe_file_stem
+from catalogs.reader_errors import short_message
 from catalogs.readers import gdal_files
 from catalogs.readers.json_text import load_json, parse_json_object
 from facade_core.core.errors import InputError
@@ -123,7 +124,7 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         OSError,
         RecursionError,
     ) as error:
-        raise InputError(f"{path} cannot be understood ({type(error).__name__}: {error}); export it again") from error
+        raise InputError(f"{path} cannot be understood ({short_message(error)}); export it again") from error
     raise InputError(
         f'{path} is neither COCO nor LabelMe nor CityJSON, nor {{"corrections": [...]}}; catalogs/README.md shows each'
     )
@@ -141,7 +142,7 @@ def parse_correction_annotations(corrections: Sequence[object], source_name: str
         return [annotation for one in corrections for annotation in _parse_correction(one)]
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{source_name} cannot be understood ({error}); catalogs/README.md shows what can be"
+            f"{source_name} cannot be understood ({short_message(error)}); catalogs/README.md shows what can be"
         ) from error
 
 

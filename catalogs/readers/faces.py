@@ -42,12 +42,21 @@ class PlanarFace:
     semantic : member of SEMANTICS.
     texture : index of the picture, -1 without.
     uv : (n, 2) texture coordinates of each ring, u right and v up, or None.
+    colour : colour of its material, None without one.
     """
 
     rings: Sequence[Float64Array]
     semantic: str = "unknown"
     texture: int = -1
     uv: Sequence[Float64Array] | None = None
+    colour: tuple[int, int, int] | None = None
+
+
+def newell_normal(ring: Float64Array) -> Float64Array:
+    """Return the normal of a ring (n, 3) without the closing point, as long as its area."""
+    local = ring - ring[0]
+    normal: Float64Array = np.cross(local, np.roll(local, -1, axis=0)).sum(axis=0) / 2
+    return normal
 
 
 def triangulate_faces(

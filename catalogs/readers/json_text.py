@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import open_regular
@@ -108,4 +109,4 @@ def parse_json(text: bytes, where: str) -> JsonValue:
         what = "is truncated within a letter; get it" if error.start >= len(text) - 3 else "is no UTF-8 text; export it"
         raise InputError(f"{where} {what} again") from error
     except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
-        raise InputError(f"{where} is not usable JSON ({str(error)[:60]}); export it anew") from error
+        raise InputError(f"{where} is not usable JSON ({short_message(error)}); export it anew") from error

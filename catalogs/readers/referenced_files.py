@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
+NO_FILE_REASON = "pictures that are no files but folders, pipes or devices: not read; put the pictures in their place"
 OUTSIDE_FOLDER_REASON = "pictures outside the folder of their model: not read; copy them beside it"
 
 
@@ -34,6 +35,12 @@ def is_outside_folder(model: Path, *names: str, folder: Path | None = None) -> b
     folder : base of relative names; None for the folder of the model.
     """
     return any(not _is_below(file, model) for file in _existing_files(model, names, folder))
+
+
+def is_no_file(model: Path, *names: str, folder: Path | None = None) -> bool:
+    """Return True where one of the names leads to a folder, a pipe or a device below the folder of the model."""
+    files = [(folder or model.parent) / name for name in names if name]
+    return any(os.path.exists(file) and not os.path.isfile(file) and _is_below(file, model) for file in files)
 
 
 def filename_variants(uri: str) -> tuple[str, ...]:

@@ -10,9 +10,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import stat
 import sys
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -22,6 +20,8 @@ from pathlib import Path
 from typing import Any, Literal, TypedDict, TypeVar, Unpack, cast
 
 import numba
+
+from facade_core.core.cache_folders import private_temporary_folder
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 _CONFIG: Any = numba.config  # numba sets its attributes from the environment
@@ -120,21 +120,6 @@ def first_writable_folder(folders: tuple[Path, ...]) -> Path | None:
     return None
 
 
-def private_temporary_folder() -> Path | None:
-    """Return a folder of this user alone in the temporary folder; None where there is none.
-
-    Its processes share it. A folder that another user could have made is not used: cached kernels are code.
-    """
-    try:
-        folder = Path(tempfile.gettempdir()) / f"streetloom-kernels-{os.getuid()}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        state = folder.lstat()
-    except OSError:
-        return None
-    is_private = stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o077
-    return folder if is_private else None
-
-
 def _candidate_folders() -> tuple[Path, ...]:
     """Return possible cache folders: NUMBA_CACHE_DIR, or one in the package and one in the user's cache.
 
@@ -152,7 +137,7 @@ def find_cache_folder() -> Path | None:
     """Return the folder of the compilation cache, at worst a temporary one; None without any."""
     if (found := first_writable_folder(_candidate_folders())) is not None:
         return found
-    temporary = private_temporary_folder()
+    temporary = private_temporary_folder("streetloom-kernels")
     return None if temporary is None else first_writable_folder((temporary / _INSTALLATION,))
 
 

@@ -9,6 +9,9 @@ from contextlib import closing, suppress
 from importlib.metadata import version
 from pathlib import Path
 
+from facade_core.core.cache_folders import user_cache_folder
+from facade_core.core.errors import InputError
+
 DATABASE_NAME = "prefect.db"
 
 
@@ -20,7 +23,7 @@ def restore_database(home: Path) -> bool:
         try:
             shutil.copyfile(_cached_database(), temporary)
             temporary.replace(database)
-        except (OSError, RuntimeError):  # no readable cache, or no home: the server creates its own
+        except (OSError, InputError):  # no readable cache: the server creates its own
             return False
     return True
 
@@ -32,7 +35,7 @@ def cache_database(home: Path) -> None:
         return
     try:
         kept = _cached_database()
-    except RuntimeError:  # a user without a home
+    except InputError:  # no folder can be written
         return
     temporary = kept.with_suffix(f".{os.getpid()}.tmp")
     try:
@@ -47,5 +50,4 @@ def cache_database(home: Path) -> None:
 
 def _cached_database() -> Path:
     """Return the cache path for this version of Prefect, in the user's cache folder."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return cache / "streetloom" / f"prefect-{version('prefect')}.db"
+    return user_cache_folder() / "streetloom" / f"prefect-{version('prefect')}.db"

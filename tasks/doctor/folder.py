@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import icechunk
 
@@ -18,6 +19,7 @@ from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import publish_hint
 from catalogs.published.snapshot import find_current_snapshot
+from catalogs.reader_errors import to_single_line
 from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, Repository, open_repository, open_root
@@ -35,6 +37,8 @@ from tasks.stages.ingest.task import ingest_block
 
 # Maximum number of charts and panoramas whose digests are verified.
 MAX_VERIFIED_UNITS = 64
+# Maximum number of inputs that were set aside and are named.
+MAX_SET_ASIDE_LINES = 50
 
 
 def examine_folder(out: Folder) -> Iterator[Finding]:
@@ -62,6 +66,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         yield from _check_published(out, None, again)
         return
     yield _check_units(attrs, records, group, again)
+    yield from _list_input_notes(attrs)
     yield from _check_store(out, repository, session, group, again)
     yield from _check_published(out, session.snapshot_id, again)
     yield _check_stale(out, source, session, group)
@@ -78,6 +83,18 @@ def _check_units(
     counts = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
     return Finding("units", not left, f"block {attrs.get('block')}: {counts}{f'; {again} goes on' if left else ''}")
+
+
+def _list_input_notes(attrs: Mapping[str, Any]) -> Iterator[Finding]:
+    """List the notes of the last ingest on the block's inputs, and the inputs that it set aside."""
+    for note in attrs.get("notes", ()):
+        yield Finding("inputs", None, to_single_line(str(note)))
+    set_aside = attrs.get("set_aside", ())
+    for kind, unit, reason in set_aside[:MAX_SET_ASIDE_LINES]:
+        yield Finding("inputs", None, to_single_line(f"set aside is {kind} {unit}: {reason}"))
+    if len(set_aside) > MAX_SET_ASIDE_LINES:
+        rest = len(set_aside) - MAX_SET_ASIDE_LINES
+        yield Finding("inputs", None, f"set aside are {rest} more; the report names them")
 
 
 def _check_store(

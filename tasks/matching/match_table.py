@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 from facade_core.core.types import Pose
@@ -120,7 +121,9 @@ def read_match_table(path: Path) -> MatchTable:
         separator = max(",;\t", key=lines[0].count) if lines else ","
         header, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path} cannot be read ({error}); give the table that `streetloom match` wrote") from error
+        raise InputError(
+            f"{path} cannot be read ({short_message(error)}); give the table that `streetloom match` wrote"
+        ) from error
     if not {"photo", "facade"} <= set(header):
         raise InputError(f"{path} has no columns `photo` and `facade`; give the table that `streetloom match` wrote")
     columns = _name_columns(header, cells)

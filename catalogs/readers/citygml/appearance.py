@@ -12,9 +12,11 @@ import numpy as np
 from catalogs.features import Remark
 from catalogs.readers.citygml.stream import gml_id, parse_numbers
 from catalogs.readers.referenced_files import (
+    NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
     filename_variants,
     find_referenced_file,
+    is_no_file,
     is_outside_folder,
 )
 from catalogs.readers.vectors.colours import Colour
@@ -146,6 +148,9 @@ def appearance_remarks(appearance: CityGmlAppearance) -> list[Remark]:
     """Return the remarks on a file after all its textures were added."""
     file, remarks = appearance.path.name, []
     missing = [uri for uri, picture in appearance.pictures.items() if picture is None]
+    no_files = [uri for uri in missing if is_no_file(appearance.path, *filename_variants(uri))]
+    remarks += [Remark(uri, NO_FILE_REASON, None) for uri in no_files]
+    missing = [uri for uri in missing if uri not in no_files]
     if missing:
         text = f"{len(missing)} of {len(appearance.pictures)} of {file}, the first {missing[0]}"
         remarks.append(Remark(text, "texture pictures that are not there, surfaces left untextured", None))

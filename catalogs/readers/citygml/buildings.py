@@ -7,7 +7,6 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +31,8 @@ from catalogs.readers.citygml.surfaces import (
     polygon_rings,
     select_lod_surfaces,
 )
-from catalogs.readers.faces import PlanarFace, triangulate_faces
-from catalogs.readers.vectors.colours import Colour
+from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
+from catalogs.readers.material_colours import choose_finish
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError, InputError
 from facade_core.core.types import BuildingFinish
@@ -170,22 +169,14 @@ def _material_finish(
     reading: _ReaderState,
 ) -> BuildingFinish:
     """Return the colours of materials that cover most of the walls and of the roof."""
-    areas: dict[str, dict[Colour, float]] = {"wall": {}, "roof": {}}
+    faces = []
     for surface, (rings, _, semantic) in zip(surfaces, outlines, strict=True):
         colour = surface_colour(surface.polygon, reading.appearance)
         if colour is None or not rings or semantic == "inside":
             continue
         ring = axes.to_east_north_up(next(iter(rings.values()))) * (*axes.metres_per_unit, 1.0)
-        normal = np.cross(ring - ring[0], np.roll(ring, -1, axis=0) - ring[0]).sum(axis=0)
-        area = float(np.linalg.norm(normal))
-        kind = semantic or ("roof" if abs(normal[2]) > 0.5 * area else "wall")
-        if kind in areas:
-            areas[kind][colour] = areas[kind].get(colour, 0.0) + area
-    if any(len(found) > 1 for found in areas.values()):
-        reason = "buildings with several colours of materials, read in that of the largest area"
-        reading.remarks.append(Remark(id, reason, None))
-    chosen = {kind: max(found.items(), key=itemgetter(1))[0] for kind, found in areas.items() if found}
-    return BuildingFinish(chosen.get("wall"), chosen.get("roof"))
+        faces.append((semantic or "unknown", newell_normal(ring)[None], colour))
+    return choose_finish(faces, id, reading.remarks)
 
 
 def _build_faces(

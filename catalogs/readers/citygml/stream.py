@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -67,7 +68,7 @@ def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
                     while parent is not None and parent[0] is not element:
                         del parent[0]
     except (OSError, EOFError, zlib.error, etree.XMLSyntaxError) as error:
-        raise InputError(f"{path} cannot be read ({' '.join(str(error).split())[:120]}); export it again") from error
+        raise InputError(f"{path} cannot be read ({short_message(error)}); export it again") from error
     if events.root is not None and events.root.getroottree().docinfo.internalDTD is not None:
         raise InputError(f"{path} declares a DTD, which CityGML has no use for; delete its <!DOCTYPE ...>")
     for flaw in events.error_log.filter_from_fatals():

@@ -24,12 +24,15 @@ from catalogs.readers.cityjson.values import (
     parse_number,
     parse_points,
 )
-from catalogs.readers.faces import PlanarFace, triangulate_faces
+from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
 from catalogs.readers.json_text import is_json_lines, load_json, parse_json
+from catalogs.readers.material_colours import choose_finish, parse_colour_shares
 from catalogs.readers.referenced_files import (
+    NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
     filename_variants,
     find_referenced_file,
+    is_no_file,
     is_outside_folder,
 )
 from facade_core.core.arrays import Float64Array
@@ -187,7 +190,7 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
                 for geometries in pieces
                 for face in _merge_geometries([place_faces(g) for g in _sort_richest_first(geometries)])
             ]
-            model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes())
+            model = _build_model(id, faces, [objects[i] for i in ids], axes or CoordinateAxes(), reading.remarks)
         except GeometryError as reason:
             place = _bounding_box([objects[i] for i in ids], points)
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
@@ -205,7 +208,7 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
 
 
 def _build_model(
-    id: str, faces: Sequence[PlanarFace], things: Sequence[JsonObject], axes: CoordinateAxes
+    id: str, faces: Sequence[PlanarFace], things: Sequence[JsonObject], axes: CoordinateAxes, remarks: list[Remark]
 ) -> BuildingModel:
     shell = triangulate_faces(faces, axes.metres_per_unit)
     if shell is None:
@@ -222,6 +225,11 @@ def _build_model(
 
     heights = stated("measuredHeight", 0.0, _MAX_HEIGHT_M, axes.metres_per_height_unit)
     bases = stated("TerrainHeight", -_MAX_GROUND_HEIGHT_M, _MAX_GROUND_HEIGHT_M, axes.metres_per_height_unit)
+    coloured = [
+        (face.semantic, newell_normal(face.rings[0] * (*axes.metres_per_unit, 1.0))[None], face.colour)
+        for face in faces
+        if face.colour is not None and face.texture < 0 and face.rings
+    ]
     names = [attributes[0].get(key) for key in ("name", "gml_name", "gml:name")]
     return BuildingModel(
         id,
@@ -230,6 +238,7 @@ def _build_model(
         levels=max(stated("storeysAboveGround", 0.0, _MAX_LEVELS), default=None),
         name=next((name.strip() for name in names if isinstance(name, str) and name.strip()), None),
         base=min(bases, default=None),
+        finish=choose_finish(coloured, id, remarks),
     )
 
 
@@ -278,9 +287,12 @@ def _read_appearance(document: JsonObject, reading: _ReaderState) -> CityJsonApp
         reading.pictures.setdefault(image, len(reading.pictures)) if isinstance(image, str) and image else -1
         for image in images
     ]
-    theme = stated.get("default-theme-texture")
+    materials = list_or_empty(stated.get("materials"))
+    colours = [parse_colour_shares(mapping_or_empty(material).get("diffuseColor")) for material in materials]
+    themes = (stated.get("default-theme-texture"), stated.get("default-theme-material"))
+    textures_theme, materials_theme = (theme if isinstance(theme, str) else None for theme in themes)
     return CityJsonAppearance(
-        parse_points(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None
+        parse_points(stated.get("vertices-texture"), 2), numbers, textures_theme, colours, materials_theme
     )
 
 
@@ -296,7 +308,10 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
             path = find_referenced_file(reading.path, *filename_variants(image))
             if path is None and is_outside_folder(reading.path, *filename_variants(image)):
                 refused.append(image)
-            missing += path is None
+            is_pipe = path is None and is_no_file(reading.path, *filename_variants(image))
+            if is_pipe:
+                reading.remarks.append(Remark(image, NO_FILE_REASON, None))
+            missing += path is None and not is_pipe
             numbers[number] = -1 if path is None else found.setdefault(path, len(found))
     if missing:
         reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"

@@ -11,6 +11,7 @@ import numpy as np
 
 from catalogs.readers.cityjson.values import far_coordinates_to_nan, list_or_empty, mapping_or_empty, parse_points
 from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, PlanarFace
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.json_types import JsonObject
@@ -21,18 +22,22 @@ NESTING_DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CityJsonAppearance:
-    """Textures of a file.
+    """Textures and materials of a file.
 
     Attributes
     ----------
     uv : (m, 2) texture vertices.
     pictures : index of the picture of each texture, -1 where it is missing.
-    theme : default theme, or None.
+    theme : default theme of textures, or None.
+    colours : colour of each material, None where it states none.
+    material_theme : default theme of materials, or None.
     """
 
     uv: Float64Array
     pictures: Sequence[int]
     theme: str | None
+    colours: Sequence[Colour | None] = ()
+    material_theme: str | None = None
 
 
 def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJsonAppearance) -> list[PlanarFace]:
@@ -52,17 +57,22 @@ def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJs
     depth = NESTING_DEPTHS[geometry["type"]]
     semantics = mapping_or_empty(geometry.get("semantics"))
     classes = _surface_semantics(semantics.get("surfaces"))
+    materials = _theme_of(geometry, "material", appearance.material_theme)
+    common = materials.get("value")
     parts = list(
         zip(
             _outer_surfaces(geometry["boundaries"], depth),
             _align_values(geometry["boundaries"], semantics.get("values"), depth),
-            _align_values(geometry["boundaries"], _texture_values(geometry, appearance.theme), depth),
+            _align_values(
+                geometry["boundaries"], _theme_of(geometry, "texture", appearance.theme).get("values"), depth
+            ),
+            _align_values(geometry["boundaries"], materials.get("values"), depth),
             strict=True,
         )
     )
-    corners = _ring_vertices([ring for surface, _, _ in parts for ring in surface], points)
+    corners = _ring_vertices([ring for surface, *_ in parts for ring in surface], points)
     faces, first = [], 0
-    for surface, kind, pictured in parts:
+    for surface, kind, pictured, material in parts:
         rings = []
         for ring in surface:
             rings.append(corners[first : first + len(ring)])
@@ -70,7 +80,9 @@ def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJs
         semantic = classes[kind] if _is_index(kind, len(classes)) else "unknown"
         if semantic != "inside":
             texture, uv = _surface_texture(surface, pictured, appearance)
-            faces.append(PlanarFace(rings, semantic, texture, uv))
+            number = material if material is not None else common
+            colour = appearance.colours[number] if _is_index(number, len(appearance.colours)) else None
+            faces.append(PlanarFace(rings, semantic, texture, uv, colour))
     return faces
 
 
@@ -149,12 +161,12 @@ def _surface_semantics(surfaces: object) -> list[str]:
     return [SURFACE_SEMANTICS.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
-def _texture_values(geometry: JsonObject, theme: str | None) -> object:
-    themes = mapping_or_empty(geometry.get("texture"))
+def _theme_of(geometry: JsonObject, kind: str, theme: str | None) -> JsonObject:
+    """Return the default theme of textures or materials of a geometry, else its first by name; empty without one."""
+    themes = mapping_or_empty(geometry.get(kind))
     if not themes:
-        return None
-    chosen: object = themes[theme] if theme is not None and theme in themes else themes[min(themes)]
-    return mapping_or_empty(chosen).get("values")
+        return {}
+    return mapping_or_empty(themes[theme] if theme is not None and theme in themes else themes[min(themes)])
 
 
 def _surface_texture(

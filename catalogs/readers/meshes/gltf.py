@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.reader_errors import is_system_error
+from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf_materials import (
+    base_colour,
     base_colour_texture,
     check_extensions,
     decode_normalized,
@@ -24,9 +25,11 @@ from catalogs.readers.meshes.gltf_materials import (
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
 from catalogs.readers.referenced_files import (
+    NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
     filename_variants,
     find_referenced_file,
+    is_no_file,
     is_outside_folder,
 )
 from facade_core.core.errors import InputError
@@ -58,8 +61,7 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
     except Exception as error:  # trimesh raises errors of any class
         if is_system_error(error):
             raise
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path} cannot be read as glTF 2 ({reason}); export it again") from error
+        raise InputError(f"{path} cannot be read as glTF 2 ({short_message(error)}); export it again") from error
 
 
 def _read_scene(
@@ -84,6 +86,7 @@ def _read_scene(
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
     embedded, refused, unplaced, skipped = set(), set(), set(), set()
+    multiplied, vertex_coloured, unreadable = set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -101,6 +104,8 @@ def _read_scene(
         picture = find_referenced_file(path, *filename_variants(uri)) if uri else None
         if uri and picture is None and is_outside_folder(path, *filename_variants(uri)):
             refused.add(uri)
+        elif uri and picture is None and is_no_file(path, *filename_variants(uri)):
+            unreadable.add(uri)
         elif uri is not None and picture is None:
             embedded.add(building or path.stem)
         if picture is not None and picture not in pictures:
@@ -114,6 +119,11 @@ def _read_scene(
             )
         elif picture is not None:
             unplaced.add(building or path.stem)
+        colour = base_colour(material)
+        if uv is not None and colour is not None:
+            multiplied.add(building or path.stem)
+        elif "COLOR_0" in primitive["attributes"]:
+            vertex_coloured.add(building or path.stem)
         corners = decode_normalized(header, primitive["attributes"]["POSITION"], mesh.vertices)
         vertices = (corners @ transform[:3, :3].T + transform[:3, 3]) @ Z_UP_FROM_Y_UP.T + origin
         surfaces.append(
@@ -123,6 +133,7 @@ def _read_scene(
                 corners=vertices[mesh.faces],
                 texture=-1 if picture is None or uv is None else pictures.index(picture),
                 uv=None if uv is None else (uv * (1.0, -1.0) + (0.0, 1.0))[mesh.faces],
+                colour=colour if uv is None else None,
             )
         )
     reasons = {
@@ -130,7 +141,10 @@ def _read_scene(
         "save the pictures as PNG, JPEG or WebP beside it": embedded,
         "models whose pictures have no texture coordinates: read without": unplaced,
         "models whose points and lines are not read": skipped,
+        "models whose pictures are to be multiplied by a colour (baseColorFactor): read without it": multiplied,
+        "models with a colour at each vertex (COLOR_0): read without it; bake it into a picture": vertex_coloured,
         OUTSIDE_FOLDER_REASON: refused,
+        NO_FILE_REASON: unreadable,
     }
     remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]
     return surfaces, tuple(pictures), remarks

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.readers.material_colours import parse_colour_shares
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import AnyArray, Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -43,6 +45,7 @@ _INSTANCING = "EXT_mesh_gpu_instancing"
 # Largest value by component type: normalised integers are shares of it.
 _MAX_COMPONENT = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 _TRIANGLE_FAN = 6
+_WHITE = (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +120,15 @@ def base_colour_texture(header: JsonObject, material: JsonObject) -> BaseColourT
     stated = info.get("extensions", {}).get(TEXTURE_TRANSFORM, {})
     coordinate_set = stated.get("texCoord", info.get("texCoord", 0))
     return BaseColourTexture("" if uri.startswith("data:") else uri, int(coordinate_set), _uv_transform(stated))
+
+
+def base_colour(material: JsonObject) -> Colour | None:
+    """Return the base colour of a material in sRGB; None where it states none or the default, white."""
+    stated = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
+    if stated is None:
+        stated = material.get("extensions", {}).get(_SPECULAR_GLOSSINESS, {}).get("diffuseFactor")
+    colour = parse_colour_shares(stated, is_linear=True)
+    return None if colour == _WHITE else colour
 
 
 def _uv_transform(stated: JsonObject) -> Float64Array:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import BuildingModels, Fault, Remark
-from catalogs.reader_errors import is_system_error
+from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.npz import check_npz_arrays
@@ -59,7 +59,7 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         remarks += turned
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
-    models, broken = group_into_models(surfaces, path.stem)
+    models, broken = group_into_models(surfaces, path.stem, remarks)
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
     if len(used) < len(textures):
         number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
@@ -81,8 +81,7 @@ def _read_plain_mesh(path: Path) -> list[MeshSurface]:
     except Exception as error:  # trimesh raises errors of any class
         if is_system_error(error):
             raise
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path} cannot be read as a mesh ({reason}); export it again") from error
+        raise InputError(f"{path} cannot be read as a mesh ({short_message(error)}); export it again") from error
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
     return [MeshSurface(None, "unknown", np.asarray(mesh.vertices, np.float64)[mesh.faces]) for mesh in meshes]
 
@@ -100,8 +99,9 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
         origin = np.asarray(arrays.get("origin", np.zeros(3)), np.float64)
         crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
     except (OSError, EOFError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path} cannot be read as arrays of triangles ({reason}); give {wanted}") from error
+        raise InputError(
+            f"{path} cannot be read as arrays of triangles ({short_message(error)}); give {wanted}"
+        ) from error
     if triangles.size > 9 * MAX_TRIANGLES:
         raise InputError(f"{path} holds over {MAX_TRIANGLES} triangles; cut out the block that is meant")
     fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"

@@ -12,14 +12,18 @@ import numpy as np
 
 from catalogs.features import Fault, Remark
 from catalogs.readers.faces import MAX_CORNERS, PlanarFace, triangulate_faces
+from catalogs.readers.material_colours import parse_colour_shares
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.referenced_files import (
+    NO_FILE_REASON,
     OUTSIDE_FOLDER_REASON,
     filename_variants,
     find_referenced_file,
+    is_no_file,
     is_outside_folder,
 )
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
@@ -27,7 +31,8 @@ _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
 
 FaceLabel = tuple[str | None, str | None, str | None]  # object, group, material
-SurfaceKey = tuple[str | None, str, int, TexturePlacement]  # building, semantic, texture and its placement
+# building, semantic, texture and its placement, colour
+SurfaceKey = tuple[str | None, str, int, TexturePlacement, Colour | None]
 
 
 @dataclass(slots=True)
@@ -64,7 +69,7 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
     text = _parse_obj(path)
     if not text.labels:
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
-    pictures, remarks = _read_material_libraries(path, text.libraries)
+    pictures, colours, remarks = _read_material_libraries(path, text.libraries)
     textures = tuple(dict.fromkeys(picture for picture, _ in pictures.values()))
 
     objects = {label[0] for label in text.labels} - {None}
@@ -78,7 +83,8 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
         picture, placement = pictures.get(material or "", (None, TexturePlacement()))
         texture = -1 if picture is None else textures.index(picture)
         building = _building_name(label, by_object)
-        kinds.append(None if is_interior_class(kind) else (building, semantic, texture, placement))
+        colour = colours.get(material or "") if picture is None else None
+        kinds.append(None if is_interior_class(kind) else (building, semantic, texture, placement, colour))
     named = {_building_name(label, by_object) for label in text.labels}
     empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
     faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
@@ -183,11 +189,11 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
         kind = kinds[label[faces[0]]]
         if kind is None:
             continue
-        building, semantic, texture, placement = kind
+        building, semantic, texture, placement, colour = kind
         whole = faces[sound[faces]]
         triangles = starts[whole[sizes[whole] == 3], None] + np.arange(3)
         uv = None if texture < 0 else placement.apply(np.nan_to_num(coordinates[coordinate[triangles]]))
-        yield MeshSurface(building, semantic, vertices[vertex[triangles]], texture, uv)
+        yield MeshSurface(building, semantic, vertices[vertex[triangles]], texture, uv, colour)
         rings = [slice(starts[face], starts[face] + sizes[face]) for face in whole[sizes[whole] > 3]]
         polygons = [
             PlanarFace(
@@ -196,7 +202,7 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
             for r in rings
         ]
         if polygons and (shell := triangulate_faces(polygons)) is not None:
-            yield MeshSurface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
+            yield MeshSurface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv, colour)
         if len(whole) < len(faces):  # one broken triangle per face marks the model as broken
             broken = vertices[vertex[starts[faces[~sound[faces]], None] + np.arange(3)]]
             broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
@@ -205,9 +211,10 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
 
 def _read_material_libraries(
     path: Path, libraries: list[str]
-) -> tuple[dict[str, tuple[Path, TexturePlacement]], list[Remark]]:
-    """Return the existing picture (map_Kd) of each material and its placement."""
+) -> tuple[dict[str, tuple[Path, TexturePlacement]], dict[str, Colour], list[Remark]]:
+    """Return the existing picture (map_Kd) of each material with its placement, and the colours (Kd) of materials."""
     pictures: dict[str, tuple[Path, TexturePlacement]] = {}
+    colours: dict[str, Colour] = {}
     remarks = []
     for library in libraries:
         for name in [library] if find_referenced_file(path, *filename_variants(library)) else library.split():
@@ -225,6 +232,9 @@ def _read_material_libraries(
                 key, _, value = line.strip().partition(" ")
                 if key.lower() == "newmtl":
                     material = value.strip()
+                elif key.lower() == "kd":
+                    if colour := parse_colour_shares(_parse_floats(value.split()[:3], 3)):
+                        colours[material] = colour
                 elif key.lower() == "map_kd":
                     # options may precede the name; many exporters write an absolute folder
                     stated, placement = parse_texture_statement(value.replace("\\", "/"))
@@ -234,6 +244,8 @@ def _read_material_libraries(
                         pictures[material] = (picture, placement)
                     elif is_outside_folder(path, *names, folder=file.parent):
                         remarks.append(Remark(stated, OUTSIDE_FOLDER_REASON, None))
+                    elif is_no_file(path, *names, folder=file.parent):
+                        remarks.append(Remark(stated, NO_FILE_REASON, None))
                     else:
                         remarks.append(Remark(stated, "pictures named by materials but absent", None))
-    return pictures, remarks
+    return pictures, colours, remarks

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from catalogs.features import BuildingModel, Fault
+from catalogs.features import BuildingModel, Fault, Remark
 from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
+from catalogs.readers.material_colours import choose_finish
+from catalogs.readers.vectors.colours import Colour
 from facade_core.core.arrays import Float64Array, FloatArray, Int64Array, IntArray
 from facade_core.core.types import SEMANTICS, BuildingShell
 
@@ -45,6 +47,7 @@ class MeshSurface:
     corners : (t, 3, 3) metres, z up.
     texture : index of the picture, -1 without.
     uv : (t, 3, 2) or None.
+    colour : colour of its material where no picture shows it; None without one.
     """
 
     building: str | None
@@ -52,6 +55,7 @@ class MeshSurface:
     corners: Float64Array
     texture: int = -1
     uv: FloatArray | None = None
+    colour: Colour | None = None
 
 
 def semantic_from_names(*names: str | None) -> str:
@@ -78,7 +82,7 @@ def is_interior_class(name: str) -> bool:
 
 @np.errstate(invalid="ignore")  # invalid vertices become faults
 def group_into_models(
-    surfaces: Sequence[MeshSurface], stem: str
+    surfaces: Sequence[MeshSurface], stem: str, remarks: list[Remark]
 ) -> tuple[tuple[BuildingModel, ...], tuple[Fault, ...]]:
     """Return the models of a file and the faults.
 
@@ -89,6 +93,7 @@ def group_into_models(
     ----------
     surfaces : surfaces of the file.
     stem : name of buildings without a name.
+    remarks : receives remarks on models.
     """
     surfaces = [_mask_far_vertices(surface) for surface in surfaces if len(surface.corners)]
     by_name: dict[str, list[MeshSurface]] = defaultdict(list)
@@ -114,8 +119,14 @@ def group_into_models(
             place = shapely.box(*known[:, :2].min(axis=0), *known[:, :2].max(axis=0)) if len(known) else None
             faults.append(Fault(name, "building", reason, place))
         else:
-            models.append(BuildingModel(name, shell))
+            coloured = [(one.semantic, _triangle_normals(one.corners), one.colour) for one in parts if one.colour]
+            models.append(BuildingModel(name, shell, finish=choose_finish(coloured, name, remarks)))
     return tuple(models), tuple(faults)
+
+
+def _triangle_normals(corners: Float64Array) -> Float64Array:
+    normals: Float64Array = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    return normals
 
 
 def _mask_far_vertices(surface: MeshSurface) -> MeshSurface:
@@ -147,14 +158,14 @@ def _are_surface_names(surfaces: Sequence[MeshSurface]) -> bool:
 
 
 def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
-    """Merge surfaces of one semantic and picture."""
-    kinds: dict[tuple[str, int], list[MeshSurface]] = defaultdict(list)
+    """Merge surfaces of one semantic, picture and colour."""
+    kinds: dict[tuple[str, int, Colour | None], list[MeshSurface]] = defaultdict(list)
     for surface in surfaces:
-        kinds[surface.semantic, surface.texture].append(surface)
+        kinds[surface.semantic, surface.texture, surface.colour].append(surface)
     merged = []
-    for (semantic, texture), same in kinds.items():
+    for (semantic, texture, colour), same in kinds.items():
         uv = None if texture < 0 else np.concatenate([s.uv for s in same if s.uv is not None])
-        merged.append(MeshSurface(None, semantic, np.concatenate([s.corners for s in same]), texture, uv))
+        merged.append(MeshSurface(None, semantic, np.concatenate([s.corners for s in same]), texture, uv, colour))
     return merged
 
 
@@ -201,7 +212,7 @@ def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tu
         for chosen in np.split(in_order, np.flatnonzero(np.diff(places[in_order])) + 1):
             if len(chosen):
                 uv = None if surface.uv is None else surface.uv[chosen]
-                part = MeshSurface(name, surface.semantic, surface.corners[chosen], surface.texture, uv)
+                part = MeshSurface(name, surface.semantic, surface.corners[chosen], surface.texture, uv, surface.colour)
                 found[places[chosen[0]]].append(part)
     for index, parts in enumerate(found):
         yield name if len(found) == 1 else f"{name}-{index}", parts

@@ -16,7 +16,14 @@ from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.poses import SourcePose, TagValue, degrees_from_dms, find_implausible_value, read_poses
+from catalogs.readers.pictures.poses import (
+    PosesFile,
+    SourcePose,
+    TagValue,
+    degrees_from_dms,
+    find_implausible_value,
+    read_poses_file,
+)
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
@@ -39,9 +46,7 @@ _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
-_UNUSED_ALTITUDE_REASON = (
-    "panoramas whose altitude is not used, since altitudes of GPS vary by metres; name its column z if it is surveyed"
-)
+_FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +103,9 @@ def read_panoramas(
         Where no picture has a pose.
     """
     paths, unreadable = list_images(folder, "panorama")
-    sources = read_poses(poses) if poses else {}
-    faults, remarks, items = list(unreadable), [], []
+    stated = read_poses_file(poses) if poses else PosesFile({})
+    sources = stated.poses
+    faults, remarks, items = list(unreadable), list(stated.remarks), []
     frames: dict[str | None, Transformer] = {}
     known: dict[str, Path] = {}
     same_size: dict[int, list[Path]] = {}
@@ -135,8 +141,9 @@ def read_panoramas(
         alike.append(path)
         if magnetic and _stated_pose(sources, path) is None:
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
-        if source.has_unused_altitude:
-            remarks.append(Remark(path.stem, _UNUSED_ALTITUDE_REASON, None))
+        if poses and isinstance(entry := _find_entry(sources, path), SourcePose):
+            lacking = [] if entry.heading is not None else [_FOREIGN_POSE_REASON.format(file=poses.name)]
+            remarks += [Remark(path.stem, reason, None) for reason in (*entry.remarks, *lacking)]
         items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
     if not posed:
         remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])

@@ -7,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import date
 from itertools import chain
 from pathlib import Path
@@ -15,9 +15,18 @@ from typing import SupportsFloat, TypeAlias
 
 import numpy as np
 
-from catalogs.crs import LONLAT, has_east_north_axes, metres_per_height_unit, parse_crs
+from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
+from catalogs.features import Remark
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import is_system_error, short_message, to_single_line
+from catalogs.readers.pictures.pose_fields import (
+    FIELD_NAMES,
+    field_name,
+    find_empty_fields,
+    find_field,
+    find_unused_fields,
+    read_field,
+)
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject, JsonValue
@@ -27,28 +36,6 @@ from facade_core.core.regular_files import read_regular, require_regular
 MAX_FILE_BYTES = 40_000_000
 # Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
 MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
-# Names of a field, lower-case, words joined by "_", without unit and namespace. The first stated one counts.
-_FIELD_NAMES = {
-    "file": (
-        "file", "filename", "file_name", "image", "image_name", "image_file", "picture", "photo", "photo_name", "panorama",
-        "pano", "sourcefile", "source_file", "label", "name", "id",
-    ),
-    "x": ("x", "easting", "east"),
-    "y": ("y", "northing", "north"),
-    "z": ("z",),
-    "lon": ("lon", "lng", "long", "longitude", "gpslongitude", "gps_longitude", "x/longitude"),
-    "lat": ("lat", "latitude", "gpslatitude", "gps_latitude", "y/latitude"),
-    "altitude": ("altitude", "alt", "elevation", "ele", "gpsaltitude", "gps_altitude", "z/altitude", "computed_altitude"),
-    "heading": (
-        "heading", "computed_compass_angle", "compass_angle", "view_azimuth", "azimuth", "yaw", "bearing", "compass",
-        "true_heading", "poseheading", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
-    ),
-    "pitch": ("pitch", "pers_pitch", "posepitch", "pose_pitch"),
-    "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
-}  # fmt: skip
-_ANGLES = ("heading", "pitch", "roll", "lon", "lat")
-# Unit at the end of a field's name: "yaw_deg", "Heading[rad]", "Easting (m)".
-_UNIT = re.compile(r"[\s_]*[\[(]?(deg|degrees?|°|rad|radians?|m|met(?:er|re)s?)[\])]?$")
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
 # Entry of a poses file, or the error for which it cannot be used.
 PoseRecord: TypeAlias = JsonObject | Exception
@@ -70,7 +57,7 @@ class SourcePose:
     pitch : degrees up.
     roll : degrees clockwise.
     captured : date as "2024-05-17", or None.
-    has_unused_altitude : an altitude is stated and no z; heights of GPS vary by metres from camera to camera.
+    remarks : reasons of remarks on it, such as what stands in place of an empty field.
     """
 
     crs: str | None
@@ -81,15 +68,34 @@ class SourcePose:
     pitch: float = 0.0
     roll: float = 0.0
     captured: str | None = None
-    has_unused_altitude: bool = False
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PosesFile:
+    """Poses of a file.
+
+    Attributes
+    ----------
+    poses : pose by the name of the picture, with or without suffix; a text with the defect replaces an unusable one.
+    remarks : fields of the file that are not used.
+    """
+
+    poses: dict[str, SourcePose | str]
+    remarks: tuple[Remark, ...] = ()
 
 
 def read_poses(path: Path) -> dict[str, SourcePose | str]:
-    """Read poses by the name of the picture, with or without suffix.
+    """Read poses by the name of the picture; see `read_poses_file`."""
+    return read_poses_file(path).poses
 
-    A text with the defect replaces an unusable pose. Formats:
+
+def read_poses_file(path: Path) -> PosesFile:
+    """Read a poses file.
+
+    Formats:
     - CSV with a header: file, x, y or lon, lat; heading (or yaw, azimuth, ...); optional z, pitch, roll. Separated by comma,
-      semicolon or tab. Names may have units ("yaw_deg", "Heading[rad]"); _FIELD_NAMES lists them.
+      semicolon or tab. Names may have units ("yaw_deg", "Heading[rad]", "z_ft"); FIELD_NAMES lists them.
     - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll, captured}}}.
       Without crs, x and y are in the frame of the block; lon and lat are WGS 84.
     - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre faces grid north.
@@ -128,6 +134,8 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
             raise
         raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMAT_HINT}") from error
     crs = _check_crs(path, stated_crs)
+    stated = {name: record for name, record in records if isinstance(record, dict)}
+    empty = find_empty_fields(path.name, stated)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
         if name in poses:
@@ -136,13 +144,13 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         try:
             if isinstance(record, Exception):
                 raise record
-            poses[name] = _parse_pose(record, crs)
+            poses[name] = replace(_parse_pose(record, crs), remarks=empty.get(name, ()))
         except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
-            problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
+            problem = short_message(error)
             poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
-    return poses
+    return PosesFile(poses, find_unused_fields(path.name, stated.values()))
 
 
 def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue | None) -> float:
@@ -166,14 +174,20 @@ def _csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
     separator = max(",;\t", key=header.count)
     for row in csv.DictReader([header, *lines[1:]], delimiter=separator):
         record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
-        if any(record.values()) and not next(iter(record.values())).startswith("#"):
-            yield _picture_name(record), record
+        if not any(record.values()) or next(iter(record.values())).startswith("#"):
+            continue
+        name = _picture_name(record)
+        is_longer = any(map(str.strip, row.get(None) or ()))
+        yield (
+            name,
+            ValueError("it has more cells than the header; quote those with a separator") if is_longer else record,
+        )
 
 
 def _is_header(line: str) -> bool:
     """Return True for a line that names fields; the header of some programs begins with # as comments do."""
-    known = {name for names in _FIELD_NAMES.values() for name in names}
-    return sum(_field_name(cell) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
+    known = {name for names in FIELD_NAMES.values() for name in names}
+    return sum(field_name(cell) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
 
 
 def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
@@ -196,35 +210,10 @@ def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[
 
 
 def _picture_name(record: JsonObject) -> str:
-    name = _first_value(record, "file")
+    name = find_field(record, "file")
     if name is None:
         raise ValueError("an entry does not name its picture")
-    return Path(str(name)).name
-
-
-def _first_value(record: JsonObject, key: str) -> object:
-    """Return the first stated value of a field, angles in degrees."""
-    known: dict[str, str] = {}
-    for stated, content in record.items():
-        if content not in (None, ""):
-            known.setdefault(_field_name(stated), stated)
-    name = next((known[one] for one in _FIELD_NAMES[key] if one in known), None)
-    if name is None:
-        return None
-    unit, value = _UNIT.search(name.lower()), record[name]
-    if key in _ANGLES and unit and unit[1].startswith("rad") and isinstance(value, str | int | float):
-        try:
-            return math.degrees(float(value))
-        except ValueError:  # named by `_finite_number`
-            pass
-    found: object = value
-    return found
-
-
-def _field_name(name: str) -> str:
-    """Return a name of a field as _FIELD_NAMES has it."""
-    plain = name.strip().lower()
-    return re.sub(r"[\s:.-]+", "_", _UNIT.sub("", plain) or plain)
+    return Path(str(record[name])).name
 
 
 def _flatten_record(record: JsonObject) -> JsonObject:
@@ -232,7 +221,7 @@ def _flatten_record(record: JsonObject) -> JsonObject:
     flat = {**record, **(record.get("properties") or {})}
     place = flat.get("computed_geometry") or flat.get("geometry")
     if place:
-        flat |= dict(zip(("lon", "lat"), place["coordinates"], strict=False))
+        flat |= dict(zip(("lon", "lat", "altitude of the point"), place["coordinates"], strict=False))
     if flat.get("computed_rotation"):
         flat |= dict(
             zip(("heading", "pitch", "roll"), camera_angles_from_rotation(flat["computed_rotation"]), strict=True)
@@ -242,9 +231,9 @@ def _flatten_record(record: JsonObject) -> JsonObject:
 
 def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
-    stated = {key: _first_value(record, key) for key in _FIELD_NAMES if key != "file"}
-    unused = stated.pop("altitude") is not None and stated["z"] is None
-    value = {key: _finite_number(one, key) for key, one in stated.items()}
+    if not isinstance(record, dict):
+        raise ValueError("it is no object in braces")
+    value = {key: _finite_number(read_field(record, key, crs), key) for key in FIELD_NAMES if key != "file"}
     x, y, heading = value["x"], value["y"], value["heading"]
     lon, lat = value["lon"], value["lat"]
     gps = record.get("exif_gps") or {}
@@ -259,17 +248,15 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         x, y, crs = lon, lat, LONLAT
     if x is None or y is None:
         raise ValueError("neither x and y nor lon and lat are given")
-    height_unit = 1.0 if crs is None else metres_per_height_unit(crs)
     return SourcePose(
         crs,
         x,
         y,
-        None if value["z"] is None else value["z"] * height_unit,
+        value["z"],
         heading,
         value["pitch"] or 0.0,
         value["roll"] or 0.0,
         parse_iso_date(record.get("captured")),
-        unused,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular
 
@@ -59,7 +60,9 @@ def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> 
     try:
         root: Element = ElementTree.fromstring(read_regular(path, MAX_FILE_BYTES), forbid_dtd=True)
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
-        raise InputError(f"{path} is no raster, nor XML of one ({error}); give e.g. a GeoTIFF") from error
+        raise InputError(
+            f"{path} is no raster, nor XML of one ({short_message(error)}); give e.g. a GeoTIFF"
+        ) from error
     if root.tag != "VRTDataset":
         raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
     for element in root.iter():

@@ -15,7 +15,7 @@ import shapely
 
 from catalogs.crs import LONLAT, metres_per_height_unit
 from catalogs.features import Remark
-from catalogs.reader_errors import is_system_error
+from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers import gdal_files
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
@@ -201,8 +201,9 @@ def _wrap_library_errors(path: Path) -> Iterator[None]:
     except Exception as error:
         if is_system_error(error):
             raise
-        reason = " ".join(str(error).split())[:160]
-        raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
+        raise InputError(
+            f"{path} cannot be read ({short_message(error)}); export it again, e.g. as GeoPackage"
+        ) from error
 
 
 def _check_file(path: Path) -> None:

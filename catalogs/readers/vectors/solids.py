@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from catalogs.crs import EARTH_RADIUS_M
-from catalogs.readers.faces import PlanarFace, triangulate_faces
+from catalogs.readers.faces import PlanarFace, newell_normal, triangulate_faces
 from facade_core.core.arrays import Float64Array
 
 if TYPE_CHECKING:
@@ -49,13 +49,23 @@ def build_solid(geometry: BaseGeometry, *, is_lonlat: bool) -> BuildingShell | N
         return None
     scale = _metres_per_unit(geometry) if is_lonlat else (1.0, 1.0)
     rings = [[_ring_vertices(ring) for ring in (part.exterior, *part.interiors)] for part in polygons]
-    normals = np.array([_newell_normal(group[0] * (*scale, 1.0)) for group in rings])
+    normals = np.array([newell_normal(group[0] * (*scale, 1.0)) for group in rings])
     areas = np.linalg.norm(normals, axis=1)
     walls = (areas > _MIN_FACE_AREA_M2) & (np.abs(normals[:, 2]) <= _MAX_WALL_SLOPE * areas)
     if np.count_nonzero(walls) < MIN_WALLS:
         return None
     shell = triangulate_faces([PlanarFace(group) for group in rings], scale)
     return None if shell is None else _turn_outwards(shell)
+
+
+def is_open_walls(geometry: BaseGeometry) -> bool:
+    """Return True for upright faces over MIN_SOLID_HEIGHT_M without floor and roof, which cover no ground."""
+    if not shapely.has_z(geometry):
+        return False
+    heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
+    faces = [newell_normal(_ring_vertices(part.exterior)) for part in _iterate_polygons(geometry)]
+    is_upright = [abs(normal[2]) <= _MAX_WALL_SLOPE * np.linalg.norm(normal) for normal in faces]
+    return bool(faces) and all(is_upright) and bool(np.ptp(heights) >= MIN_SOLID_HEIGHT_M)
 
 
 def convert_surface_wkb(content: bytes) -> bytes | None:
@@ -111,13 +121,6 @@ def _ring_vertices(ring: BaseGeometry) -> Float64Array:
     """Return the vertices (n, 3) of a ring without the closing point."""
     vertices: Float64Array = shapely.get_coordinates(ring, include_z=True)[:-1]
     return vertices
-
-
-def _newell_normal(ring: Float64Array) -> Float64Array:
-    """Return the normal of a ring, as long as its area."""
-    local = ring - ring[0]
-    normal: Float64Array = np.cross(local, np.roll(local, -1, axis=0)).sum(axis=0) / 2
-    return normal
 
 
 def _metres_per_unit(geometry: BaseGeometry) -> tuple[float, float]:

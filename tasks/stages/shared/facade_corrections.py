@@ -51,12 +51,14 @@ def map_changed_facade_ids(plan: Plan, corrections: Corrections, crs: CRS | str)
         return {}
     feet = plan.scene.charts.points_at_shares(facades.chart, _FOOT_CORNERS)[..., :2].mean(axis=1)
     middle = shapely.STRtree(shapely.points(feet))
-    found = {}
-    for id, one, (longitude, latitude) in placed:
-        x, y = coordinate_transform(LONLAT, crs)(np.array([longitude]), np.array([latitude]))
-        near = middle.query(shapely.points(x[0], y[0]), predicate="dwithin", distance=PLACE_M).tolist()
-        alike = [f for f in near if one.width is None or abs(float(facades.width[f]) / one.width - 1) <= ALIKE]
-        if alike:
-            nearest = min(alike, key=lambda f: (float(np.hypot(*(feet[f] - [x[0], y[0]]))), f))
-            found[id] = facades.id[nearest]
+    places = np.array([place for *_, place in placed], np.float64)
+    points = np.column_stack(coordinate_transform(LONLAT, crs)(*places.T))
+    widths = np.array([np.nan if one.width is None else one.width for _, one, _ in placed], np.float64)
+    which, near = middle.query(shapely.points(points), predicate="dwithin", distance=PLACE_M)
+    distance = np.hypot(*(feet[near] - points[which]).T)
+    is_alike = ~(np.abs(np.asarray(facades.width)[near] / widths[which] - 1) > ALIKE)  # True without a width
+    which, near, distance = which[is_alike], near[is_alike], distance[is_alike]
+    found: dict[str, str] = {}
+    for index in np.lexsort((near, distance, which)).tolist():
+        found.setdefault(placed[which[index]][0], facades.id[near[index]])
     return found

@@ -98,7 +98,9 @@ def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: MapFiles, tmp_pa
         Image.new("RGB", (40, 60)).save(folder / "0.png")
 
     with pytest.raises(InputError, match=r"^--bbox: "):
-        write_new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, write_library=paint)
+        write_new_block(
+            tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, write_library=paint
+        )
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match=r"^--bbox: "):
         write_new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, write_library=paint)

@@ -1,0 +1,160 @@
+"""Fields of poses files: names, units, and those that are stated and not used."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+
+from catalogs.crs import metres_per_height_unit, parse_crs
+from catalogs.features import Remark
+from catalogs.printable_text import escape_invisible
+from facade_core.core.json_types import JsonObject
+
+# Names of a field, lower-case, words joined by "_", without unit and namespace. The first stated one counts.
+FIELD_NAMES = {
+    "file": (
+        "file", "filename", "file_name", "image", "image_name", "image_file", "picture", "photo", "photo_name", "panorama",
+        "pano", "sourcefile", "source_file", "label", "name", "id",
+    ),
+    "x": ("x", "easting", "east"),
+    "y": ("y", "northing", "north"),
+    "z": ("z",),
+    "lon": ("lon", "lng", "long", "longitude", "gpslongitude", "gps_longitude", "x/longitude"),
+    "lat": ("lat", "latitude", "gpslatitude", "gps_latitude", "y/latitude"),
+    "heading": (
+        "heading", "computed_compass_angle", "compass_angle", "view_azimuth", "azimuth", "yaw", "bearing", "compass",
+        "true_heading", "poseheading", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
+    ),
+    "pitch": ("pitch", "pers_pitch", "posepitch", "pose_pitch"),
+    "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
+}  # fmt: skip
+# Units at the end of a field's name, "yaw_deg", "Heading[rad]", "Easting (m)", "z_ft", and their degrees or metres.
+_ANGLE_UNITS = {"deg": 1.0, "°": 1.0, "rad": math.degrees(1.0), "gon": 0.9, "grad": 0.9}
+_LENGTH_UNITS = {"mm": 0.001, "cm": 0.01, "km": 1000.0, "m": 1.0, "ft": 0.3048}
+_UNIT = re.compile(
+    r"[\s_.]*[\[(]?(?:(?P<deg>deg|degrees?|°)|(?P<gon>gon|grads?|gradians?)|(?P<rad>rad|radians?)"
+    r"|(?P<ft>(?:us[-_ ]?|int[-_ ]?)?(?:ft|feet|foot)(?:us)?)|(?P<mm>mm)|(?P<cm>cm)|(?P<km>km)|(?P<m>m|met(?:er|re)s?))[\])]?$"
+)
+# Names of fields that look like a height, or like an angle or an accuracy.
+_HEIGHT_LIKE = re.compile(r"alt|elev|height|hgt|höhe|hoehe|haut|(?:^|_)(?:ele|h|z)(?:$|_)|geoid|ellips")
+_ANGLE_LIKE = re.compile(
+    r"head|azim|yaw|bearing|compass|course|(?:^|_)(?:cog|track|direction|dir|rotation|rot|orientation|quat\w*|q[wxyz])(?:$|_)"
+    r"|kappa|omega|phi$|pitch|tilt|incl|roll|bank|img_?direction"
+)
+_ACCURACY_LIKE = re.compile(
+    r"accur|precis|sigma|std|(?:^|_)(?:[hvp]?dop|[hvxyz]?acc|rms\w*|sd\w*)(?:$|_)|gpsdop|uncert|error"
+)
+_HEIGHT_REASON = (
+    "fields of {file} that look like heights, not used; call the one that is surveyed z, with its unit (z_m, z_ft)"
+)
+_OTHER_REASON = (
+    "fields of {file} that look like headings, tilts or accuracies, not used; call those meant heading, pitch, roll"
+)
+_MAX_NAME_LENGTH = 40
+# Fields that a row may leave empty, and what a camera without it has.
+_DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
+
+
+def field_name(name: str) -> str:
+    """Return a name of a field as FIELD_NAMES has it."""
+    plain = name.strip().lower()
+    return re.sub(r"[\s:.-]+", "_", _UNIT.sub("", plain) or plain)
+
+
+def find_field(record: JsonObject, key: str) -> str | None:
+    """Return the name under which a record states a field; None without a value."""
+    known: dict[str, str] = {}
+    for stated, content in record.items():
+        if _is_stated(content):
+            known.setdefault(field_name(stated), stated)
+    return next((known[name] for name in FIELD_NAMES[key] if name in known), None)
+
+
+def read_field(record: JsonObject, key: str, crs: str | None) -> object:
+    """Return the value of a field, None without one: angles in degrees, z in metres, x and y in the unit of the crs.
+
+    A value that is no number is returned as it is.
+    """
+    if (name := find_field(record, key)) is None:
+        return None
+    value: object = record[name]
+    factor = _unit_factor(name, key, crs)
+    if factor == 1.0 or not isinstance(value, str | int | float) or isinstance(value, bool):
+        return value
+    try:
+        return float(value) * factor
+    except (ValueError, OverflowError):
+        return value
+
+
+def _unit_factor(name: str, key: str, crs: str | None) -> float:
+    found = _UNIT.search(name.strip().lower())
+    unit = found.lastgroup if found else None
+    if key in ("heading", "pitch", "roll", "lon", "lat"):
+        return _ANGLE_UNITS.get(unit or "", 1.0)
+    if key == "z":
+        return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else 1.0 if crs is None else metres_per_height_unit(crs)
+    if key in ("x", "y") and unit in _LENGTH_UNITS:
+        frame = None if crs is None else parse_crs(crs)
+        per_unit = 1.0 if frame is None or frame.is_geographic else float(frame.axis_info[0].unit_conversion_factor)
+        factor = _LENGTH_UNITS[unit] / per_unit
+        return factor if abs(factor - 1.0) > 1e-5 else 1.0  # feet of the survey are feet
+    return 1.0
+
+
+def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
+    """Return a remark on each field that looks like a height, angle or accuracy, and counts for no record."""
+    counts: Counter[str] = Counter()
+    used = set()
+    for record in records:
+        used |= {find_field(record, key) for key in FIELD_NAMES}
+        counts.update(name for name, content in record.items() if _is_stated(content))
+    remarks = []
+    plain_names = {field_name(name) for name in counts}
+    for name in counts:
+        plain = field_name(name)
+        if name in used or plain == "exif_gps" or (plain == "height" and "width" in plain_names):  # size of the picture
+            continue
+        shown = escape_invisible(name)[:_MAX_NAME_LENGTH]
+        if _ACCURACY_LIKE.search(plain) or _ANGLE_LIKE.search(plain):
+            remarks.append(Remark(shown, _OTHER_REASON.format(file=file), None))
+        elif _HEIGHT_LIKE.search(plain):
+            remarks.append(Remark(shown, _HEIGHT_REASON.format(file=file), None))
+    return tuple(remarks)
+
+
+def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[str, ...]]:
+    """Return by record what is taken in place of fields that other records state and it does not.
+
+    Parameters
+    ----------
+    file : name of the file in the reasons.
+    records : records by name.
+
+    Returns
+    -------
+    Name of a record -> reasons that group panoramas.
+    """
+    found: dict[str, list[str]] = {}
+    for key in ("heading", *_DEFAULTS):
+        stated = {name: find_field(record, key) for name, record in records.items()}
+        plain = {name: field_name(one) for name, one in stated.items() if one is not None}
+        first = min(plain.values(), key=FIELD_NAMES[key].index, default=None)
+        if first is None:
+            continue
+        for name, field in stated.items():
+            if field is None and key in _DEFAULTS:
+                reason = f"panoramas whose {first} is empty in {file}, {_DEFAULTS[key]}"
+            elif field is not None and plain[name] != first:
+                other = escape_invisible(field)[:_MAX_NAME_LENGTH]
+                reason = f"panoramas whose {first} is empty in {file}, {key} taken from {other}"
+            else:
+                continue
+            found.setdefault(name, []).append(reason)
+    return {name: tuple(reasons) for name, reasons in found.items()}
+
+
+def _is_stated(content: object) -> bool:
+    return content is not None and content != ""

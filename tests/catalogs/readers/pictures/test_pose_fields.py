@@ -1,0 +1,135 @@
+"""Fields of poses files: units, other names, empty cells, and what is not used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from catalogs.features import feature_ids_by_reason, format_reason_notes
+from catalogs.readers.pictures.poses import PosesFile, SourcePose, read_poses_file
+
+HEIGHTS = (
+    "fields of poses.csv that look like heights, not used; call the one that is surveyed z, with its unit (z_m, z_ft)"
+)
+OTHERS = (
+    "fields of poses.csv that look like headings, tilts or accuracies, not used; call those meant heading, pitch, roll"
+)
+
+
+def read(folder: Path, text: str, suffix: str = ".csv") -> PosesFile:
+    (folder / f"poses{suffix}").write_text(text)
+    return read_poses_file(folder / f"poses{suffix}")
+
+
+def pose(found: PosesFile, name: str = "p.jpg") -> SourcePose:
+    one = found.poses[name]
+    assert isinstance(one, SourcePose), one
+    return one
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "expected"),
+    [
+        ("x,y,z_ft", "5,6,10", (5.0, 6.0, 3.048)),
+        ("x,y,Z [feet]", "5,6,10", (5.0, 6.0, 3.048)),
+        ("x,y,z (US-ft)", "5,6,10", (5.0, 6.0, 3.048)),
+        ("x,y,z_m", "5,6,10", (5.0, 6.0, 10.0)),
+        ("x,y,z_cm", "5,6,250", (5.0, 6.0, 2.5)),
+        ("x_mm,y_mm,z_mm", "5000,6000,2500", (5.0, 6.0, 2.5)),
+        ("easting_ft,northing_ft,z", "10,20,3", (3.048, 6.096, 3.0)),
+    ],
+)
+def test_units_of_lengths(header: str, row: str, expected: tuple[float, float, float], tmp_path: Path) -> None:
+    found = pose(read(tmp_path, f"file,{header},heading\np.jpg,{row},90\n"))
+    assert (found.x, found.y, found.z) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("crs", "field", "z"), [("EPSG:2263", "z", 3.048), ("EPSG:2263", "z_m", 10.0), ("EPSG:3067", "z_ft", 3.048)]
+)
+def test_a_unit_in_the_name_counts_before_that_of_the_frame(crs: str, field: str, z: float, tmp_path: Path) -> None:
+    text = f'{{"crs": "{crs}", "poses": {{"p.jpg": {{"x": 1000, "y": 2000, "{field}": 10, "heading": 0}}}}}}'
+    found = pose(read(tmp_path, text, ".json"))
+    assert (found.x, found.y) == (1000, 2000)
+    assert found.z == pytest.approx(z, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("heading_gon", 100), ("Heading[grad]", 100), ("heading_rad", 1.5707963267948966)]
+)
+def test_units_of_angles(field: str, value: float, tmp_path: Path) -> None:
+    assert pose(read(tmp_path, f"file,x,y,{field}\np.jpg,5,6,{value}\n")).heading == pytest.approx(90.0)
+
+
+@pytest.mark.parametrize(
+    ("columns", "note"),
+    [
+        (["elev"], HEIGHTS),
+        (["elevation_m"], HEIGHTS),
+        (["alt"], HEIGHTS),
+        (["Altitude (ft)"], HEIGHTS),
+        (["ellipsoidal_height"], HEIGHTS),
+        (["h"], HEIGHTS),
+        (["ground_z"], HEIGHTS),
+        (["camera_height_ft"], HEIGHTS),
+        (["direction"], OTHERS),
+        (["track"], OTHERS),
+        (["omega", "phi", "kappa"], OTHERS),
+        (["qw", "qx", "qy", "qz"], OTHERS),
+        (["tilt"], OTHERS),
+        (["bank_angle"], OTHERS),
+        (["hdop"], OTHERS),
+        (["gps_accuracy_m"], OTHERS),
+        (["heading_std"], OTHERS),
+        (["rms_xy"], OTHERS),
+        (["yaw"], OTHERS),
+    ],
+)
+def test_what_looks_meaningful_and_is_not_used_is_named_once(columns: list[str], note: str, tmp_path: Path) -> None:
+    cells = ",".join("7" for _ in columns)
+    text = f"file,x,y,heading,{','.join(columns)}\na.jpg,5,6,90,{cells}\nb.jpg,5,6,90,{cells}\n"
+    found = read(tmp_path, text)
+    assert format_reason_notes(feature_ids_by_reason(found.remarks)) == (
+        f"{note}: {len(columns)} ({', '.join(sorted(columns))})",
+    )
+    assert pose(found, "a.jpg").z is None
+
+
+def test_what_says_nothing_of_a_pose_is_not_named(tmp_path: Path) -> None:
+    text = (
+        "file,x,y,z,heading,pitch,roll,captured,author,width,height,note\np.jpg,5,6,7,8,1,2,2024-05-17,a,4000,2000,b\n"
+    )
+    found = read(tmp_path, text)
+    assert found.remarks == ()
+    assert pose(found).remarks == ()
+
+
+def test_a_cell_left_empty_is_named_with_what_stands_in_its_place(tmp_path: Path) -> None:
+    text = "file,x,y,z,heading,yaw,pitch\na.jpg,5,6,7,8,9,1\nb.jpg,5,6,,,9,\nc.jpg,5,6,7,,,1\n"
+    found = read(tmp_path, text)
+    assert (pose(found, "a.jpg").heading, pose(found, "a.jpg").remarks) == (8.0, ())
+    b = pose(found, "b.jpg")
+    assert (b.heading, b.z, b.pitch) == (9.0, None, 0.0)
+    assert b.remarks == (
+        "panoramas whose heading is empty in poses.csv, heading taken from yaw",
+        "panoramas whose z is empty in poses.csv, height unknown",
+        "panoramas whose pitch is empty in poses.csv, taken as 0",
+    )
+    assert pose(found, "c.jpg").heading is None  # its picture may state one
+
+
+def test_a_row_with_more_cells_than_the_header_is_set_aside(tmp_path: Path) -> None:
+    found = read(tmp_path, "file,x,y,heading\na.jpg,5,5,6,5,90\nb.jpg,5,6,90,\n")
+    assert found.poses["a.jpg"] == (
+        "poses.csv: a.jpg: it has more cells than the header; quote those with a separator; mend that entry"
+    )
+    assert pose(found, "b.jpg").heading == 90.0
+
+
+def test_the_height_of_a_point_is_named(tmp_path: Path) -> None:
+    text = (
+        '{"type": "FeatureCollection", "features": [{"type": "Feature", "properties": {"file": "p.jpg", "heading": 3},'
+        ' "geometry": {"type": "Point", "coordinates": [24.9, 60.1, 12.0]}}]}'
+    )
+    assert [one.id for one in read(tmp_path, text, ".json").remarks] == ["altitude of the point"]
