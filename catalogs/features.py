@@ -133,11 +133,20 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Centreline:
-    """Piece of a street centreline in the frame of its source; pieces of one name are merged later."""
+    """Piece of a street centreline in the frame of its source; pieces of one name are merged later.
+
+    Attributes
+    ----------
+    id : unique in the source.
+    line : centreline.
+    name : name of the street.
+    passage : OpenStreetMap tags of a passage through buildings; None for other streets.
+    """
 
     id: str
     line: LineString
     name: str | None
+    passage: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,7 +119,7 @@ def _hash_value(value: object, add: Callable[[bytes], object]) -> None:
         add(text)
     elif (schema := SCHEMAS.get(type(value))) is not None:
         add(b"v")
-        _hash_value({name: getattr(value, attribute) for name, attribute in schema.fields}, add)
+        _hash_value({name: getattr(value, attribute) for name, attribute in schema.stated_fields(value)}, add)
     elif isinstance(value, Mapping):
         add(b"m%d " % len(value))
         for name, one in value.items():

@@ -168,7 +168,11 @@ def _encode_value(value: object, blob: bytearray, folder: Path) -> JsonValue:
         blob += np.ascontiguousarray(value).tobytes()
         return {"array": [value.dtype.str, list(value.shape), len(blob) - value.nbytes]}
     if (schema := SCHEMAS.get(type(value))) is not None:
-        return {schema.tag: [_encode_value(getattr(value, attribute), blob, folder) for _, attribute in schema.fields]}
+        return {
+            schema.tag: [
+                _encode_value(getattr(value, attribute), blob, folder) for _, attribute in schema.stated_fields(value)
+            ]
+        }
     if isinstance(value, Mapping):
         return {"map": [[name, _encode_value(part, blob, folder)] for name, part in value.items()]}
     if isinstance(value, list | tuple):

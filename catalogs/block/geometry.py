@@ -15,6 +15,7 @@ from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.ground import build_block_ground
 from catalogs.block.keys import BlockFileSettings, BuildingsSection, GroundSection, StreetsSection
 from catalogs.block.likely_shops import likely_shop_positions
+from catalogs.block.passages import open_passages, passage_ids
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.axis_mistakes import swapped_places
@@ -122,8 +123,13 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
         return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
-        shops += tuple(likely_shop_positions(built.items, ground.ways, shops))
-    streets, cut, broken = _read_streets(keys, files, centrelines, _BlockArea(frame, area, extent), file)
+        passages = passage_ids(centrelines)
+        roads = [way for way in ground.ways if way.id not in passages]
+        shops += tuple(likely_shop_positions(built.items, roads, shops))
+    buildings, streets, cut, broken = _read_streets(
+        keys, files, centrelines, built.items, _BlockArea(frame, area, extent), file
+    )
+    built = replace(built, items=buildings)
     faults = (*built.faults, *broken)
     return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
@@ -229,14 +235,16 @@ def _read_streets(
     keys: BlockFileSettings,
     files: NamedFiles,
     centrelines: CentrelinesAndGround,
+    buildings: tuple[Building, ...],
     place: _BlockArea,
     file: BlockFileErrorContext,
-) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
-    """Return the streets, notes about remarks and cut-off streets, and broken streets."""
+) -> tuple[tuple[Building, ...], tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
+    """Return the buildings with passages, the streets, notes about them, and broken streets."""
     frame, area, extent = place
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
     near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
-    streets, faults = build_block_streets(near, frame, area=area)
+    buildings, open_streets, passages = open_passages(buildings, near, frame)
+    streets, faults = build_block_streets(open_streets, frame, area=area)
     if area is None and not any(street.line.intersects(shapely.box(*extent)) for street in streets):
         _check_swapped_axes(_lonlat_bounds(centrelines), bounds_to_lonlat(frame.to_wkt(), extent), files, file)
     if not streets and not cut:
@@ -257,8 +265,9 @@ def _read_streets(
         return bool(shapely.transform(remark.geometry, to_frame, interleaved=False).intersects(shapely.box(*extent)))
 
     reasons = feature_ids_by_reason(filter(is_near, near.remarks))
+    reasons |= {reason: list(ids) for reason, ids in passages.items()}
     reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
-    return streets, format_reason_notes(reasons), faults
+    return buildings, streets, format_reason_notes(reasons), faults
 
 
 def _check_swapped_axes(

@@ -16,6 +16,7 @@ from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.types import (
     Building,
     BuildingFinish,
+    BuildingPassage,
     BuildingShell,
     ElevationRaster,
     GroundArea,
@@ -26,7 +27,8 @@ from facade_core.core.types import (
     Street,
 )
 
-# Version of the fields below. Adding, removing or reordering fields changes digests and part files: increment it then.
+# Version of the fields below. Adding, removing or reordering fields changes digests and part files: increment it then,
+# unless the fields are added at the end and as `later`.
 SCHEMA_VERSION = 1
 
 FieldPairs = tuple[tuple[str, str], ...]
@@ -41,11 +43,21 @@ class SerialSchema:
     tag : name of the class in part files.
     fields : pairs of frozen name and attribute, in the order in which they are written.
     omitted : attributes that are not serialised.
+    later : attributes of the last fields, added without a new version: left out where they are empty.
     """
 
     tag: str
     fields: FieldPairs
     omitted: tuple[str, ...] = ()
+    later: tuple[str, ...] = ()
+
+    def stated_fields(self, value: object) -> FieldPairs:
+        """Return the fields that are serialised of a value."""
+        return tuple(
+            (name, attribute)
+            for name, attribute in self.fields
+            if attribute not in self.later or getattr(value, attribute)
+        )
 
 
 def _pairs(names: str, attributes: Mapping[str, str] | None = None) -> FieldPairs:
@@ -60,9 +72,12 @@ def _schema(tag: str, names: str, attributes: Mapping[str, str] | None = None) -
 SCHEMAS: Mapping[type, SerialSchema] = {
     Orthophoto: _schema("Aerial", "path crs frame content"),
     GroundArea: _schema("Area", "id outline surface"),
-    Building: _schema(
-        "Building", "id footprint height height_source levels name base roof shell finish raised part_of"
+    Building: SerialSchema(
+        "Building",
+        _pairs("id footprint height height_source levels name base roof shell finish raised part_of passages"),
+        later=("passages",),
     ),
+    BuildingPassage: _schema("Passage", "corridor height"),
     ElevationRaster: _schema("Elevation", "x y step heights"),
     Fault: _schema("Fault", "id kind reason place"),
     BuildingFinish: _schema("Finish", "wall_colour roof_colour wall_material roof_material"),

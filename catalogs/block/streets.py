@@ -50,8 +50,8 @@ def build_block_streets(
     than MIN_STREET_LENGTH_M, unless clipping made it short.
     """
     pieces = sorted(source.items, key=lambda piece: (natural_sort_key(piece.id), shapely.to_wkb(piece.line) or b""))
-    lines = _project_lines([piece.line for piece in pieces], source.crs, crs)
-    broken = _project_lines([fault.place for fault in source.faults], source.crs, crs)
+    lines = project_lines([piece.line for piece in pieces], source.crs, crs)
+    broken = project_lines([fault.place for fault in source.faults], source.crs, crs)
     faults = [fault for fault, place in zip(source.faults, broken, strict=True) if _touches_area(place, area)]
     by_name: dict[str, list[tuple[Centreline, LineString]]] = defaultdict(list)
     for piece, line in zip(pieces, lines, strict=True):
@@ -100,7 +100,7 @@ def clip_centrelines(
     around : polygon in `crs`.
     area : polygon in `crs` of the block's area, None if it has none.
     """
-    lines = _project_lines([piece.line for piece in source.items], source.crs, crs)
+    lines = project_lines([piece.line for piece in source.items], source.crs, crs)
     sound = [not _line_problem(piece.line, line) for piece, line in zip(source.items, lines, strict=True)]
     inside = [not one or around.covers(line) for one, line in zip(sound, lines, strict=True)]
     if all(inside):
@@ -110,12 +110,13 @@ def clip_centrelines(
         items += [replace(piece, line=part) for part in ([line] if whole else _clip_line(line, around))]
         if not whole and _touches_area(line, area):
             cut.append(piece.id)
-    places = _project_lines([fault.place for fault in source.faults], source.crs, crs)
+    places = project_lines([fault.place for fault in source.faults], source.crs, crs)
     faults = [replace(fault, place=place) for fault, place in zip(source.faults, places, strict=True)]
     return replace(source, crs=None, items=tuple(items), faults=tuple(faults)), tuple(cut)
 
 
-def _project_lines(geometries: Sequence[BaseGeometry | None], source: str | None, crs: CRS) -> ObjectArray:
+def project_lines(geometries: Sequence[BaseGeometry | None], source: str | None, crs: CRS) -> ObjectArray:
+    """Return geometries in a metric frame, without heights; those of a source without a frame are in it."""
     stated = np.empty(len(geometries), dtype=object)
     stated[:] = geometries
     flat: ObjectArray = shapely.force_2d(stated)

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
 
+# Metres from the ceiling of a passage up to the eaves, and from the ground to the ceiling of the lowest passage.
+MIN_WALL_OVER_PASSAGE_M = 0.5
+MIN_PASSAGE_HEIGHT_M = 2.0
 # Treatment of people and other occluders in pictures. blur: unreadable but recognisable; mask: removed; keep: unchanged.
 Privacy = Literal["blur", "mask", "keep"]
 # x0, y0, x1, y1 in pixels of a picture, half-open.
@@ -175,6 +178,20 @@ class Sun:
 
 
 @dataclass(frozen=True, slots=True)
+class BuildingPassage:
+    """Street through an extruded building, open below its ceiling.
+
+    Attributes
+    ----------
+    corridor : area of the passage seen from above; it may reach beyond the building.
+    height : metres from the ground to the ceiling, where the building is high enough.
+    """
+
+    corridor: Polygon
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
 class Building:
     """Building in the block's metric frame (metres, z up): a footprint to extrude, or a modelled shell.
 
@@ -192,6 +209,7 @@ class Building:
     finish : stated colours and materials.
     raised : metres from the ground to the underside, 0 for a building on the ground.
     part_of : id of the whole building; its parts share one ground height.
+    passages : streets through the building; none for a modelled shell.
     """
 
     id: str
@@ -206,6 +224,7 @@ class Building:
     finish: BuildingFinish = PLAIN
     raised: float = 0.0
     part_of: str | None = None
+    passages: tuple[BuildingPassage, ...] = ()
 
     @property
     def whole_id(self) -> str:

@@ -24,6 +24,7 @@ from facade_core.geometry.buildings.neighbours import (
     roof_continuation_footprints,
     unify_building_part_bases,
 )
+from facade_core.geometry.buildings.passages import passage_openings, standing_outline
 from facade_core.geometry.buildings.roof_details import RoofDetail
 from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
 from facade_core.geometry.buildings.roof_shapes import GRID_M, build_shell_with_roof
@@ -128,7 +129,7 @@ def add_building_charts(
 
     Returns
     -------
-    The covered area, and the facets of a modelled shell; None of an extruded building.
+    The covered ground, and the facets of a modelled shell; None of an extruded building.
 
     Raises
     ------
@@ -157,12 +158,15 @@ def add_building_charts(
                 details.append(build_parapet(outline, top, surroundings))
                 if assumed:
                     details.append(build_flat_roof_vents(building.id, outline, top, surroundings, building.height))
-            add_extrusion_charts(target, Extrusion(outline, base, building.height, building.raised), terrain)
+            openings = passage_openings(building, outline, base, terrain)
+            add_extrusion_charts(target, Extrusion(outline, base, building.height, building.raised, openings), terrain)
         else:
             closed = facets_entirely_above(extract_shell_facets(roof_shell, outline), top)
             over = build_overhang(closed, onto_grid, surroundings)
             roof = over.roof
-            add_extrusion_charts(target, Extrusion(onto_grid, base, building.height, building.raised), terrain, roof)
+            openings = passage_openings(building, onto_grid, base, terrain)
+            walls = Extrusion(onto_grid, base, building.height, building.raised, openings)
+            add_extrusion_charts(target, walls, terrain, roof)
             details += [
                 over.coves,
                 build_gutters(building.id, over, lambda xy: _wall_foot(terrain, base, building.raised, xy)),
@@ -175,7 +179,7 @@ def add_building_charts(
         for trim in details:
             if trim is not None:
                 add_facet_charts(target, trim.facets, trim.along)
-        return outline, None
+        return standing_outline(outline, openings), None
     found = extract_shell_facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")

@@ -18,7 +18,14 @@ from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, WallRole, group_walls_into_runs
+from facade_core.geometry.walls import (
+    CORNER_TOLERANCE_M,
+    FLOOR_HEIGHT_M,
+    LEVEL_TOLERANCE_M,
+    MIN_WALL_M,
+    WallRole,
+    group_walls_into_runs,
+)
 
 # Smallest street facade in metres, and share of it that the street sees.
 MIN_FACADE_WIDTH_M = 3.0
@@ -38,6 +45,8 @@ FOOT_PROBE_HEIGHT_M = 1.0
 MAX_GROUND_DROP_M = 2.0
 # Floor height range in metres where levels are tagged, which can contradict the height; else FLOOR_HEIGHT_M.
 TAGGED_FLOOR_HEIGHT_M = (2.2, 6.0)
+# Metres from the outline of a building to walls inside its passages; outlines are simplified by less.
+OFF_OUTLINE_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -122,7 +131,7 @@ def find_facades(
     streets : all streets; empty restricts the result to walls that a street sees.
     """
     charts = scene.charts
-    upright = ~_is_gable(scene, buildings)
+    upright = ~_is_gable(scene, buildings) & ~_is_inside_passage(charts, buildings)
     large = _is_large_wall(scene) & upright
     free = _is_tall_wall(charts) & (free_share >= MIN_FREE_SHARE) & upright if streets else np.zeros(len(charts), bool)
     runs = group_walls_into_runs(charts, np.flatnonzero(large | free))
@@ -237,7 +246,25 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
     area = np.bincount(mesh.chart, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), len(charts))
     built = np.array([building.shell is None for building in buildings], bool)[charts.building] & (charts.building >= 0)
     is_gable: BoolArray = built & (area < 0.99 * charts.size.prod(axis=1))
+    for chart in np.flatnonzero(is_gable).tolist():  # a wall with a passage is no rectangle, but has its upper corners
+        if buildings[charts.building[chart]].passages:
+            corners = mesh.vertices[np.unique(mesh.triangles[mesh.chart_triangles(chart)])]
+            upper = charts.points_at_shares(np.array([chart]), np.array([[0.0, 0.0], [1.0, 0.0]]))[0]
+            apart = np.linalg.norm(corners[:, None] - upper, axis=-1).min(axis=0)
+            is_gable[chart] = bool((apart > CORNER_TOLERANCE_M).any())
     return is_gable
+
+
+def _is_inside_passage(charts: Charts, buildings: Sequence[Building]) -> BoolArray:
+    """Return the walls inside the passages of buildings, which are no facades: (charts,)."""
+    is_inside = np.zeros(len(charts), bool)
+    opened = np.array([bool(building.passages) for building in buildings], bool)
+    walls = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building >= 0))
+    for chart in walls[opened[charts.building[walls]]].tolist():
+        middle = shapely.Point(charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0, 0, :2])
+        footprint = buildings[charts.building[chart]].footprint
+        is_inside[chart] = footprint.contains(middle) and footprint.boundary.distance(middle) > OFF_OUTLINE_M
+    return is_inside
 
 
 def _best_visibility(

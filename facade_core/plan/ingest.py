@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
+from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import BoolArray, Int32Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.buildings.passages import footprint_without_headroom
 from facade_core.geometry.chart_packing import PreviousChartPlacements, pack_charts
 from facade_core.geometry.ground.carriageways import fit_ground_between_buildings
 from facade_core.geometry.ground.street_gaps import derive_streets
@@ -41,6 +43,8 @@ from facade_core.plan.plan import FacadeSightings, Plan
 
 # Share of a facade off the streets that a panorama must show to texture it.
 MIN_OFF_STREET_SHARE = 0.3
+# Metres from a viewpoint up to the ceiling of a passage.
+MIN_HEADROOM_M = 0.3
 
 
 @dataclass(frozen=True)
@@ -129,8 +133,10 @@ def build_plan(
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
+    headroom = settings.viewpoint_height + MIN_HEADROOM_M
+    obstacles = [footprint_without_headroom(building, terrain, headroom) for building in buildings]
     cameras = _place_cameras(
-        streets, footprints, terrain, spacing=settings.viewpoint_spacing, height=settings.viewpoint_height
+        streets, obstacles, terrain, spacing=settings.viewpoint_spacing, height=settings.viewpoint_height
     )
     owned = np.ones(len(charts), bool)
     if core is not None:
@@ -204,9 +210,14 @@ def build_plan(
 
 
 def _place_cameras(
-    streets: Sequence[Street], footprints: Sequence[shapely.Polygon], terrain: Terrain, *, spacing: float, height: float
+    streets: Sequence[Street],
+    footprints: Sequence[Polygon | MultiPolygon],
+    terrain: Terrain,
+    *,
+    spacing: float,
+    height: float,
 ) -> list[Viewpoint]:
-    """Place viewpoints along all streets."""
+    """Place viewpoints along all streets, outside of the footprints."""
     obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []
     for index, street in enumerate(streets):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,16 +20,16 @@ _DUPLICATE_TOLERANCE = 1e-7  # degrees or metres; lines that differ by less are 
 
 
 def build_centrelines(
-    crs: str | None, features: Iterable[tuple[str, BaseGeometry | None, str | None]]
+    crs: str | None, features: Iterable[tuple[str, BaseGeometry | None, str | None, Mapping[str, str]]]
 ) -> CentrelinesAndGround:
-    """Build centrelines from (id, geometry, name).
+    """Build centrelines from (id, geometry, name, OpenStreetMap tags).
 
     Parts of one geometry become id-0, id-1, ...; the two directions of a street are merged. Features without a geometry, a
     length or finite coordinates are faults.
     """
     items, faults = [], []
     known: set[bytes] = set()
-    for id, geometry, name in features:
+    for id, geometry, name, tags in features:
         parts = [] if geometry is None else [part for part in shapely.get_parts(geometry) if not part.is_empty]
         if not parts:
             faults.append(Fault(id, "street", f"centreline {id} has no geometry; draw it, or remove it"))
@@ -45,8 +46,13 @@ def build_centrelines(
                 continue
             if key not in known:
                 known.add(key)
-                items.append(Centreline(part_id, line, name))
+                items.append(Centreline(part_id, line, name, tags if is_building_passage(tags) else None))
     return CentrelinesAndGround(crs, tuple(items), tuple(faults))
+
+
+def is_building_passage(tags: Mapping[str, str]) -> bool:
+    """Return True for a way through a building."""
+    return re.sub(r"[\s-]+", "_", tags.get("tunnel", "").strip().lower()) == "building_passage"
 
 
 def _find_defect(part: BaseGeometry) -> str | None:

@@ -46,6 +46,7 @@ _TAG_COLUMN_NAMES = {
     "junction": "junction",
     "width": "width road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte",
     "width:carriageway": "width_carriageway carriageway_width fahrbahnbreite",
+    "maxheight": "maxheight maxheight_physical clearance vertical_clearance durchfahrtshoehe durchfahrtshöhe",
     "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
     "lane_markings": "lane_markings",
     "oneway": "oneway one_way einbahn",

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, SupportsFloat
 import shapely
 from shapely import LineString
 
-from catalogs.features import CentrelinesAndGround, Fault, GroundFeature, Remark
-from catalogs.reader_errors import is_system_error
+from catalogs.features import CentrelinesAndGround, Fault, GroundFeature
+from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.vectors.centrelines import build_centrelines
-from catalogs.readers.vectors.osm import PASSAGE_REASON, is_building_passage, is_street, split_osmnx_values
+from catalogs.readers.vectors.osm import is_street, split_osmnx_values
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,35 +42,30 @@ def read_graphml_centrelines(path: Path) -> CentrelinesAndGround:
     from_osm = any("highway" in tags for _, _, tags in edges)
     nowhere: dict[str, None] = {}
     ground: list[GroundFeature] = []
-    passages: dict[str, Remark] = {}
 
-    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None, Mapping[str, str]]]:
         for start, end, tags in edges:
             line = None
+            plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "geometry"}
             if "geometry" in tags:
                 line = shapely.from_wkt(tags["geometry"], on_invalid="ignore")
             elif start in places and end in places:
                 line = LineString([places[start], places[end]])
             if line is not None:
-                plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "geometry"}
                 ground.append(GroundFeature(f"{start}-{end}", line, plain))
             if from_osm and ("highway" not in tags or not is_street(line or LineString(), tags)):
                 continue
             if "geometry" not in tags and line is None:
                 nowhere.update(dict.fromkeys(node for node in (start, end) if node not in places))
                 continue
-            osmid = split_osmnx_values(tags.get("osmid", ""))[0]
-            name = split_osmnx_values(tags["name"])[0] if "name" in tags else None
+            osmid = plain.get("osmid", "")
             id = f"w{osmid}" if osmid.isdigit() else f"{start}-{end}"
-            if is_building_passage({"tunnel": split_osmnx_values(tags.get("tunnel", ""))[0]}):
-                passages[id] = Remark(id, PASSAGE_REASON, line)  # an edge for each direction
-                continue
-            yield id, line, name
+            yield id, line, plain.get("name"), plain
 
     found = build_centrelines(_graph_crs(path, graph.graph.get("crs")), streets())
     reason = "node {} of the street graph has no x and y; give it both, or remove its edges"
     faults = (*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere))
-    return replace(found, faults=faults, remarks=(*found.remarks, *passages.values()), ground=tuple(ground))
+    return replace(found, faults=faults, ground=tuple(ground))
 
 
 def _load_graph(path: Path) -> networkx.Graph:
@@ -87,8 +82,9 @@ def _load_graph(path: Path) -> networkx.Graph:
     except Exception as error:  # networkx raises errors of any class
         if is_system_error(error):
             raise
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error
+        raise InputError(
+            f"{path} cannot be read as GraphML ({short_message(error)}); write it with osmnx.save_graphml"
+        ) from error
 
 
 def _attribute_texts(attributes: Mapping[str, object]) -> dict[str, str]:

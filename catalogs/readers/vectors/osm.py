@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints, GroundFeature, Remark
-from catalogs.reader_errors import fault_reason, is_system_error
-from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
+from catalogs.reader_errors import fault_reason, is_system_error, short_message
+from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
 from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
@@ -179,9 +179,6 @@ _GROUND_FILTER = {
 }  # fmt: skip
 
 
-PASSAGE_REASON = "passages through buildings closed, without viewpoints"
-
-
 def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     """Read the street centrelines and ground features of a .pbf in lon/lat (EPSG:4326).
 
@@ -191,18 +188,14 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
         Where the file is no readable .pbf.
     """
     ground: list[GroundFeature] = []
-    passages: list[Remark] = []
 
-    def streets() -> Iterator[tuple[str, BaseGeometry, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry, str | None, Mapping[str, str]]]:
         for feature, geometry, tags in _read_features(path, lambda osm: osm.get_network("all")):
             ground.append(GroundFeature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
                 if line is None or line.is_empty or not is_street(line, tags):
                     continue
-                if is_building_passage(tags):
-                    passages.append(Remark(feature, PASSAGE_REASON, line))
-                    continue
-                yield feature, line, tags.get("name")
+                yield feature, line, tags.get("name"), tags
 
     found = build_centrelines(LONLAT, streets())
     known = {feature.id for feature in ground}
@@ -212,17 +205,12 @@ def read_osm_centrelines(path: Path) -> CentrelinesAndGround:
     ):
         if feature not in known or "Polygon" in geometry.geom_type:
             ground.append(GroundFeature(feature, geometry, tags))
-    return replace(found, remarks=(*found.remarks, *passages), ground=tuple(ground))
-
-
-def is_building_passage(tags: Mapping[str, str]) -> bool:
-    """Return True for a way through a building, which stays closed: a camera would look at its wall."""
-    return tags.get("tunnel", "").strip().lower() == "building_passage"
+    return replace(found, ground=tuple(ground))
 
 
 def is_street(line: BaseGeometry, tags: Mapping[str, str]) -> bool:
     """Return True where a camera can travel a `highway` above ground between facades."""
-    above = tags.get("tunnel") not in ("yes", "T") and _number_tag(tags, "layer") >= 0
+    above = tags.get("tunnel") not in ("yes", "T") and (_number_tag(tags, "layer") >= 0 or is_building_passage(tags))
     # a closed pedestrian way is the outline of a square, with or without area=yes
     square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
     return above and not square and not STREET_HIGHWAYS.isdisjoint(split_osmnx_values(tags["highway"]))
@@ -256,8 +244,7 @@ def _read_features(
     except Exception as error:  # pyrosm raises errors of zlib, struct, protobuf and its own
         if is_system_error(error):
             raise
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path} cannot be read as OSM .pbf ({reason}); download it again") from error
+        raise InputError(f"{path} cannot be read as OSM .pbf ({short_message(error)}); download it again") from error
     for frame in frames:
         if frame is None:
             continue

@@ -5,7 +5,7 @@ GeoPackage, GeoJSON, GeoParquet, Shapefile and FlatGeobuf.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,9 +24,7 @@ from catalogs.readers.vectors.columns import CLASS_COLUMNS
 from catalogs.readers.vectors.ground_classes import osm_ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
 from catalogs.readers.vectors.osm import (
-    PASSAGE_REASON,
     is_building_part,
-    is_building_passage,
     is_street,
     parse_footprint,
     split_osmnx_values,
@@ -116,9 +114,8 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
     features = read_layer_features(path, "lines", _STREET_LAYERS, keys)
     opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
     from_osm = any("highway" in tags for tags in features.tags)
-    passages: list[Remark] = []
 
-    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None, Mapping[str, str]]]:
         for id, geometry, stated in zip(features.ids, features.geometries, features.tags, strict=True):
             if opendrive and stated.get("junction") != "-1":
                 continue
@@ -129,10 +126,8 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             tunnel = tags.get("tunnel") == "yes" and "highway" not in tags
             if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
-            if is_building_passage(tags) or is_building_passage(stated):
-                passages.append(Remark(id, PASSAGE_REASON, geometry))
-                continue
-            yield id, geometry, split_osmnx_values(tags["name"])[0] if "name" in tags else None
+            plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "class"}
+            yield id, geometry, plain.get("name"), plain
 
     found = build_centrelines(features.crs, streets())
     ground = [
@@ -145,7 +140,7 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns), keys
         )
         ground += _project_ground_features(others, features.crs)
-    remarks = (*features.remarks, *passages, *_id_remarks(found, features, path))
+    remarks = (*features.remarks, *_id_remarks(found, features, path))
     return replace(found, remarks=remarks, ground=tuple(ground))
 
 

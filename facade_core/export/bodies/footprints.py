@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
@@ -12,6 +13,8 @@ from facade_core.geometry.charts import ChartKind
 
 # Grid on which corners are snapped so that nearly shared edges meet, metres.
 SNAP_GRID_M = 0.001
+# Ceilings at least this far below the lowest corner of the roofs are undersides or passages, no eaves; metres.
+MIN_BELOW_ROOF_M = 0.1
 # Minimum area of a part of a footprint, m2.
 MIN_PART_M2 = 0.1
 
@@ -19,7 +22,8 @@ MIN_PART_M2 = 0.1
 def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
-    Eaves have a ceiling below them. If ceilings cover everything, or there is no roof, all surfaces count.
+    Eaves have a ceiling below them; the area over a passage counts. If the ceilings of eaves cover everything, or there
+    is no roof, all surfaces count.
 
     Parameters
     ----------
@@ -29,7 +33,9 @@ def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygo
     kind = source.charts.kind[source.mesh.chart[triangles]]
     roof = triangles[kind == ChartKind.ROOF]
     covered = _covered_area(source, roof if len(roof) else triangles)
-    open_below = _covered_area(source, triangles[kind == ChartKind.CEILING])
+    height = source.mesh.vertices[source.mesh.triangles[triangles], 2]
+    eaves = height.max(axis=1) > height[kind == ChartKind.ROOF].min(initial=np.inf) - MIN_BELOW_ROOF_M
+    open_below = _covered_area(source, triangles[(kind == ChartKind.CEILING) & eaves])
     standing = _polygon_parts(shapely.difference(covered, open_below, grid_size=SNAP_GRID_M)) if len(roof) else []
     return standing or _polygon_parts(covered)
 

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.buildings.facets import Facets
+from facade_core.geometry.buildings.passages import (
+    PassageOpening,
+    WallOpening,
+    passage_sides,
+    standing_outline,
+    wall_openings,
+)
 from facade_core.geometry.buildings.roof_shapes import GRID_M
 from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facet_charts
 from facade_core.geometry.charts import ChartKind, SurfaceTarget
@@ -31,18 +40,20 @@ class Extrusion(NamedTuple):
     base : ground height in metres.
     height : metres from `base` to the eaves.
     raised : metres from `base` to the underside.
+    openings : passages.
     """
 
     outline: Polygon
     base: float
     height: float
     raised: float = 0.0
+    openings: Sequence[PassageOpening] = ()
 
 
 def add_extrusion_charts(
     target: SurfaceTarget, extrusion: Extrusion, terrain: Terrain, roof: Facets | None = None
 ) -> None:
-    """Add the charts of an extruded footprint: walls, roof, and a skirt or an underside.
+    """Add the charts of an extruded footprint: walls, roof, a skirt or an underside, and the insides of passages.
 
     Parameters
     ----------
@@ -51,21 +62,34 @@ def add_extrusion_charts(
     terrain : ground heights.
     roof : facets of a pitched roof; None for a flat one.
     """
-    outline, base, height, raised = extrusion
+    outline, base, height, raised, openings = extrusion
     foot, eaves = base + raised, base + height
+    openings = [opening for opening in openings if opening.ceiling > foot]
+    standing = standing_outline(outline, openings)
     joints = np.empty((0, 2)) if roof is None else roof.vertices[roof.vertices[:, 2] >= eaves, :2]
-    rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
-    edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
+    edges = _polygon_edges(outline)
     for a, b in edges:
-        _add_wall(target, a, b, foot, eaves, joints)
+        _add_wall(target, a, b, foot, eaves, joints, wall_openings(a, b, openings))
     if roof is None:
         add_horizontal_surface(target, ChartKind.ROOF, outline, eaves)
     if raised > 0:
-        add_horizontal_surface(target, ChartKind.CEILING, outline, foot)
+        for part in shapely.get_parts(standing).tolist():
+            add_horizontal_surface(target, ChartKind.CEILING, part, foot)
     else:
-        _add_skirt_walls(target, edges, base, terrain)
+        _add_skirt_walls(target, _polygon_edges(standing) if openings else edges, base, terrain)
     if roof is not None:
         add_facet_charts(target, roof)
+    for opening in openings:
+        for a, b in passage_sides(outline, opening):
+            _add_wall(target, a, b, foot, opening.ceiling)
+        add_horizontal_surface(target, ChartKind.CEILING, opening.area, opening.ceiling)
+
+
+def _polygon_edges(outline: Polygon | MultiPolygon) -> list[tuple[Float64Array, Float64Array]]:
+    """Return the edges of an outline; its inside is on their left."""
+    polygons = shapely.get_parts(outline).tolist()
+    rings = [np.asarray(ring.coords) for part in polygons for ring in (part.exterior, *part.interiors)]
+    return [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
 
 
 def _add_skirt_walls(
@@ -103,10 +127,11 @@ def _add_wall(
     low: float,
     high: float,
     joints: Float64Array | None = None,
+    openings: Sequence[WallOpening] = (),
 ) -> None:
     """Add the wall over an edge with the building on its left, so that it runs left to right seen from outside.
 
-    `joints` (k, 2) are corners of the roof; the wall gets a vertex at those on its edge.
+    `joints` (k, 2) are corners of the roof; the wall gets a vertex at those on its edge. `openings` are cut out.
     """
     grid = target.grid
     length, height = float(np.hypot(*(b - a))), high - low
@@ -121,7 +146,16 @@ def _add_wall(
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             origin = np.array([a[0], a[1], low + top]) + left * along
             met = steps[(steps > left) & (steps < right)] - left if top == height else steps[:0]
-            _add_rectangle(target, origin, along, right - left, top - bottom, met)
+            holes = [
+                shapely.box(one.left - left, low + top - one.top, one.right - left, top - bottom)
+                for one in openings
+                if one.left < right and one.right > left and one.top > low + bottom
+            ]
+            if holes:
+                shape = shapely.box(0, 0, right - left, top - bottom).difference(shapely.union_all(holes))
+                _add_opened_wall(target, origin, along, shape, met)
+            else:
+                _add_rectangle(target, origin, along, right - left, top - bottom, met)
     target.pieces.surface_count += 1
 
 
@@ -148,6 +182,38 @@ def _add_rectangle(
     ]
     vertices = origin + x[:, None] * along + y[:, None] * _DOWN
     pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))
+
+
+def _add_opened_wall(
+    target: SurfaceTarget, origin: Float64Array, along: Float64Array, shape: BaseGeometry, met: Float64Array
+) -> None:
+    """Add a chart for each polygon of a wall with openings, with extra vertices at `met` (k,) on its upper edge.
+
+    Parameters
+    ----------
+    origin, along : (3,) frame of the wall.
+    shape : wall without its openings in that frame, metres, y down.
+    """
+    pieces = target.pieces
+    for part in shapely.get_parts(shapely.orient_polygons(shape)).tolist():
+        if part.geom_type != "Polygon" or part.area < MIN_WALL_PIECE_M**2:
+            continue
+        ring: list[tuple[float, float]] = []
+        for (x, y), (next_x, next_y) in pairwise(part.exterior.coords):
+            on_top = y == next_y == 0.0
+            ring += [(x, y), *((joint, 0.0) for joint in met.tolist() if on_top and x < joint < next_x)]
+        # keeps corners on straight edges, unlike ear clipping
+        cut = shapely.get_parts(shapely.constrained_delaunay_triangles(Polygon(ring)))
+        corners = shapely.get_coordinates(shapely.orient_polygons(cut, exterior_cw=True)).reshape(-1, 4, 2)[:, :3]
+        flat, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        corner = origin + low[0] * along + low[1] * _DOWN
+        columns = (ChartKind.WALL, pieces.surface_count, target.building, corner, along, _DOWN, high - low)
+        vertices = origin + flat[:, :1] * along + flat[:, 1:] * _DOWN
+        pieces.add_charts(
+            tuple(np.array([value]) for value in columns),
+            (vertices, index.reshape(-1, 3), np.zeros(len(cut), np.int64), np.zeros(len(flat), np.int64)),
+        )
 
 
 def _distances_on_edge(start: Float64Array, along: Float64Array, length: float, points: Float64Array) -> Float64Array:

@@ -183,22 +183,34 @@ def test_a_path_with_a_separator(name: str) -> None:
     assert [building.id for building in read_field_input(name).buildings] == ["a", "b"]
 
 
-def test_a_passage_through_a_building_is_no_street(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("frame", "metres"), [("EPSG:3067", 1.0), (FOOT_FRAME, 0.3048006)])
+@pytest.mark.parametrize("name", ["s.gpkg", "s.geojson", "s.shp"])
+def test_a_passage_through_a_building_has_its_tags(tmp_path: Path, name: str, frame: str, metres: float) -> None:
     lines = [LineString([(0, y), (0, y + 10)]) for y in (0, 10, 20)]
-    columns = {"id": ["a", "b", "c"], "highway": ["residential"] * 3, "tunnel": [None, "building_passage", None]}
-    geopandas.GeoDataFrame(columns, geometry=lines, crs="EPSG:3067").to_file(tmp_path / "s.gpkg")
-    found = read_centrelines(tmp_path / "s.gpkg")
-    assert [item.id for item in found.items] == ["a", "c"]
-    assert [(remark.id, remark.reason) for remark in found.remarks] == [
-        ("b", "passages through buildings closed, without viewpoints")
-    ]
+    columns = {
+        "id": ["a", "b", "c"],
+        "class": ["residential"] * 3,
+        "tunnel": [None, "Building Passage", "no"],
+        "maxheight": [None, "3.2", None],
+        "width": [None, "4 m", None],
+    }
+    geopandas.GeoDataFrame(columns, geometry=lines, crs=frame).to_file(tmp_path / name)
+    found = read_centrelines(tmp_path / name, SourceKeys(frame))
+    assert [(item.id, item.passage is not None) for item in found.items] == [("a", False), ("b", True), ("c", False)]
+    tags = dict(found.items[1].passage or {})
+    assert tags["highway"] == "residential"
+    assert tags["width"] == "4 m"
+    assert float(tags["maxheight"]) == pytest.approx(3.2 * metres, abs=1e-3)
 
 
 @pytest.mark.realdata
 def test_a_block_with_a_passage() -> None:
     block = read_field_input("passage")
-    assert [street.id for street in block.streets] == ["s1", "s2", "s4"]
-    assert "passages through buildings closed, without viewpoints: 1 (3)" in block.notes
+    assert [street.id for street in block.streets] == ["s1", "s2"]
+    assert "passages through buildings opened to an assumed height of 3.5 m: 1 (3)" in block.notes
+    ((height, corridor),) = ((one.height, one.corridor) for b in block.buildings for one in b.passages)
+    assert height == 3.5
+    assert corridor.intersection(block.buildings[0].footprint).equals(shapely.box(385017, 6671008, 385023, 6671018))
 
 
 @pytest.mark.parametrize(("crs", "height"), [(FOOT_FRAME, 30.48), (f"{FOOT_FRAME}+5703", 100.0)])

@@ -1,0 +1,213 @@
+"""Passages of streets through buildings: which are opened, how wide and how high."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from pyproj import CRS
+from shapely import LineString, box
+
+from catalogs.block.digest import block_digest
+from catalogs.block.passages import OpenedPassages, open_passages
+from catalogs.block.reader import Block, read_block
+from catalogs.block.streets import build_block_streets
+from catalogs.features import Centreline, CentrelinesAndGround
+from facade_core.core.types import Building, BuildingShell
+
+UTM = CRS.from_epsg(32635)
+FRONT = Building("front", box(0, 0, 40, 10), 12.0, "height")
+REAR = Building("rear", box(0, 10, 40, 20), 9.0, "height")
+CLOSED = "passages through buildings closed, without viewpoints"
+LOW = "passages through buildings too low for them closed, without viewpoints"
+INNER = "passages that do not reach the walls of their buildings closed, without viewpoints"
+ASSUMED = "passages through buildings opened to an assumed height of 3.5 m"
+OPENED = "passages through buildings opened"
+UNREAD = "heights of passages not understood, 3.5 m assumed; write maxheight in metres"
+
+
+def street(id: str, *points: tuple[float, float], **tags: str) -> Centreline:
+    passage = {"highway": "residential", "tunnel": "building_passage", **tags} if tags.pop("passage", "yes") else None
+    return Centreline(id, LineString(points), "Hof", passage)
+
+
+def opened(buildings: list[Building], *pieces: Centreline) -> OpenedPassages:
+    return open_passages(buildings, CentrelinesAndGround(None, pieces), UTM)
+
+
+def open_area(building: Building) -> float:
+    return sum(passage.corridor.intersection(building.footprint).area for passage in building.passages)
+
+
+def shell() -> BuildingShell:
+    corners = np.array([[0, 0, 0], [40, 0, 0], [0, 10, 9]], np.float64)
+    return BuildingShell(
+        corners, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.uint8), np.full(1, -1, np.int32),
+        np.zeros((1, 3, 2), np.float32),
+    )  # fmt: skip
+
+
+def test_a_passage_through_one_building_is_open_and_part_of_its_street() -> None:
+    pieces = (
+        street("w1", (20, -20), (20, 0), passage=""),
+        street("w2", (20, 0), (20, 10), width="4", maxheight="3.2"),
+        street("w3", (20, 10), (20, 30), passage=""),
+    )
+    found = opened([FRONT, REAR], *pieces)
+    front, rear = found.buildings
+    assert rear is REAR
+    assert [passage.height for passage in front.passages] == [3.2]
+    assert front.passages[0].corridor.intersection(front.footprint).equals(box(18, 0, 22, 10))
+    assert found.reasons == {OPENED: ["w2"]}
+    (whole,) = build_block_streets(found.streets, UTM, area=None)[0]
+    assert whole.line.length == 50
+
+
+def test_a_passage_through_two_adjacent_buildings_opens_the_party_wall() -> None:
+    for pieces in (
+        [street("w1", (20, 0), (20, 20), width="4")],
+        [street("w1", (20, 0), (20, 10), width="4"), street("w2", (20, 20), (20, 10), width="4")],
+        [street("w1", (20, 0), (20, 7), width="4"), street("w2", (20, 7), (20, 20), width="4")],
+    ):
+        found = opened([FRONT, REAR], *pieces)
+        assert [open_area(one) for one in found.buildings] == pytest.approx([40, 40])
+        for one in found.buildings:
+            for wall in ((18, 10), (22, 10)):
+                assert shapely.union_all([passage.corridor for passage in one.passages]).covers(shapely.Point(wall))
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [(-3, 0.5), (0.5, -3)],  # beside a corner, which its width touches
+        [(-1, 1.4), (1.4, -1)],  # over a corner
+        [(-5, 5), (0.3, 5)],  # to the wall
+        [(-1, -1), (41, -1)],  # along the wall
+    ],
+)
+def test_a_passage_that_grazes_a_building_leaves_it_closed_and_stays_a_street(
+    points: list[tuple[float, float]],
+) -> None:
+    found = opened([FRONT], street("w1", *points))
+    assert found.buildings == (FRONT,)
+    assert found.reasons == {}
+    assert len(found.streets.items) == 1
+
+
+@pytest.mark.parametrize(("height", "reason"), [(12.0, OPENED), (4.0, OPENED), (2.5, OPENED), (2.4, LOW)])
+def test_a_passage_higher_than_its_building(height: float, reason: str) -> None:
+    found = opened([replace(FRONT, height=height)], street("w1", (20, 0), (20, 10), maxheight="4.2"))
+    assert found.reasons == {reason: ["w1"]}
+    assert bool(found.buildings[0].passages) == (reason == OPENED), "the geometry limits the ceiling"
+    assert len(found.streets.items) == (reason == OPENED)
+
+
+def test_a_passage_through_a_model_is_closed_and_cuts_its_street() -> None:
+    model = replace(FRONT, shell=shell(), height_source="model")
+    pieces = (
+        street("w1", (20, -20), (20, 0), passage=""),
+        street("w2", (20, 0), (20, 20)),
+        street("w3", (20, 20), (20, 40), passage=""),
+    )
+    found = opened([model, REAR], *pieces)
+    assert found.buildings == (model, REAR), "closed also in the extruded building behind"
+    assert found.reasons == {CLOSED: ["w2"]}
+    assert len(build_block_streets(found.streets, UTM, area=None)[0]) == 2
+
+
+@pytest.mark.parametrize(
+    ("points", "area"),
+    [
+        ([(20, 0.8), (20, 9.2)], 40.0),  # mapped short of the walls
+        ([(20, -3), (20, 14)], 40.0),  # and beyond
+        ([(15, 0), (25, 10)], None),  # askew: the whole width reaches through
+        ([(20, 0), (20, 5)], 36.0),  # ends inside: as far as its end may be off
+    ],
+)
+def test_ends_of_passages(points: list[tuple[float, float]], area: float | None) -> None:
+    (front,) = opened([FRONT], street("w1", *points, width="4")).buildings
+    assert open_area(front) == pytest.approx(4 * 10 * 2**0.5 if area is None else area)
+
+
+def test_a_passage_inside_of_a_building_stays_closed() -> None:
+    large = replace(FRONT, footprint=box(0, 0, 60, 60))
+    found = opened([large], street("w1", (20, 20), (20, 40)))
+    assert found.buildings == (large,)
+    assert found.reasons == {INNER: ["w1"]}
+
+
+def test_a_part_that_begins_above_the_passage_needs_no_height_below() -> None:
+    bridge = replace(FRONT, raised=4.0, height=4.2)
+    found = opened([bridge], street("w1", (20, 0), (20, 10), maxheight="3"))
+    assert found.reasons == {OPENED: ["w1"]}
+    assert found.buildings[0].passages, "cameras are placed below it"
+
+
+@pytest.mark.parametrize(
+    ("tags", "width", "height", "reason"),
+    [
+        ({}, 6.0, 3.5, ASSUMED),
+        ({"highway": "pedestrian"}, 6.0, 3.5, ASSUMED),
+        ({"highway": "residential", "oneway": "yes", "maxheight": "default"}, 4.0, 3.5, ASSUMED),
+        ({"lanes": "1", "maxheight": "3"}, 3.0, 3.0, OPENED),
+        ({"width": "1", "maxheight:physical": "3.4", "maxheight": "3.1"}, 2.0, 3.4, OPENED),
+        ({"width": "3.5 m", "maxheight": "11'6\""}, 3.5, 3.51, OPENED),
+        ({"width": "wide", "maxheight": "high"}, 6.0, 3.5, UNREAD),
+        ({"maxheight": "99"}, 6.0, 3.5, UNREAD),
+    ],
+)  # fmt: skip
+def test_width_and_height_by_tags(tags: dict[str, str], width: float, height: float, reason: str) -> None:
+    found = opened([FRONT], street("w1", (20, 0), (20, 10), **tags))
+    (passage,) = found.buildings[0].passages
+    assert (open_area(found.buildings[0]) / 10, passage.height) == (pytest.approx(width), pytest.approx(height))
+    assert found.reasons == {reason: ["w1"]}
+
+
+def write_block(folder: Path, tunnel: str | None) -> Path:
+    def collection(*features: tuple[dict[str, object], shapely.Geometry]) -> str:
+        rows = [
+            {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(shape)}
+            for properties, shape in features
+        ]
+        return json.dumps({"type": "FeatureCollection", "features": rows})
+
+    x, y = 385_000, 6_671_000
+    places = [[(x + 20, y - 20), (x + 20, y)], [(x + 20, y), (x + 20, y + 10)], [(x + 20, y + 10), (x + 20, y + 30)]]
+    folder.mkdir()
+    (folder / "streets.geojson").write_text(
+        collection(
+            *(
+                (
+                    {"id": n, "name": "Hof", "highway": "residential", "tunnel": tunnel if n == 1 else None},
+                    LineString(p),
+                )
+                for n, p in enumerate(places)
+            )
+        )
+    )
+    houses = [({"id": "a", "height": 12, "building": "yes"}, box(x, y, x + 40, y + 10))]
+    (folder / "buildings.geojson").write_text(collection(*houses))
+    (folder / "block.yaml").write_text(
+        "name: passage\ncrs: EPSG:32635\nbuildings: {path: buildings.geojson, crs: 'EPSG:32635'}\n"
+        "streets: {path: streets.geojson, crs: 'EPSG:32635'}\n"
+        "texture: {walls: translate}\n"
+    )
+    return folder / "block.yaml"
+
+
+def test_a_block_with_a_passage_and_one_without(tmp_path: Path) -> None:
+    blocks: list[Block] = [
+        read_block(write_block(tmp_path / str(tunnel), tunnel)) for tunnel in ("building_passage", None)
+    ]
+    passage, plain = blocks
+    assert [len(block.streets) for block in blocks] == [1, 1]
+    assert passage.streets == plain.streets
+    assert f"{ASSUMED}: 1 (1)" in passage.notes
+    assert not any("passage" in note for note in plain.notes)
+    assert block_digest(passage) != block_digest(plain)
+    closed = replace(passage, buildings=plain.buildings, notes=plain.notes)
+    assert block_digest(closed) == block_digest(replace(plain, ground=passage.ground))
