@@ -20,7 +20,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import rebuild_material_field
-from tasks.stages.streets.panoramas import render_field_panorama
+from tasks.stages.streets.panoramas import read_viewpoint_buffer, render_field_panorama
 from tasks.stages.streets.worker import add_viewpoint_to_buffer, replay_street
 from tasks.viewing.run_view import RunView
 
@@ -108,9 +108,9 @@ class StreetReplay:
             run = self._load_run(view)
             if run.field is None:
                 return np.asarray(stored[viewpoint], np.uint8)
-            return render_field_panorama(
-                run.plan, view.group, run.field, run.plan.viewpoints[viewpoint], stored.shape[2]
-            )
+            seen = run.plan.viewpoints[viewpoint]
+            buffer = read_viewpoint_buffer(run.plan, view.group, seen)
+            return render_field_panorama(run.plan, buffer, run.field, seen, stored.shape[2])
 
     def _load_run(self, view: RunView) -> _LoadedRun:
         if self._run is None or self._run.view.tables is not view.tables:

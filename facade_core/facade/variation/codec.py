@@ -20,7 +20,7 @@ from facade_core.facade.variation.contents import ElementGroup, HierarchyContent
 
 _FORMAT = "streetloom variation 3"
 # About half of a JPEG's bytes at the same similarity; one thread, so that bits do not depend on the machine.
-AVIF_OPTIONS = {"quality": 45, "speed": 6, "max_threads": 1}
+AVIF_OPTIONS = {"quality": 45, "speed": 8, "max_threads": 1}
 # Quantisation step of light.
 _LIGHT_STEP = 1 / 128
 

@@ -81,6 +81,7 @@ def ground_layers(
     carriageway : union of the carriageways of these ways.
     """
     roads = [way for way in ways if way.kind == "road"]
+    lines = np.array([way.line for way in roads], object)
     shapes: dict[int, list[shapely.Geometry]] = {}
     for area in areas:
         shapes.setdefault(FIRST_AREA_LAYER + SURFACES.index(area.surface), []).append(area.outline)
@@ -91,9 +92,10 @@ def ground_layers(
                 shapes.setdefault(PAVEMENT_LAYER, []).append(strip)
         if min(way.pavement) > 0:
             for end in (way.line.coords[0], way.line.coords[-1]):
-                if sum(shapely.distance(other.line, shapely.Point(end)) < 0.05 for other in roads) > 1:
+                corner = shapely.Point(end)
+                if np.count_nonzero(shapely.distance(lines, corner) < 0.05) > 1:
                     reach = way.width / 2 + min(way.pavement)
-                    shapes.setdefault(PAVEMENT_LAYER, []).append(shapely.Point(end).buffer(reach))
+                    shapes.setdefault(PAVEMENT_LAYER, []).append(corner.buffer(reach))
     for way in ways:
         if way.kind in ("path", "cycle", "steps"):
             shape = way.line.buffer(way.width / 2, cap_style="flat" if way.kind == "steps" else "round")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from io import BytesIO
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,7 +21,7 @@ from facade_core.atlas.stored_files import (
     variation_hierarchy_path,
     write_stored_file,
 )
-from facade_core.core.arrays import AnyArray, UInt8Array
+from facade_core.core.arrays import AnyArray, Float64Array, UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
@@ -130,11 +130,12 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         refused: list[Exception] = []
         if not done(unit, partial(_texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
+    wall_colour = cache(partial(photo_wall_colour, group, plan))
     for unit, refused in left:  # once those with pictures are there: these take their walls' colour
         beside = [
             facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
         ]
-        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, beside), refused)
+        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, wall_colour, tuple(beside)), refused)
     return fork, records
 
 
@@ -261,9 +262,20 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
 
 
 def _texture_from_exemplar(
-    run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int]
+    run: Run,
+    plan: Plan,
+    group: StoreGroup,
+    unit: Unit,
+    wall_colour: Callable[[tuple[int, ...]], Float64Array | None],
+    beside: tuple[int, ...],
 ) -> _TexturedFacade:
-    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage."""
+    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage.
+
+    Parameters
+    ----------
+    wall_colour : returns the colour of the walls of some facades.
+    beside : facades of the building with pictures.
+    """
     facade, (imagery, *_) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
@@ -285,9 +297,7 @@ def _texture_from_exemplar(
         facade_wall(plan.scene, facades, facade, imagery.entrances),
         size,
         span=(along, along + width),
-        paint=BuildingPaint(
-            unit_seed(run, str(facades.house[facade]), BUILDING_SEED), photo_wall_colour(group, plan, beside)
-        ),
+        paint=BuildingPaint(unit_seed(run, str(facades.house[facade]), BUILDING_SEED), wall_colour(beside)),
         seed=unit_seed(run, first, FACADE_SEED),
     )
     return _TexturedFacade(depth, _apply_correction(result, imagery), name, nothing)

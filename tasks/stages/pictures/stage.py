@@ -40,7 +40,7 @@ VIEW_RAY = 60
 DRAWN_TEXEL = 90
 
 # Facades of a street that are shown stage by stage, beside those from photos; of the others the report has the texture alone.
-MAX_STAGED_PER_STREET = 16
+MAX_STAGED_PER_STREET = 4
 # Facades in a piece: a commit for each would take as long as the pictures.
 FACADES_PER_GROUP = 8
 

@@ -21,14 +21,14 @@ def is_panorama_in_report(plan: Plan, viewpoint: Viewpoint) -> bool:
 
 
 def render_field_panorama(
-    plan: Plan, group: StoreGroup, materials: MaterialField, viewpoint: Viewpoint, width: int
+    plan: Plan, buffer: TexelBuffer, materials: MaterialField, viewpoint: Viewpoint, width: int
 ) -> UInt8Array:
     """Render a viewpoint over the base layer, and paint all else with its material.
 
     Parameters
     ----------
     plan : plan of the run.
-    group : root of the store.
+    buffer : base layer of the charts in view, at least.
     materials : material field of the block.
     viewpoint : position and direction of the panorama.
     width : pixels; the height is half of it.
@@ -37,9 +37,17 @@ def render_field_panorama(
     -------
     (h, w, 3) uint8.
     """
+    panorama = render_panorama(plan.scene, buffer, viewpoint, (width // 2, width))
+    return add_sky(paint_bare_pixels(panorama, materials, plan.scene.charts.normals()), panorama.depth)
+
+
+def read_viewpoint_buffer(plan: Plan, group: StoreGroup, viewpoint: Viewpoint) -> TexelBuffer:
+    """Read the base layer of the charts that a viewpoint sees, without any view."""
     scene, charts = plan.scene, plan.charts_of_viewpoint(viewpoint.id)
     layout, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], charts)
-    base = [read_rasters(group[f"atlas/{name}"], scene.placement, layout) for name in ("seed", "seed_evidence")]
-    buffer = TexelBuffer.allocate(scene.placement, layout, writable, *base, visibility_range=scene.visibility_range)
-    panorama = render_panorama(scene, buffer, viewpoint, (width // 2, width))
-    return add_sky(paint_bare_pixels(panorama, materials, scene.charts.normals()), panorama.depth)
+    colour, provenance = (
+        read_rasters(group[f"atlas/{name}"], scene.placement, layout) for name in ("seed", "seed_evidence")
+    )
+    return TexelBuffer.allocate(
+        scene.placement, layout, writable, colour, provenance, visibility_range=scene.visibility_range
+    )

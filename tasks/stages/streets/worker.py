@@ -147,7 +147,7 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
             mark_first_visible(here.plan.scene, progress.window, viewpoint, charts_seen)
         lap("propagate")
         if is_panorama_in_report(here.plan, viewpoint):
-            rgb = render_field_panorama(here.plan, group, here.field, viewpoint, size[1])
+            rgb = render_field_panorama(here.plan, progress.window, here.field, viewpoint, size[1])
             lap("render")
     if rgb is not None:
         group["panoramas/rgb"][viewpoint.id] = rgb

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from icechunk import ForkSession
@@ -135,6 +135,7 @@ def _make_reader(
     group: StoreGroup, placement: ChartPlacements, seeded: Collection[int], written: Collection[int]
 ) -> ChartReader:
     """Return a reader of base layer and street texels; charts without either read as empty."""
+    array = cache(group.__getitem__)  # opening an array takes as long as reading a chunk
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[UInt8Array, UInt8Array]:
         y, x = int(placement.y[chart]), int(placement.x[chart])
@@ -147,9 +148,9 @@ def _make_reader(
         seed, evidence = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
         street, views = seed, np.zeros(shape, np.uint16)
         if chart in seeded:
-            seed, evidence = np.asarray(group["atlas/seed"][part]), np.asarray(group["atlas/seed_evidence"][part])
+            seed, evidence = np.asarray(array("atlas/seed")[part]), np.asarray(array("atlas/seed_evidence")[part])
         if chart in written:
-            street, views = np.asarray(group["atlas/street"][part]), np.asarray(group["atlas/street_views"][part])
+            street, views = np.asarray(array("atlas/street")[part]), np.asarray(array("atlas/street_views")[part])
         return merge_atlas_layers(seed, evidence, street, views)
 
     return read
