@@ -10,11 +10,14 @@ from facade_core.core.arrays import IntArray
 from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.walls import MAX_FACING_COSINE
 
 # Grid on which corners are snapped so that nearly shared edges meet, metres.
 SNAP_GRID_M = 0.001
-# Ceilings at least this far below the lowest corner of the roofs are undersides or passages, no eaves; metres.
-MIN_BELOW_ROOF_M = 0.1
+# Ceilings of passages are at least this far below the lowest corner of the roofs, metres.
+MIN_BELOW_ROOF_M = 0.4
+# Maximum distance between a ceiling and the upper edge of a wall below it, metres.
+MAX_CEILING_GAP_M = 0.01
 # Minimum area of a part of a footprint, m2.
 MIN_PART_M2 = 0.1
 
@@ -22,8 +25,8 @@ MIN_PART_M2 = 0.1
 def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygon]:
     """Compute the footprint of a building: the area under its roofs without eaves.
 
-    Eaves have a ceiling below them; the area over a passage counts. If the ceilings of eaves cover everything, or there
-    is no roof, all surfaces count.
+    Eaves have a ceiling below them; the area over a passage counts. If ceilings cover everything, or there is no roof, all
+    surfaces count.
 
     Parameters
     ----------
@@ -33,11 +36,30 @@ def building_footprint(source: TexturedMesh, triangles: IntArray) -> list[Polygo
     kind = source.charts.kind[source.mesh.chart[triangles]]
     roof = triangles[kind == ChartKind.ROOF]
     covered = _covered_area(source, roof if len(roof) else triangles)
-    height = source.mesh.vertices[source.mesh.triangles[triangles], 2]
-    eaves = height.max(axis=1) > height[kind == ChartKind.ROOF].min(initial=np.inf) - MIN_BELOW_ROOF_M
-    open_below = _covered_area(source, triangles[(kind == ChartKind.CEILING) & eaves])
+    over_passage = np.isin(source.mesh.chart[triangles], _passage_ceilings(source, triangles, roof))
+    open_below = _covered_area(source, triangles[(kind == ChartKind.CEILING) & ~over_passage])
     standing = _polygon_parts(shapely.difference(covered, open_below, grid_size=SNAP_GRID_M)) if len(roof) else []
     return standing or _polygon_parts(covered)
+
+
+def _passage_ceilings(source: TexturedMesh, triangles: IntArray, roof: IntArray) -> list[int]:
+    """Return the charts of ceilings far below the roof between two walls that face each other."""
+    charts, mesh = source.charts, source.mesh
+    own = np.unique(mesh.chart[triangles])
+    lowest_roof = mesh.vertices[mesh.triangles[roof], 2].min(initial=np.inf)
+    low = own[(charts.kind[own] == ChartKind.CEILING) & (charts.origin[own, 2] < lowest_roof - MIN_BELOW_ROOF_M)]
+    walls = own[charts.kind[own] == ChartKind.WALL]
+    found = []
+    for ceiling in low.tolist():
+        below = walls[np.abs(charts.origin[walls, 2] - charts.origin[ceiling, 2]) < MAX_CEILING_GAP_M]
+        area = _covered_area(source, triangles[mesh.chart[triangles] == ceiling])
+        edges = shapely.linestrings(charts.points_at_shares(below, np.array([[0.0, 0.0], [1.0, 0.0]]))[..., :2])
+        below = below[shapely.distance(area, edges) < MAX_CEILING_GAP_M]
+        middle, normal = charts.points_at_shares(below, np.array([[0.5, 0.0]]))[:, 0], charts.normals()[below]
+        ahead = np.einsum("ijk,ik->ij", middle[None] - middle[:, None], normal)
+        if ((normal @ normal.T < MAX_FACING_COSINE) & (ahead > 0)).any():
+            found.append(ceiling)
+    return found
 
 
 def _covered_area(source: TexturedMesh, triangles: IntArray) -> shapely.Geometry:

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import networkx
 import numpy as np
 import pytest
 import shapely
@@ -13,10 +14,12 @@ from pyproj import CRS
 from shapely import LineString, box
 
 from catalogs.block.digest import block_digest
+from catalogs.block.extract import read_city_part, write_city_part_file
 from catalogs.block.passages import OpenedPassages, open_passages
-from catalogs.block.reader import Block, read_block
+from catalogs.block.reader import Block, city_part_file_values, read_block
 from catalogs.block.streets import build_block_streets
 from catalogs.features import Centreline, CentrelinesAndGround
+from catalogs.readers.formats import read_centrelines
 from facade_core.core.types import Building, BuildingShell
 
 UTM = CRS.from_epsg(32635)
@@ -199,6 +202,22 @@ def write_block(folder: Path, tunnel: str | None) -> Path:
     return folder / "block.yaml"
 
 
+def test_a_street_graph_states_passages_in_both_directions(tmp_path: Path) -> None:
+    graph = networkx.MultiDiGraph(crs="EPSG:32635")
+    for node, y in enumerate((-20.0, 0.0, 10.0, 30.0)):
+        graph.add_node(node, x=20.0, y=y)
+    for start, end in ((0, 1), (1, 2), (2, 3)):
+        tags = {"highway": "residential", "name": "Hof", "osmid": str(start)}
+        if start == 1:
+            tags |= {"tunnel": "['building_passage', 'no']", "width": "['4', '5']"}
+        graph.add_edge(start, end, **tags)
+        graph.add_edge(end, start, **tags)
+    networkx.write_graphml(graph, tmp_path / "streets.graphml")
+    found = opened([FRONT], *read_centrelines(tmp_path / "streets.graphml").items)
+    assert open_area(found.buildings[0]) == pytest.approx(40)
+    assert found.reasons == {ASSUMED: ["w1"]}
+
+
 def test_a_block_with_a_passage_and_one_without(tmp_path: Path) -> None:
     blocks: list[Block] = [
         read_block(write_block(tmp_path / str(tunnel), tunnel)) for tunnel in ("building_passage", None)
@@ -209,5 +228,7 @@ def test_a_block_with_a_passage_and_one_without(tmp_path: Path) -> None:
     assert f"{ASSUMED}: 1 (1)" in passage.notes
     assert not any("passage" in note for note in plain.notes)
     assert block_digest(passage) != block_digest(plain)
+    write_city_part_file(tmp_path / "part.npz", city_part_file_values(passage, passage))
+    assert read_city_part(tmp_path / "part.npz").contents["buildings"] == passage.buildings
     closed = replace(passage, buildings=plain.buildings, notes=plain.notes)
     assert block_digest(closed) == block_digest(replace(plain, ground=passage.ground))
