@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from PIL import Image
 
 from catalogs.readers.meshes.models import read_mesh_buildings
+from catalogs.readers.referenced_files import NO_FILE_REASON
 from facade_core.core.arrays import FloatArray
 from facade_core.core.errors import InputError
 
@@ -156,3 +158,41 @@ def test_quantised_positions_are_shares(tmp_path: Path) -> None:
 def test_what_is_not_understood_is_refused(tmp_path: Path, keys: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=rf"wall\.gltf .*{words}"):
         read_mesh_buildings(write_wall(tmp_path, **keys))
+
+
+def coloured(folder: Path, factor: list[float], **keys: Any) -> Path:
+    """Write the wall in a base colour without a picture."""
+    return write_wall(folder, materials=[{"name": "wall", "pbrMetallicRoughness": {"baseColorFactor": factor}}], **keys)
+
+
+def test_a_base_colour_without_a_picture_is_that_of_the_walls(tmp_path: Path) -> None:
+    (model,) = read_mesh_buildings(coloured(tmp_path, [0.5, 0.05, 0.0, 1.0])).items
+    assert model.finish.wall_colour == (188, 63, 0)  # linear light in the file, sRGB here
+    assert model.finish.roof_colour is None
+
+
+def test_white_is_the_default_of_gltf_and_states_nothing(tmp_path: Path) -> None:
+    (model,) = read_mesh_buildings(coloured(tmp_path, [1.0, 1.0, 1.0, 1.0])).items
+    assert model.finish.wall_colour is None
+
+
+def test_a_colour_on_a_picture_and_colours_of_vertices_are_counted(tmp_path: Path) -> None:
+    both = {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 0.5, 0.5, 1.0]}
+    found = read_mesh_buildings(write_wall(tmp_path, materials=[{"name": "wall", "pbrMetallicRoughness": both}]))
+    assert [(one.id, one.reason.partition(" (")[0]) for one in found.remarks] == [
+        ("a", "models whose pictures are to be multiplied by a colour")
+    ]
+    assert found.items[0].finish.wall_colour is None
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 0}, "indices": 2}
+    found = read_mesh_buildings(write_wall(tmp_path, meshes=[{"primitives": [primitive]}]))
+    assert [(one.id, one.reason.partition(" (")[0]) for one in found.remarks] == [
+        ("a", "models with a colour at each vertex")
+    ]
+
+
+def test_a_picture_that_is_a_pipe_is_called_one(tmp_path: Path) -> None:
+    path = write_wall(tmp_path)
+    (tmp_path / "wall.png").unlink()
+    os.mkfifo(tmp_path / "wall.png")
+    found = read_mesh_buildings(path)
+    assert [(one.id, one.reason) for one in found.remarks] == [("wall.png", NO_FILE_REASON)]

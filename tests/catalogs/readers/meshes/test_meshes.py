@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import trimesh
 from PIL import Image
 
 from catalogs.features import BuildingModel, BuildingModels
+from catalogs.readers.material_colours import SEVERAL_COLOURS_REASON
 from catalogs.readers.meshes.models import read_mesh_buildings
+from catalogs.readers.referenced_files import NO_FILE_REASON
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
 
@@ -322,3 +325,48 @@ def test_amsterdam_has_dutch_groups_of_one_building(data: Path) -> None:
     (model,) = read_mesh_buildings(data / "city/amsterdam/0363100012143961.obj").items
     assert model.id == "0363100012143961"
     assert kinds(model) == {"wall", "roof"}
+
+
+BOX = """mtllib box.mtl
+v 0 0 0
+v 9 0 0
+v 9 9 0
+v 0 9 0
+v 0 0 5
+v 9 0 5
+v 9 9 5
+v 0 9 5
+g house
+usemtl brick
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+usemtl plaster
+f 4 1 5 8
+usemtl tiles
+f 5 6 7 8
+f 1 4 3 2
+"""
+
+
+def test_colours_of_materials_without_a_picture_are_those_of_most_of_a_building(tmp_path: Path) -> None:
+    (tmp_path / "box.obj").write_text(BOX)
+    (tmp_path / "box.mtl").write_text(
+        "newmtl brick\nKd 0.6 0.2 0.1\nnewmtl plaster\nKd 0.9 0.9 0.8\nnewmtl tiles\nKd 0.4 0.4 0.4\n"
+    )
+    found = read_mesh_buildings(tmp_path / "box.obj")
+    assert found.items[0].finish.wall_colour == (153, 51, 26)
+    assert found.items[0].finish.roof_colour == (102, 102, 102)
+    assert [(one.id, one.reason) for one in found.remarks] == [("house", SEVERAL_COLOURS_REASON)]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder"])
+def test_a_picture_that_is_no_file_is_called_that(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "box.obj").write_text(BOX)
+    (tmp_path / "box.mtl").write_text("newmtl brick\nmap_Kd wall.png\n")
+    if kind == "pipe":
+        os.mkfifo(tmp_path / "wall.png")
+    else:
+        (tmp_path / "wall.png").mkdir()
+    found = read_mesh_buildings(tmp_path / "box.obj")
+    assert [(one.id, one.reason) for one in found.remarks] == [("wall.png", NO_FILE_REASON)]
