@@ -25,6 +25,7 @@ from catalogs.block.serial_schemas import PART_FIELDS, SCHEMAS
 from catalogs.block.value_types import require_attribute_types
 from catalogs.buildings.extents import Bounds
 from catalogs.features import Fault
+from catalogs.reader_errors import short_message
 from catalogs.readers.json_text import parse_json_object
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.pictures.aerial import Orthophoto
@@ -149,7 +150,7 @@ def read_city_part_file(path: Path) -> dict[str, object]:
 
 
 def _unreadable_message(path: Path, error: Exception) -> str:
-    why = " ".join(str(error).split()).removeprefix(str(path)).lstrip(": ")[:100]
+    why = short_message(error).removeprefix(str(path)).lstrip(": ")
     return f"{path} holds no part of a city that can be read ({why}); remove it, and `streetloom city` writes it again"
 
 

@@ -29,7 +29,7 @@ from catalogs.readers.vectors.osm import (
     parse_footprint,
     split_osmnx_values,
 )
-from catalogs.readers.vectors.solids import build_solid
+from catalogs.readers.vectors.solids import build_solid, is_open_walls
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ _GROUND_TAGS = frozenset(
         "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",
     )
 )  # fmt: skip
+_OPEN_WALLS_REASON = (
+    "buildings of walls without floor and roof set aside; export closed solids, or outlines with heights"
+)
 _STREET_LAYERS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
 
 
@@ -84,6 +87,9 @@ def read_vector_footprints(path: Path, lod: str | None = None, keys: SourceKeys 
                 f"footprint {id} has a coordinate that is no finite number, or absurdly far away; mend or remove it"
             )
             faults.append(Fault(id, "building", reason, finite_points(geometry)))
+            continue
+        if is_open_walls(geometry):
+            remarks.append(Remark(id, _OPEN_WALLS_REASON, geometry))
             continue
         try:
             footprint = parse_footprint(id, _plan_outline(geometry), tags, remarks, is_lonlat=degrees)

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Sequence
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pytest
 import shapely
@@ -15,6 +16,7 @@ from shapely import MultiPolygon, Polygon
 
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.vectors.solids import build_solid, convert_surface_wkb
+from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.types import Building
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -125,3 +127,15 @@ def test_broken_wkb_is_no_surface() -> None:
     assert math.isclose(shapely.from_wkb(converted).area, 2 * 14 * 9)
     assert convert_surface_wkb(wkb[:-9]) is None
     assert convert_surface_wkb(b"\x01\xf7\x03\x00\x00\xff\xff\xff\xff") is None
+
+
+def test_walls_without_floor_and_roof_are_called_that(tmp_path: Path) -> None:
+    walls = MultiPolygon([Polygon(face) for face in box_faces(20, 12)[2:]])
+    table = geopandas.GeoDataFrame({"id": ["whole", "open"]}, geometry=[solid(0, 12), walls], crs="EPSG:3067")
+    table.to_file(tmp_path / "b.gpkg")
+    found = read_vector_footprints(tmp_path / "b.gpkg")
+    assert [one.id for one in found.items] == ["whole"]
+    assert [(one.id, one.reason) for one in found.remarks if "walls" in one.reason] == [
+        ("open", "buildings of walls without floor and roof set aside; export closed solids, or outlines with heights")
+    ]
+    assert not [one for one in found.remarks if "empty" in one.reason]
