@@ -13,16 +13,6 @@ from facade_core.core.zarr_types import StoreArray, StoreGroup
 STRING_DTYPE = "string"
 
 
-# Sides of chunks below and from a density: a chunk costs a millisecond to read or write, whatever it holds.
-CHUNK_SIDES = (128, 256)
-DENSE_TEXELS_PER_METRE = 24.0
-
-
-def chunk_side(texels_per_metre: float) -> int:
-    """Return the side of a chunk in texels: 4 to 10 m of a wall."""
-    return CHUNK_SIDES[texels_per_metre >= DENSE_TEXELS_PER_METRE]
-
-
 @dataclass(frozen=True)
 class AtlasSpec:
     """Dimensions of an atlas.

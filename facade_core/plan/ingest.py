@@ -10,7 +10,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import BoolArray, Int32Array
-from facade_core.core.atlas_spec import AtlasSpec, chunk_side
+from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.passages import footprint_without_headroom
@@ -122,7 +122,7 @@ def build_plan(
     streets = tuple(inputs.streets) or derive_streets(footprints)
     ground = fit_ground_between_buildings(inputs.ground or MappedGround(), streets, footprints)
     terrain = build_terrain(buildings, inputs.elevation)
-    one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page, chunk=chunk_side(settings.texels_per_metre))
+    one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page)
     charts, mesh, refused = build_block_surfaces(
         buildings,
         streets,

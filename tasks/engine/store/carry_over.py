@@ -18,7 +18,7 @@ from facade_core.atlas.journal import Record, clear_record, journal_path
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.arrays import BoolArray
-from facade_core.core.atlas_spec import CHUNK_SIDES, DENSE_TEXELS_PER_METRE, AtlasSpec
+from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.chart_packing import PreviousChartPlacements
@@ -44,7 +44,7 @@ class LastIngest:
 def store_compatibility_settings(run: Run) -> dict[str, object]:
     """Return the settings in which stores must agree for units to be carried over."""
     return {
-        "pages": [AtlasSpec.page, [*CHUNK_SIDES, DENSE_TEXELS_PER_METRE], AtlasSpec.gutter],
+        "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
         "crs": run.crs,
         "texels_per_metre": run.texture.texels_per_metre,
     }

@@ -15,9 +15,9 @@ from facade_core.street.translator.translators import paint_bare_pixels
 
 
 def is_panorama_in_report(plan: Plan, viewpoint: Viewpoint) -> bool:
-    """Report whether the report may show a viewpoint's panorama: two of each street, at a quarter and three quarters."""
-    own = [one.id for one in plan.street_viewpoints(viewpoint.street)]
-    return viewpoint.id in (own[len(own) // 4], own[3 * len(own) // 4])
+    """Report whether the report may show a viewpoint's panorama: the middle one of each street."""
+    own = plan.street_viewpoints(viewpoint.street)
+    return viewpoint.id == own[len(own) // 2].id
 
 
 def render_field_panorama(

@@ -30,7 +30,7 @@ from facade_core.street.translator.translators import MaterialFieldTranslator, T
 from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
-from tasks.stages.streets.panoramas import is_panorama_in_report, render_field_panorama
+from tasks.stages.streets.panoramas import is_panorama_in_report, read_viewpoint_buffer, render_field_panorama
 from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
 
@@ -147,7 +147,8 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
             mark_first_visible(here.plan.scene, progress.window, viewpoint, charts_seen)
         lap("propagate")
         if is_panorama_in_report(here.plan, viewpoint):
-            rgb = render_field_panorama(here.plan, progress.window, here.field, viewpoint, size[1])
+            seen = read_viewpoint_buffer(here.plan, group, viewpoint)
+            rgb = render_field_panorama(here.plan, seen, here.field, viewpoint, size[1])
             lap("render")
     if rgb is not None:
         group["panoramas/rgb"][viewpoint.id] = rgb
@@ -226,9 +227,8 @@ def _take_buffer(
 ) -> tuple[_Progress, object]:
     """Take the street's buffer with its first `step` viewpoints, None for any number, from this process or by replay.
 
-    Also returns the mark that is stored in its place. With a material field the panoramas of other streets
-    are left out: only the
-    end of the street needs them.
+    Also returns the mark that is stored in its place. With a material field the panoramas of other streets are left out: only
+    the end of the street needs them.
     """
     for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
@@ -236,8 +236,12 @@ def _take_buffer(
     with _taking:
         held, _streets[entry] = _streets.get(entry), mark
     if not isinstance(held, _Progress) or step not in (None, held.done):
-        field = here.field is not None
-        held = _Progress(replay_street(here.plan, group, entry[1], step or 0, field=field, own=field), step or 0)
+        steps = step or 0
+        if here.field is None:
+            window = replay_street(here.plan, group, entry[1], steps, field=False)
+        else:
+            window = _replay_visibility(here.plan, group, entry[1], steps)
+        held = _Progress(window, steps)
     return held, mark
 
 
@@ -248,7 +252,7 @@ def _keep_buffer(entry: _Street, mark: object, progress: _Progress) -> None:
 
 
 def replay_street(
-    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
+    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, threads: int = 1
 ) -> TexelBuffer:
     """Rebuild a street's texel buffer after its first `step` viewpoints.
 
@@ -257,7 +261,6 @@ def replay_street(
     Parameters
     ----------
     field : whether the translator returns a material field; its texels are left to `paint_visible_texels`.
-    own : whether panoramas of other streets are left out.
     threads : threads of the kernels.
     """
     scene = plan.scene
@@ -270,10 +273,29 @@ def replay_street(
     window = TexelBuffer.allocate(
         scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range
     )
-
-    earlier = [] if own else _earlier_viewpoints(plan, group, street, writable)
-    for viewpoint in [*earlier, *viewpoints[:step]]:
+    for viewpoint in [*_earlier_viewpoints(plan, group, street, writable), *viewpoints[:step]]:
         add_viewpoint_to_buffer(plan, group, window, viewpoint, field=field, threads=threads)
+    return window
+
+
+def _replay_visibility(plan: Plan, group: StoreGroup, street: int, step: int) -> TexelBuffer:
+    """Rebuild which texels of a street its first `step` viewpoints see: only charts that it writes, without their colours.
+
+    That is all that a material field needs before the end of a street.
+    """
+    scene, charts = plan.scene, plan.charts_of_street(street)
+    rasters, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], ())
+    evidence = read_rasters(group["atlas/seed_evidence"], scene.placement, rasters)
+    window = TexelBuffer.allocate(
+        scene.placement,
+        rasters,
+        writable,
+        np.zeros((rasters.total, 3), np.uint8),
+        evidence,
+        visibility_range=scene.visibility_range,
+    )
+    for viewpoint in plan.street_viewpoints(street)[:step]:
+        add_viewpoint_to_buffer(plan, group, window, viewpoint, field=True)
     return window
 
 
