@@ -19,6 +19,7 @@ from catalogs.imagery.remote_panorama import (
     parse_geojson_pose,
     resolve_licence,
 )
+from catalogs.reader_errors import short_message
 from catalogs.readers.pictures.poses import camera_angles_from_rotation
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -140,7 +141,7 @@ def _parse_record(record: JsonObject) -> RemotePanorama | Fault | None:
         pose = parse_geojson_pose(record.get("computed_geometry") or record.get("geometry"), *angles)
         rights = resolve_licence(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:
-        return panorama_fault(identifier, str(error))
+        return panorama_fault(identifier, short_message(error))
     creator, taken = record.get("creator"), finite_float_or_none(record.get("captured_at"))
     down, across = finite_float_or_none(record.get("height")), finite_float_or_none(record.get("width"))
     return RemotePanorama(

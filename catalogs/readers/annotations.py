@@ -214,7 +214,7 @@ def _read_geopackage(path: Path) -> list[Annotation]:
         raise
     except Exception as error:
         raise InputError(
-            f"{path} cannot be read ({' '.join(str(error).split())[:80]}); give one that `export --format gpkg` wrote"
+            f"{path} cannot be read ({short_message(error)}); give one that `export --format gpkg` wrote"
         ) from error
     if not known:
         raise InputError(

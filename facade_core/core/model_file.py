@@ -46,7 +46,7 @@ def read_model_record(path: Path) -> JsonObject:
     try:
         record = json.loads(read_regular(path))
     except (ValueError, RecursionError) as error:
-        raise ModelFileError(f"{path}: not valid JSON ({error}); fetch it again or train the model anew") from error
+        raise ModelFileError(f"{path}: not valid JSON; fetch it again or train the model anew") from error
     if not isinstance(record, dict):
         raise ModelFileError(f"{path}: not a JSON object; fetch it again or train the model anew")
     if record.get("classes") != list(CLASSES):
