@@ -21,7 +21,7 @@ class _ExemplarKey(NamedTuple):
     """What an analysed exemplar depends on."""
 
     out: str
-    index: int
+    exemplar: int
     key: str
     shops: bool
 
