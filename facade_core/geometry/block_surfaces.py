@@ -33,6 +33,7 @@ from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_ve
 from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_ground_charts
 from facade_core.geometry.ground.terrain import Terrain
+from facade_core.geometry.growth import grow_union
 
 # Footprint vertices nearer than this to the straight wall do not split it into two facades; metres.
 COLLINEAR_TOLERANCE_M = 0.2
@@ -40,6 +41,8 @@ COLLINEAR_TOLERANCE_M = 0.2
 FORECOURT_M = 6.0
 # Half of the widest gap between buildings that ground fills; metres.
 COURTYARD_M = 22.0
+# Corners of a footprint above which an index of its edges costs less than their scan.
+MIN_PREPARED_CORNERS = 100
 # A shell with walls along a smaller share of its free outline is a canopy, and ground continues below it.
 MIN_WALLED_SHARE = 0.6
 
@@ -80,6 +83,8 @@ def build_block_surfaces(
     refused, outlines = [], []
     buildings = unify_building_part_bases(buildings, terrain)
     tree = shapely.STRtree([building.footprint for building in buildings])
+    # sight lines are tested against an index of the edges
+    shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > MIN_PREPARED_CORNERS])
     eyes = sample_streets([street.line for street in streets])
     for index, building in enumerate(buildings):
         try:
@@ -99,7 +104,7 @@ def build_block_surfaces(
         near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps far from streets
-        near_buildings = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
+        near_buildings = grow_union(built, outlines, COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, near_buildings]).difference(built)
         if within is not None:
             end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(FORECOURT_M, join_style="mitre")

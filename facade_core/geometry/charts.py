@@ -118,6 +118,13 @@ class Charts:
         low, high = self._low[chart] - reach, self._high[chart] + reach
         return np.sort(self._boxes.query(shapely.box(*low, *high)))
 
+    def pairs_within(self, charts: Int64Array, reach: float) -> tuple[Int64Array, Int64Array]:
+        """Return `charts_within` of many charts (k,) as pairs: row in `charts`, ascending, and chart near it."""
+        low, high = self._low[charts] - reach, self._high[charts] + reach
+        pairs = self._boxes.query(shapely.box(*low.T, *high.T))
+        row, near = pairs[:, np.lexsort(pairs[::-1])]
+        return row, near
+
     @cached_property
     def max_diagonal(self) -> float:
         """Return the longest diagonal of a chart in metres."""

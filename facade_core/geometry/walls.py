@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int64Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, ObjectArray
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 
@@ -44,6 +44,8 @@ MIN_WALL_M = 0.7
 # Smaller or narrower walls and roofs are details, such as roof edges, chimneys and skirts; square metres and metres.
 MIN_MAIN_SURFACE_M2 = 2.0
 MIN_MAIN_SURFACE_M = 0.6
+# Walls whose free parts are computed at once: the outlines of a batch are in memory.
+WALLS_PER_BATCH = 4096
 # Lowest and greatest floor height in metres, where the height of the building allows it.
 FLOOR_HEIGHT_M = (2.6, 4.5)
 
@@ -66,22 +68,8 @@ def wall_outline_and_free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[
     -------
     Polygons in the wall's frame, metres, x right and y down; openings of the source count as wall.
     """
-    own = _outline_without_openings(charts, mesh, chart, chart)
-    normal = charts.normals()
-    near = charts.charts_within(chart, MAX_JOINT_M)
-    near = near[(charts.kind[near] == ChartKind.WALL) & (normal[near] @ normal[chart] < MAX_FACING_COSINE)]
-    apart = (charts.points_at_shares(near, np.array([[0.5, 0.5]]))[:, 0] - charts.origin[chart]) @ normal[chart]
-    against = [
-        _outline_without_openings(charts, mesh, other, chart) for other in near[np.abs(apart) <= MAX_JOINT_M].tolist()
-    ]
-    free = shapely.difference(own, shapely.union_all(against, grid_size=SNAP_M), grid_size=SNAP_M)
-    # opening drops slivers along a neighbour with other corners
-    open_ = (
-        free.buffer(-CORNER_TOLERANCE_M, join_style="mitre")
-        .buffer(CORNER_TOLERANCE_M, join_style="mitre")
-        .intersection(own)
-    )
-    return own, open_
+    whole, free = _outlines_and_free_parts(charts, mesh, np.array([chart]))
+    return whole[0], free[0]
 
 
 def free_wall_shares(charts: Charts, mesh: Mesh) -> Float64Array:
@@ -90,21 +78,53 @@ def free_wall_shares(charts: Charts, mesh: Mesh) -> Float64Array:
     Charts that are no walls, or smaller than MIN_WALL_M, have share 1.
     """
     share = np.ones(len(charts))
-    for chart in np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= MIN_WALL_M).all(axis=1)).tolist():
-        whole, part = wall_outline_and_free_part(charts, mesh, chart)
-        share[chart] = part.area / max(whole.area, SNAP_M**2)
+    walls = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= MIN_WALL_M).all(axis=1))
+    for first in range(0, len(walls), WALLS_PER_BATCH):
+        batch = walls[first : first + WALLS_PER_BATCH]
+        whole, free = _outlines_and_free_parts(charts, mesh, batch)
+        share[batch] = shapely.area(free) / np.maximum(shapely.area(whole), SNAP_M**2)
     return share
 
 
-def _outline_without_openings(charts: Charts, mesh: Mesh, chart: int, frame: int) -> BaseGeometry:
-    """Return a wall's outline without its holes, in the frame of another chart."""
-    triangles = mesh.triangles[mesh.chart_triangles(chart)]
-    points = mesh.vertices[triangles.ravel()]
-    flat = charts.coordinates(np.full(len(points), frame), points).reshape(-1, 3, 2)
+def _outlines_and_free_parts(charts: Charts, mesh: Mesh, walls: Int64Array) -> tuple[ObjectArray, ObjectArray]:
+    """Return the outlines of walls (k,), and their parts without a neighbour's wall against them, in their frames."""
+    own = _outlines_without_openings(charts, mesh, walls, walls)
+    normal = charts.normals()
+    row, near = charts.pairs_within(walls, MAX_JOINT_M)
+    facing = charts.kind[near] == ChartKind.WALL
+    facing[facing] = np.einsum("ij,ij->i", normal[near[facing]], normal[walls[row[facing]]]) < MAX_FACING_COSINE
+    row, near = row[facing], near[facing]
+    middle = charts.points_at_shares(near, np.array([[0.5, 0.5]]))[:, 0]
+    apart = np.einsum("ij,ij->i", middle - charts.origin[walls[row]], normal[walls[row]])
+    row, near = row[np.abs(apart) <= MAX_JOINT_M], near[np.abs(apart) <= MAX_JOINT_M]
+    against = _union_by_row(_outlines_without_openings(charts, mesh, near, walls[row]), row, len(walls), SNAP_M)
+    free = shapely.difference(own, against, grid_size=SNAP_M)
+    # opening drops slivers along a neighbour with other corners
+    eroded = shapely.buffer(free, -CORNER_TOLERANCE_M, join_style="mitre")
+    open_: ObjectArray = shapely.intersection(shapely.buffer(eroded, CORNER_TOLERANCE_M, join_style="mitre"), own)
+    return own, open_
+
+
+def _outlines_without_openings(charts: Charts, mesh: Mesh, walls: Int64Array, frames: Int64Array) -> ObjectArray:
+    """Return the outlines of walls (k,) without their holes, each in the frame of another chart (k,)."""
+    triangles = [mesh.chart_triangles(wall) for wall in walls.tolist()]
+    row = np.repeat(np.arange(len(walls)), list(map(len, triangles)))
+    corners = mesh.triangles[np.concatenate([*triangles, np.zeros(0, np.int64)])].ravel()
+    flat = charts.coordinates(np.repeat(frames[row], 3), mesh.vertices[corners]).reshape(-1, 3, 2)
     flat = np.concatenate([flat, flat[:, :1]], axis=1)
-    whole = shapely.union_all(shapely.make_valid(shapely.polygons(flat)), grid_size=SNAP_M)
-    parts = [shapely.Polygon(part.exterior) for part in shapely.get_parts(whole) if part.geom_type == "Polygon"]
-    return shapely.union_all(parts)
+    whole = _union_by_row(shapely.make_valid(shapely.polygons(flat)), row, len(walls), SNAP_M)
+    parts, row = shapely.get_parts(whole, return_index=True)
+    polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    outlines = shapely.polygons(shapely.get_exterior_ring(parts[polygon]))
+    return _union_by_row(outlines, row[polygon], len(walls))
+
+
+def _union_by_row(parts: ObjectArray, row: Int64Array, count: int, grid: float | None = None) -> ObjectArray:
+    """Return the union (count,) of the parts (k,) of each ascending row (k,), empty without any."""
+    collections = np.full(count, shapely.GeometryCollection(), object)
+    shapely.geometrycollections(parts, indices=row, out=collections)
+    unions: ObjectArray = shapely.union_all(collections[:, None], axis=1, grid_size=grid)
+    return unions
 
 
 def group_walls_into_runs(charts: Charts, walls: Int64Array) -> list[list[int]]:
@@ -131,13 +151,13 @@ def group_walls_into_runs(charts: Charts, walls: Int64Array) -> list[list[int]]:
 def _right_neighbours(charts: Charts, walls: Int64Array) -> dict[int, int]:
     """Map walls (k,) of one building to the wall on the right that continues them."""
     foot = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
-    top = charts.origin[walls, 2]
-    normal, width = charts.normals()[walls], charts.size[walls, 0]
-    apart = np.linalg.norm(foot[:, None, 1, :2] - foot[None, :, 0, :2], axis=-1)
-    meet = (apart < CORNER_TOLERANCE_M) & (np.abs(foot[:, None, 1, 2] - foot[None, :, 0, 2]) < LEVEL_TOLERANCE_M)
-    meet &= np.abs(top[:, None] - top) < LEVEL_TOLERANCE_M
-    narrow = width < MAX_BEND_FACET_M
-    one = narrow[:, None] & narrow & (normal @ normal.T > MIN_BEND_COSINE)
-    one |= charts.surface[walls][:, None] == charts.surface[walls]
-    pairs = np.argwhere(meet & one & ~np.eye(len(walls), dtype=bool))
-    return {int(walls[a]): int(walls[b]) for a, b in pairs.tolist()}
+    top, normal, narrow = charts.origin[walls, 2], charts.normals()[walls], charts.size[walls, 0] < MAX_BEND_FACET_M
+    starts = shapely.STRtree(shapely.points(foot[:, 0, :2]))
+    pairs = starts.query(shapely.points(foot[:, 1, :2]), predicate="dwithin", distance=2 * CORNER_TOLERANCE_M)
+    left, right = pairs[:, np.lexsort(pairs[::-1])]
+    apart = np.linalg.norm(foot[left, 1, :2] - foot[right, 0, :2], axis=-1)
+    meet = (apart < CORNER_TOLERANCE_M) & (np.abs(foot[left, 1, 2] - foot[right, 0, 2]) < LEVEL_TOLERANCE_M)
+    meet &= (np.abs(top[left] - top[right]) < LEVEL_TOLERANCE_M) & (left != right)
+    bent = narrow[left] & narrow[right] & (np.einsum("ij,ij->i", normal[left], normal[right]) > MIN_BEND_COSINE)
+    meet &= bent | (charts.surface[walls[left]] == charts.surface[walls[right]])
+    return dict(zip(walls[left[meet]].tolist(), walls[right[meet]].tolist(), strict=True))

@@ -86,7 +86,9 @@ class RoofSurroundings(NamedTuple):
         sights = shapely.linestrings(
             np.stack(np.broadcast_arrays(place + NEIGHBOUR_CLEARANCE_M * out, place + near), axis=1)
         )
-        return len(np.unique(self.footprints.query(sights, predicate="intersects")[0])) < len(sights)
+        sight, footprint = self.footprints.query(sights)
+        blocked = shapely.intersects(self.footprints.geometries[footprint], sights[sight])
+        return len(np.unique(sight[blocked])) < len(sights)
 
 
 OPEN_SURROUNDINGS = RoofSurroundings(shapely.GeometryCollection(), np.empty((0, 2)), shapely.STRtree([]))

@@ -145,10 +145,12 @@ def _roof_profile(roof: Roof) -> tuple[Float64Array | None, Float64Array]:
 
 def _common_outline(footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon], reach: float) -> Polygon:
     """Return the outline of one roof: a footprint and the near parts of its neighbours, without small jogs."""
-    near = footprint.buffer(reach, quad_segs=2)
     party = [other for other in adjoining if _shared_length(footprint, other) >= MIN_SHARED_M]
-    covered = shapely.union_all([footprint, *(shapely.intersection(other, near) for other in party)])
-    closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre") if party else covered
+    closed = shapely.union_all([footprint])
+    if party:
+        near = footprint.buffer(reach, quad_segs=2)
+        covered = shapely.union_all([footprint, *(shapely.intersection(other, near) for other in party)])
+        closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre")
     smooth = closed.simplify(MAX_JOG_M)
     found = [part for part in shapely.get_parts(smooth) if part.intersects(footprint.representative_point())]
     if len(found) != 1 or found[0].geom_type != "Polygon" or not found[0].is_valid:

@@ -29,6 +29,8 @@ SLAB_TOLERANCE_M = 0.02
 MIN_CORNER_BEND = 0.02
 # Share of an edge's length beyond its ends within which a motorcycle that runs into a corner meets it.
 CORNER_TOLERANCE_SHARE = 1e-6
+# Points times edges whose depth is computed at once: 100 bytes each.
+MAX_DEPTH_CELLS = 1 << 20
 # Sine of the turn below which a corner is straight.
 MIN_CORNER_SINE = 1e-6
 
@@ -55,6 +57,14 @@ class EdgeSlabs:
 
     def depth(self, points: Float64Array) -> Float64Array:
         """Return the depth (k,) in metres of points (k, 2) inside the outline; 0 outside."""
+        batch = max(1, MAX_DEPTH_CELLS // len(self.start))
+        batches = [points[first : first + batch] for first in range(0, len(points), batch)]
+        depth = np.concatenate([*map(self._slab_depth, batches), np.zeros(0)])
+        inside = shapely.intersects_xy(self.outline.buffer(1e-6), points)
+        return np.where(inside & np.isfinite(depth), np.maximum(depth, 0.0), 0.0)
+
+    def _slab_depth(self, points: Float64Array) -> Float64Array:
+        """Return the depth (k,) in metres of points (k, 2) in the lowest slab at each, inf without one."""
         offset = points[:, None] - self.start
         x, y = np.einsum("kej,ej->ke", offset, self.along), np.einsum("kej,ej->ke", offset, self.inward)
         low = np.zeros_like(y)
@@ -63,9 +73,8 @@ class EdgeSlabs:
             slope = stop[:, 1] / np.maximum(reach, 1e-12)
             low = np.where(beyond > 0, np.maximum(low, np.minimum(beyond, reach) * slope), low)
             low[beyond > reach + SLAB_TOLERANCE_M] = np.inf
-        depth = np.where(y >= low - SLAB_TOLERANCE_M, y, np.inf).min(axis=1)
-        inside = shapely.intersects_xy(self.outline.buffer(1e-6), points)
-        return np.where(inside & np.isfinite(depth), np.maximum(depth, 0.0), 0.0)
+        depth: Float64Array = np.where(y >= low - SLAB_TOLERANCE_M, y, np.inf).min(axis=1)
+        return depth
 
     def faces(self, reach: float) -> ObjectArray:
         """Return the regions (n,) in which each edge's slab is the lowest, up to `reach` metres deep."""
@@ -191,9 +200,9 @@ def _motorcycle_stops(
     one, other = np.triu_indices(len(corner), 1)
     mine, yours = _intersect_lines(corner[one], speed[one], corner[other], speed[other])
     crossing = (mine > 1e-9) & (yours > 1e-9)
-    pairs = [(m, y, i, j) for m, y, i, j in zip(mine, yours, one, other, strict=True) if np.isfinite(m)]
-    pairs = [pair for pair, meets in zip(pairs, crossing[np.isfinite(mine)], strict=True) if meets]
-    for m, y, i, j in sorted(pairs, key=lambda pair: max(pair[:2])):
+    found = np.flatnonzero(crossing & np.isfinite(mine))
+    found = found[np.argsort(np.maximum(mine[found], yours[found]), kind="stable")]
+    for m, y, i, j in zip(*(column[found].tolist() for column in (mine, yours, one, other)), strict=True):
         if m <= until[i] and y <= until[j]:
             if m >= y:
                 until[i] = m

@@ -11,6 +11,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.types import GroundArea, GroundWay, MappedGround, Street
+from facade_core.geometry.growth import grow_union
 
 # Widths in metres of a street with a known line only.
 ASSUMED_ROAD_M = 7.0
@@ -86,7 +87,7 @@ def _narrow_way(way: GroundWay, tree: shapely.STRtree) -> GroundWay:
 def _find_yards(ways: Sequence[GroundWay], footprints: Sequence[Polygon | MultiPolygon]) -> list[GroundArea]:
     """Return the ground that buildings enclose beyond the pavements, with a surface by its size and place."""
     built = shapely.union_all(footprints)
-    closed = built.buffer(MAX_YARD_GAP_M / 2, join_style="mitre").buffer(-MAX_YARD_GAP_M / 2, join_style="mitre")
+    closed = grow_union(built, footprints, MAX_YARD_GAP_M / 2, "mitre").buffer(-MAX_YARD_GAP_M / 2, join_style="mitre")
     holes = [Polygon(ring) for part in shapely.get_parts(closed) for ring in getattr(part, "interiors", ())]
     streets = [
         way.line.buffer(way.width / 2 + max(way.pavement), cap_style="flat") for way in ways if way.kind == "road"
