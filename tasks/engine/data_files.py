@@ -29,6 +29,7 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
 }
 # Files and folders that no stage of a run loads.
 NOT_LOADED_BY_STAGES = (
+    "tasks/examples/demo_inputs/",
     "catalogs/examples/blocks/",
     "catalogs/learning/in_front.json",
     "catalogs/stac/schemas/",
