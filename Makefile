@@ -10,13 +10,17 @@ ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt /etc/pki/tls/certs/ca-bundl
 export UV_SYSTEM_CERTS ?= true
 endif
 
-.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
+.PHONY: demo test quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
 
 test: setup check clients  ## Run style checks, type checks and tests
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder  # whole runs first; 3 processes on 2 cores, as tests wait
+
+quick: setup  ## Check style and run the tests that need no whole run, for every edit
+	$(BIN)/ruff check --quiet .
+	$(BIN)/python -m pytest -n 2 --dist loadfile tests/facade_core tests/catalogs tests/test_*.py --ignore tests/facade_core/parse
 
 check: setup
 	$(BIN)/ruff check .
