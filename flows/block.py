@@ -184,14 +184,14 @@ def _texture_block(
             if kind.part_of is not None:  # part of another stage's units
                 continue
             if kind.units is None:
-                ended = _run_streets(run, outline, compute, only, submit)
+                ended = run_streets(run, outline, compute, only, submit)
             else:
                 # reuse the forecast unless a stage that the keys depend on has changed since
                 known = None if changed & set(kind.reads) else forecast.units.get(kind.stage)
                 pending = find_pending_units(run, block, kind, known)
                 if kind is FACADES and pending.pieces and not pending.done:
                     start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
-                ended = _run_stage(run, pending, compute, submit)
+                ended = run_stage(run, pending, compute, submit)
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended
@@ -219,7 +219,7 @@ def _publish_connection(connecting: AbstractContextManager[Compute], ready: Futu
         ready.cancel()
 
 
-def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> UnitOutcomeCounts:
+def run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit) -> UnitOutcomeCounts:
     """Run all batches of a stage, at most BATCHES_AT_ONCE at a time."""
     if not pending.total:
         return UnitOutcomeCounts()
@@ -242,7 +242,7 @@ def _run_stage(run: Run, pending: PendingUnits, compute: Compute, submit: Submit
     return outcome
 
 
-def _run_streets(
+def run_streets(
     run: Run, outline: PlanSummary, compute: Compute, only: str | None, submit: Submit
 ) -> UnitOutcomeCounts:
     """Run each street after the streets that it depends on, earlier waves first.
