@@ -132,7 +132,8 @@ def sleep_viewpoints(
     records: Path, run: Run, fork: ForkSession, street: int, steps: Sequence[int], key: str
 ) -> tuple[Any, Any]:
     """Sleep as long as viewpoints took, for as many as are committed together."""
-    begun, made = time.time(), []
+    begun = time.time()
+    made: list[dict[str, Any]] = []
     own = _viewpoint_records(run, records, street)
     for step in steps:
         if made and time.time() - begun > COMMIT_INTERVAL_S:
