@@ -25,6 +25,7 @@ from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
+    from shapely import MultiPolygon, Polygon
     from shapely.geometry.base import BaseGeometry
 
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
@@ -89,13 +90,23 @@ def _simplify_outlines(source: SourceT) -> SourceT:
         if item.shell is None and MAX_OUTLINE_CORNERS < corners <= MAX_CORNERS:
             west, south, east, north = item.outline.bounds
             for share in SIMPLIFY_SHARES:
-                outline = item.outline.simplify(share * math.hypot(east - west, north - south))
+                outline = _simplify_outline(item.outline, share * math.hypot(east - west, north - south))
                 if shapely.get_num_coordinates(outline) <= MAX_OUTLINE_CORNERS:
                     items[index] = replace(item, outline=outline)
                     reason = f"outlines of more than {MAX_OUTLINE_CORNERS} corners simplified"
                     remarks.append(Remark(item.id, reason, outline))
                     break
     return replace(source, items=tuple(items), remarks=tuple(remarks))
+
+
+def _simplify_outline(outline: Polygon | MultiPolygon, tolerance: float) -> Polygon | MultiPolygon:
+    """Simplify an outline, and close gaps up to twice the tolerance where too many corners remain."""
+    simplified: Polygon | MultiPolygon = outline.simplify(tolerance)
+    if shapely.get_num_coordinates(simplified) <= MAX_OUTLINE_CORNERS:
+        return simplified
+    closed = outline.buffer(tolerance, join_style="mitre").buffer(-tolerance, join_style="mitre")
+    closed = closed.simplify(tolerance)
+    return closed if closed.geom_type == outline.geom_type and closed.area > 0 else outline
 
 
 def _clean_name(item: ItemT) -> ItemT:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -417,3 +419,19 @@ def test_an_outline_of_more_corners_than_a_plan_holds(tmp_path: Path, quarter: i
     else:
         assert [building.id for building in block.buildings] == ["good"]
         assert "its outline has 12001 corners, more than 2000; simplify it" in block.faults[0].reason
+
+
+@pytest.mark.realdata
+def test_a_star_of_ten_thousand_corners_is_closed_to_its_disc(data: Path, tmp_path: Path) -> None:
+    folder = data / "bad_inputs_2" / "buildings-10k-corners"
+    if not folder.is_dir():
+        pytest.skip("no bad inputs in the data folder")
+    for file in folder.iterdir():
+        shutil.copyfile(file, tmp_path / file.name)
+    (tmp_path / "exemplars").unlink()
+    shutil.copytree(data / "bad_inputs_2" / "exemplars", tmp_path / "exemplars", copy_function=shutil.copyfile)
+    block = read_block(tmp_path / "block.yaml")
+    (building,) = block.buildings
+    assert shapely.get_num_coordinates(building.footprint) <= 2000
+    assert building.footprint.area == pytest.approx(math.pi * 26**2, rel=0.02)
+    assert "outlines of more than 2000 corners simplified: 1 (star)" in block.notes
