@@ -140,6 +140,20 @@ def shown(plan: Plan, style: ExemplarAnalysis, facade: int) -> tuple[FacadeWall,
     return wall, compose_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
 
 
+def test_a_round_wall_of_narrow_facets_has_windows_on_coarse_atlases(style: ExemplarAnalysis) -> None:
+    """Facets of 2.35 m, atlas of 4 texels a metre: the usual margin of three texels leaves no window."""
+    gasometer = Building("gasometer", shapely.Point(40, 8).buffer(12.0, quad_segs=16), 20.0, "height")
+    plan = plan_of("exemplar", [gasometer])
+    facades = plan.facades
+    assert len(np.unique(facades.run)) == 1, "one facade round the tower"
+    wall = facade_wall(plan.scene, facades, 0)
+    labels = compose_wall(style, wall, metres_per_pixel=MPP, seed=1, texel_m=0.25)[1]
+    assert len(windows(labels)) > 20
+    seams = np.array(wall.seams) / MPP
+    for _, columns in windows(labels):
+        assert not ((seams > columns.start + 1) & (seams < columns.stop - 1)).any(), "no window is bent"
+
+
 def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: ExemplarAnalysis) -> None:
     facades = plan.facades
     for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():

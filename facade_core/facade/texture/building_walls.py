@@ -223,14 +223,18 @@ def _move_off_seams(across: Float64Array, seams: tuple[float, ...], margin: floa
         if not any(first - margin < edge < last + margin for edge in (across[0], *seams, across[-1])):
             continue
         inner = [seam for seam in seams if start < seam < end]
-        places = [(a + margin, b - margin) for a, b in pairwise([start, *inner, end])]
-        widths = [min(last - first, b - a) for a, b in places]
-        fits = [
-            (abs(x - first), x, width)
-            for (a, b), width in zip(places, widths, strict=True)
-            for x in [float(np.clip(first, a, b - width))]
-            if width >= MIN_WIDTH_SHARE * (last - first)
-        ]
+        # a window across a seam would be left out: between narrow facets it gets a smaller margin
+        for apart in (margin, margin / 3) if any(first < seam < last for seam in inner) else (margin,):
+            places = [(a + apart, b - apart) for a, b in pairwise([start, *inner, end])]
+            widths = [min(last - first, b - a) for a, b in places]
+            fits = [
+                (abs(x - first), x, width)
+                for (a, b), width in zip(places, widths, strict=True)
+                for x in [float(np.clip(first, a, b - width))]
+                if width >= MIN_WIDTH_SHARE * (last - first)
+            ]
+            if fits:
+                break
         if fits:
             _, x, width = min(fits)
             across[left + 1 : left + 3] = x, x + width
