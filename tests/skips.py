@@ -24,6 +24,7 @@ KNOWN_REASONS = (
     r"no network namespaces here",
     r"PostgreSQL does not start as root",
     r"no disk of a size can be mounted here",
+    r"no other user can be taken here",
     r"this system does not let a process start its peak of memory anew",
 )
 

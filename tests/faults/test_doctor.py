@@ -12,6 +12,7 @@ import yaml
 import zarr
 from click.testing import CliRunner
 
+from catalogs.block.reader import read_block
 from catalogs.published.snapshot import current_snapshot
 from facade_core.atlas.journal import clear_record, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
@@ -20,8 +21,10 @@ from flows.lock import lock_folder
 from tasks.doctor import examine_folder, examine_machine
 from tasks.doctor.machine import check_disk, check_models, check_packages
 from tasks.engine.run import Run
+from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
 from tasks.engine.store.status import record_run_block_file
+from tasks.stages.ingest.task import ingest_block
 
 
 def wrong(out: Path) -> dict[str, str]:
@@ -150,3 +153,53 @@ def test_the_command_exits_by_what_it_found(run: Run, monkeypatch: pytest.Monkey
         shown = CliRunner().invoke(command_line, ["doctor", run.out])
     assert shown.exit_code == 2
     assert "a run is at work in it" in shown.output
+
+
+def box(x: float, *, z: float | None = None) -> list[list[float]]:
+    """Return a closed ring of 10 x 10 m, in metres."""
+    corners = [(x, 0), (x + 10, 0), (x + 10, 10), (x, 10), (x, 0)]
+    return [[385_000 + a, 6_671_000 + b, *([] if z is None else [z])] for a, b in corners]
+
+
+def write_block_with_notes(folder: Path) -> Path:
+    """Write a block whose inputs have a note of each of six kinds."""
+
+    def feature(id: str, geometry: dict[str, object], **tags: object) -> dict[str, object]:
+        return {"type": "Feature", "properties": {"id": id, **tags}, "geometry": geometry}
+
+    ring, top = box(80, z=10.0), box(80, z=20.0)
+    walls = [[[ring[i], ring[i + 1], top[i + 1], top[i], ring[i]]] for i in range(4)]
+    features = [
+        feature("tall", {"type": "Polygon", "coordinates": [box(0)]}, building="yes", height=9),
+        feature("assumed", {"type": "Polygon", "coordinates": [box(20)]}, building="yes"),
+        feature("carport", {"type": "Polygon", "coordinates": [box(40)]}, building="roof"),
+        feature("garage", {"type": "Polygon", "coordinates": [box(60)]}, building="yes", location="underground"),
+        feature("open", {"type": "MultiPolygon", "coordinates": walls}, building="yes"),
+    ]
+    folder.mkdir()
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3067"}}
+    content = {"type": "FeatureCollection", "crs": crs, "features": features}
+    (folder / "buildings.geojson").write_text(json.dumps(content))
+    (folder / "block.corrections.jsonl").write_text('{"id": "gone", "what": "height", "value": 9}\n')
+    keys = {"name": "noted", "crs": "EPSG:3067", "buildings": {"path": "buildings.geojson"}}
+    (folder / "block.yaml").write_text(
+        yaml.safe_dump(keys | {"texture": {"walls": "translate", "texels_per_metre": 4}})
+    )
+    return folder / "block.yaml"
+
+
+def test_every_note_of_the_inputs_is_named(tmp_path: Path) -> None:
+    source = write_block_with_notes(tmp_path / "block")
+    block, out = read_block(source), tmp_path / "out"
+    out.mkdir()
+    record_run_block_file(out, source)
+    run = create_run(block, out)
+    ingest_block.fn(run, block)
+    said = CliRunner().invoke(command_line, ["doctor", str(out)]).output
+    notes = [line.split(maxsplit=2)[2] for line in said.splitlines() if line.startswith("note   inputs")]
+    for id in ("carport", "garage", "open", "gone"):
+        assert any(f"({id})" in note for note in notes), (id, notes)
+    for words in ("state no height", "derived from the gaps between buildings"):
+        assert any(words in note for note in notes), (words, notes)
+    assert set(block.notes) <= set(notes)
+    assert len(notes) >= 6
