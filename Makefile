@@ -50,7 +50,7 @@ ktx2-setup: setup  ## Install the KTX2 encoder for textures of 3D Tiles into the
 usd-setup: setup  ## Install the OpenUSD writer (220 MB) into the same .venv
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/usd.txt
 
-clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/ready  ## Install third-party programs that tests open exports with (CesiumJS, three.js, a validator, Blender), 540 MB
+clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/ready .venv/clients/chromium/ready  ## Install third-party programs that tests open exports with (CesiumJS, three.js, a validator, Blender; Chromium where there is none), 540 MB
 
 # A failed installation prints a message; its tests are skipped with a reason.
 .venv/clients/node_modules/.package-lock.json: benchmarks/clients/package-lock.json | setup
@@ -63,6 +63,12 @@ clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/read
 	@{ $(BIN)/uv venv --quiet --clear --python $(BIN)/python .venv/clients/python && \
 		$(BIN)/uv pip install --quiet --python .venv/clients/python/bin/python --require-hashes -r $< && touch $@; } || \
 		echo "what $< names cannot be installed: tests of Blender are skipped"
+
+.venv/clients/chromium/ready: benchmarks/clients/chromium/package-lock.json | setup
+	@mkdir -p $(@D) && cp benchmarks/clients/chromium/* $(@D)/
+	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then touch $@; \
+		elif command -v npm && npm ci --prefix $(@D) --no-audit --no-fund --silent && TMPDIR="$(CURDIR)/$(@D)" node $(@D)/unpack.js; then touch $@; \
+		else echo "npm cannot install Chromium: tests of pages are skipped" >&2; fi >/dev/null
 
 docs: setup  ## Build the documentation site in out/site, offline; open out/site/index.html (search needs: python3 -m http.server --directory out/site)
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt

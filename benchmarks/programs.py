@@ -16,7 +16,8 @@ from typing import Any
 # Where `make clients` puts them.
 INSTALLED = Path(__file__).resolve().parents[1] / ".venv" / "clients"
 PACKAGES = INSTALLED / "node_modules"
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", str(INSTALLED / "chromium" / "chromium"))
+CHROMIUM = next((found for name in _BROWSERS if (found := shutil.which(name))), None)
 # Chromium draws without a graphics card, as machines of tests have none.
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
@@ -71,7 +72,7 @@ def cjio() -> Path:
 def chromium(playwright: Any) -> Iterator[Any]:
     """Chromium, driven by Playwright."""
     if CHROMIUM is None:
-        raise MissingProgramError("no Chromium on this machine")
+        raise MissingProgramError("no Chromium on this machine; `make clients` brings one")
     # inside a container Chromium's own sandbox cannot start; it meets nothing here but pages of this project
     arguments = [*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
     browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)

@@ -98,7 +98,7 @@ def visit(address: str, visits: int) -> dict[str, Any]:
     from playwright.sync_api import sync_playwright
 
     if CHROMIUM is None:
-        raise SystemExit("benchmarks.viewer: no Chromium on this machine; install chromium")
+        raise SystemExit("benchmarks.viewer: no Chromium on this machine; `make clients` brings one")
     block = json.loads(urllib.request.urlopen(f"{address}/api/block").read())
     facade = block["facades"][len(block["facades"]) // 2]["id"]
     pages = {"opens": ("", "tbody tr"), "facade": (f"#/facade/{facade}", "dl.facts"), "street": ("#/street", "#step")}
