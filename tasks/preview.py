@@ -18,6 +18,7 @@ from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import load_run_plan
+from tasks.engine.outcome import error_reason
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit
@@ -85,8 +86,8 @@ def start_preview(run: Run, units: Sequence[Unit], compute: Compute, tell: Calla
             draft = path.with_suffix(".tmp")
             draft.write_bytes(data)
             draft.replace(path)
-        except Exception:
-            log.exception("no preview was drawn")
+        except Exception as error:
+            log.warning("no preview was drawn: %s", error_reason(error))
         else:
             tell(f"preview: {path} (materials and exemplars, without sun and shadows; the textures follow)")
 
