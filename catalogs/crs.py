@@ -160,12 +160,24 @@ def _check_scale(crs: CRS, longitude: float, latitude: float) -> None:
     except ProjError:
         scales = (math.inf, math.inf)
     if not all(abs(scale - 1.0) <= _MAX_SCALE_ERROR for scale in scales):
+        if _is_swapped_place(crs, longitude, latitude):
+            raise InputError(
+                f"longitude and latitude look swapped: the buildings lie at {longitude:.4f}, {latitude:.4f}, far from where "
+                f"{crs.to_string()} ({crs.name}) is used; write longitude first"
+            )
         far = max(scales, key=lambda scale: abs(scale - 1.0))
         remedy = f"give e.g. EPSG:{utm_crs(longitude, latitude).to_epsg()}, or leave crs out"
         raise InputError(
             f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
             f"(scale {far:.3g}); {remedy}"
         )
+
+
+def _is_swapped_place(crs: CRS, longitude: float, latitude: float) -> bool:
+    """Return True where a place outside the area of use of a CRS is inside once its axes are swapped."""
+    if crs.area_of_use is None or abs(longitude) > 90.0 or not note_outside_area_of_use(crs, longitude, latitude):
+        return False
+    return not note_outside_area_of_use(crs, latitude, longitude)
 
 
 def _check_axes(crs: CRS, longitude: float, latitude: float) -> None:

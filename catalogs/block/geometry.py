@@ -50,6 +50,9 @@ SURROUNDINGS_MARGIN_M = 200.0
 GROUND_MARGIN_M = 120.0
 # Distance of streets from the buildings: beyond the surroundings, four times the largest visibility range.
 MAX_STREET_DISTANCE_M = 1000.0
+_UNSTATED_FRAME_REASON = (
+    "files of buildings that state no frame taken in the block's crs; give buildings.crs where it is another"
+)
 # Remedy if the area holds buildings after swapping longitudes and latitudes.
 SWAPPED_AXES_NOTE = "latitudes come first there"
 
@@ -142,11 +145,14 @@ def _read_building_sources(
     given = _source_keys("buildings", keys.buildings, files, file)
     for path in files["buildings.path"]:
         source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod, given)
+        is_unstated = source.crs is None and keys.buildings.crs is None
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
             raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
         file.call_reader("buildings.crs", parse_crs, crs)
         source = replace(source, crs=crs, faults=tuple(_name_file_in_fault(fault, path) for fault in source.faults))
+        if is_unstated:
+            source = replace(source, remarks=(*source.remarks, Remark(path.name, _UNSTATED_FRAME_REASON, None)))
         sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))
@@ -213,16 +219,20 @@ def _choose_frame(
         stated = sources[0].crs
         assert stated is not None, "sources have frames once they are read"
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
-        notes = _frame_notes(frame, keys.buildings.crs)
+        notes = _frame_notes(frame, keys.buildings.crs, *(middle if stated == LONLAT else ()))
     notes += note_outside_area_of_use(frame, *middle)
     return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
 
 
-def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
-    """Return a note about a chosen frame; none if it is the frame given for the buildings."""
+def _frame_notes(frame: CRS, given: str | None, *middle: float) -> tuple[str, ...]:
+    """Return a note about a chosen frame; none if it is the frame given for the buildings.
+
+    middle: longitude and latitude of the block where its source counts in degrees, whose order it may have swapped.
+    """
     shown = f"{frame.to_string()} ({frame.name})"
     if given is None:
-        return (f"crs not given: {shown} chosen",)
+        place = f", as the buildings lie at longitude {middle[0]:.4f}, latitude {middle[1]:.4f}" if middle else ""
+        return (f"crs not given: {shown} chosen{place}",)
     stated = parse_crs(given)
     return (
         ()

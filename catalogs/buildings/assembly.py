@@ -195,6 +195,8 @@ def _footprint_candidates(
             what = "parts of buildings" if footprint.is_part else "footprints"
             reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
+        if large and shapely.is_valid_reason(outline).startswith("Self-intersection"):
+            reasons["outlines that cross themselves in a sliver repaired"].append(footprint.id)
         pieces += [
             (footprint, footprint.id if len(large) == 1 else f"{footprint.id}-{index}", part)
             for index, part in enumerate(large)

@@ -41,6 +41,8 @@ from facade_core.core.json_types import JsonObject, JsonValue
 from facade_core.core.regular_files import open_regular
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
+# Attributes of the name of a building, in order of preference, in lower case.
+_NAME_ATTRIBUTES = ("name", "gml_name", "gml:name", "building_name", "bezeichnung", "naam", "nom")
 _MIN_MODEL_HEIGHT_M = 0.01  # m
 # Larger numbers are codes for unknown, such as 9999.
 _MAX_HEIGHT_M = 1500.0  # m
@@ -230,7 +232,8 @@ def _build_model(
         for face in faces
         if face.colour is not None and face.texture < 0 and face.rings
     ]
-    names = [attributes[0].get(key) for key in ("name", "gml_name", "gml:name")]
+    own = {key.lower(): value for key, value in attributes[0].items()}
+    names = [own.get(key) for key in _NAME_ATTRIBUTES]
     return BuildingModel(
         id,
         shell,

@@ -141,7 +141,7 @@ def _parse_obj(path: Path) -> _ObjContent:
 def _logical_lines(path: Path) -> Iterator[str]:
     """Yield the lines of a file, joined after a backslash."""
     start = ""
-    with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
+    with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in file:
             if line.endswith("\\\n"):
                 start += line[:-2] + " "

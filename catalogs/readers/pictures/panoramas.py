@@ -120,7 +120,7 @@ def read_panoramas(
             view, source, magnetic, taken = _read_metadata(path)
             source = _stated_pose(sources, path) or source
             if source is None or source.heading is None:
-                raise ValueError(_missing_pose_reason(source, poses))
+                raise ValueError(_missing_pose_reason(source, poses, _find_entry(sources, path)))
             pose = project_pose(source, view, crs, frames)
         except ValueError as error:
             faults.append(Fault(path.name, "panorama", to_single_line(str(error))))
@@ -194,7 +194,9 @@ def _stated_pose(sources: Mapping[str, SourcePose | str], path: Path) -> SourceP
     return found if found and found.heading is not None else None
 
 
-def _missing_pose_reason(source: SourcePose | None, poses: Path | None) -> str:
+def _missing_pose_reason(source: SourcePose | None, poses: Path | None, entry: SourcePose | str | None) -> str:
+    if poses is not None and isinstance(entry, SourcePose):
+        return f"{poses.name} states its place but no heading; add its heading there, or remove it"
     lacking = "no pose" if source is None else "a place but no heading"
     return f"{lacking}; give its pose in {poses.name if poses else 'a poses file'}, or remove it"
 

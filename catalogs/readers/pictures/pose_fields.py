@@ -52,6 +52,9 @@ _HEIGHT_REASON = (
 _OTHER_REASON = (
     "fields of {file} that look like headings, tilts or accuracies, not used; call those meant heading, pitch, roll"
 )
+_RADIANS_REASON = (
+    "headings of {file} taken as degrees, and all are within 6.3; where they are radians, call the field heading_rad"
+)
 _MAX_NAME_LENGTH = 40
 # Fields that a row may leave empty, and what a camera without it has.
 _DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
@@ -123,6 +126,34 @@ def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark
         elif _HEIGHT_LIKE.search(plain):
             remarks.append(Remark(shown, _HEIGHT_REASON.format(file=file), None))
     return tuple(remarks)
+
+
+def find_likely_radians(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
+    """Return a remark where all headings are without a unit and small enough to be radians.
+
+    Parameters
+    ----------
+    file : name of the file in the remark.
+    records : records of the file.
+    """
+    names: dict[str, None] = {}
+    headings = []
+    for record in records:
+        name = find_field(record, "heading")
+        value = read_field(record, "heading", None) if name is not None else None
+        if name is None or _UNIT.search(name.strip().lower()) or not isinstance(value, str | int | float):
+            continue
+        try:
+            headings.append(float(value))
+        except ValueError:
+            continue
+        names[name] = None
+    likely = [heading for heading in headings if abs(heading) <= 2 * math.pi]
+    if len(likely) < max(2, len(headings)) or all(heading.is_integer() for heading in headings):
+        return ()
+    return tuple(
+        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _RADIANS_REASON.format(file=file), None) for name in names
+    )
 
 
 def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[str, ...]]:

@@ -24,6 +24,7 @@ from catalogs.readers.pictures.pose_fields import (
     field_name,
     find_empty_fields,
     find_field,
+    find_likely_radians,
     find_unused_fields,
     read_field,
 )
@@ -150,7 +151,8 @@ def read_poses_file(path: Path) -> PosesFile:
             poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
-    return PosesFile(poses, find_unused_fields(path.name, stated.values()))
+    remarks = (*find_unused_fields(path.name, stated.values()), *find_likely_radians(path.name, stated.values()))
+    return PosesFile(poses, remarks)
 
 
 def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue | None) -> float:

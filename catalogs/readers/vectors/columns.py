@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from catalogs.readers.vectors.height_units import LENGTH_TAGS, METRES, UNIT_SUFFIXES, ColumnUnits
+from catalogs.readers.vectors.lengths import is_unknown_code
 
 _TAG_COLUMN_NAMES = {
     "height": "height building_height bldg_height hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
@@ -204,7 +205,9 @@ def tags_from_records(
             for name, field in sources:
                 if text := cell_text(record[field]):
                     tags[tag] = (
-                        units.to_metres(text, name)
+                        text
+                        if tag == "height" and is_unknown_code(text)
+                        else units.to_metres(text, name)
                         if tag in LENGTH_TAGS
                         else _primary_name(text)
                         if tag == "name"

@@ -52,6 +52,10 @@ class ColumnUnits:
         """Return True where a column has the unit of its frame, which is not the metre."""
         return self.frame_unit != 1.0 and not self.is_osm and self._stated_unit(column) is None
 
+    def is_unstated(self, column: str) -> bool:
+        """Return True where a column is taken as metres, and neither its name, its frame nor its source says so."""
+        return self.frame_unit == 1.0 and not self.is_osm and self._stated_unit(column) is None
+
     def to_metres(self, text: str, column: str) -> str:
         """Return a length in metres; a text with a unit of its own stays."""
         unit = self.metres_per_unit(column)

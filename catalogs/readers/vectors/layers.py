@@ -17,6 +17,7 @@ from catalogs.crs import LONLAT, metres_per_height_unit
 from catalogs.features import Remark
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers import gdal_files
+from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
@@ -29,6 +30,7 @@ from catalogs.readers.vectors.columns import (
 )
 from catalogs.readers.vectors.height_like_columns import find_height_like_columns
 from catalogs.readers.vectors.height_units import column_units
+from catalogs.readers.vectors.likely_feet import find_likely_feet
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_names, decode_shapefile_table
 from catalogs.readers.vectors.solids import convert_surface_wkb
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
 _MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
 _MAX_UNPACK_RATIO = 50
 _ROWS_PER_BATCH = 500
+_MAX_PLACE_DEG = 2.0  # degrees; a block whose coordinates are swapped, not metres of a small site
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 _GEOMETRY_TYPES = {
     "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
@@ -174,11 +177,28 @@ def _read_table(
             f"heights and widths of {path.name} taken in the unit of its frame ({unit:.4f} m); name those in metres"
         )
         remarks.append(Remark(", ".join(in_frame_units), f"{reason} e.g. height_m", None))
+    if with_numbers and not _states_height_unit(known):
+        remarks += find_likely_feet(
+            path.name,
+            geometries,
+            keys.crs or crs,
+            tags,
+            columns,
+            units,
+            has_cut_names=_has_truncated_names(path),
+        )
     if with_numbers and not any("height" in one or "building:levels" in one for one in tags):
         likely = find_height_like_columns(rows.drop(columns=list(columns.values()), errors="ignore"))
         reason = f"columns of {path.name} that look like heights; rename the right one to height, height_ft or levels"
         remarks += [Remark(name, reason, None) for name in likely]
     return LayerFeatures(crs, ids, geometries, tags, renamed, layer, others, remarks)
+
+
+def _states_height_unit(crs: CRS | str | None) -> bool:
+    """Return True for a frame with a vertical part, which states the unit of heights."""
+    from pyproj import CRS
+
+    return crs is not None and CRS.from_user_input(crs).is_compound
 
 
 def _scale_heights(geometries: ObjectArray, unit: float) -> ObjectArray | None:
@@ -333,6 +353,11 @@ def _crs_name(crs: CRS | None) -> str | None:
 
 
 def _are_degrees(geometries: ObjectArray) -> bool:
+    """Return True where coordinates may be degrees, in any order: swapped ones are named later."""
     bounds = shapely.bounds(geometries)
-    bounds = np.abs(bounds[np.isfinite(bounds).all(axis=1)])
-    return bool((bounds[:, [0, 2]] <= 360.0).all() and (bounds[:, [1, 3]] <= 90.0).all())
+    bounds = bounds[(np.abs(bounds) < MAX_COORDINATE).all(axis=1)]
+    first, second = np.abs(bounds[:, [0, 2]]), np.abs(bounds[:, [1, 3]])
+    if (first <= 360.0).all() and (second <= 90.0).all():
+        return True
+    is_one_place = bool((np.ptp(bounds.reshape(-1, 2, 2), axis=(0, 1)) <= _MAX_PLACE_DEG).all())
+    return is_one_place and bool((first <= 90.0).all() and (second <= 360.0).all())

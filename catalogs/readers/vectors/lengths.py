@@ -7,6 +7,7 @@ import re
 
 _LENGTH_TEXT = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
 _FEET_INCHES_TEXT = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
+_UNKNOWN_CODE = re.compile(r"-?9{3,}(\.[09]*)?")
 FOOT_M = 0.3048  # international foot
 _INCH_M = 0.0254
 
@@ -31,6 +32,11 @@ def scale_plain_length(text: str, metres_per_unit: float) -> str:
     if match is None or match[2]:
         return text
     return f"{float(match[1].replace(',', '.')) * metres_per_unit:.4f}"
+
+
+def is_unknown_code(text: str) -> bool:
+    """Return True for 999, -9999, 99999.0 and the like, which stand for an unknown value."""
+    return _UNKNOWN_CODE.fullmatch(text.strip()) is not None
 
 
 def _finite_or_none(value: float) -> float | None:

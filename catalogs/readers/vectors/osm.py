@@ -18,7 +18,7 @@ from catalogs.features import CentrelinesAndGround, Fault, Footprint, Footprints
 from catalogs.reader_errors import fault_reason, is_system_error, short_message
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
-from catalogs.readers.vectors.lengths import parse_floor_count, parse_length
+from catalogs.readers.vectors.lengths import is_unknown_code, parse_floor_count, parse_length
 from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
@@ -102,7 +102,7 @@ def parse_footprint(
         remarks.append(Remark(feature, f"{reason} set aside", geometry))
         return None
     height = parse_length(tags.get("height", ""))
-    if height is None or not MIN_WALL_HEIGHT_M <= height <= MAX_TAGGED_HEIGHT_M:
+    if height is None or is_unknown_code(tags["height"]) or not MIN_WALL_HEIGHT_M <= height <= MAX_TAGGED_HEIGHT_M:
         height = None
         if "height" in tags:
             remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))

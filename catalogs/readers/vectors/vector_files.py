@@ -233,7 +233,10 @@ def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | Non
 
 def _lowest_z(geometry: BaseGeometry | None) -> float | None:
     """Return the lowest z; None where a corner has none, which may be the lowest."""
-    heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
+    parts = shapely.get_parts(geometry) if geometry is not None else np.empty(0, object)
+    if (areas := [part for part in parts if part.geom_type in ("Polygon", "MultiPolygon")]) and len(areas) < len(parts):
+        parts = np.array(areas, object)  # other parts of a collection are no outline
+    heights = shapely.get_coordinates(parts, include_z=True)[:, 2]
     return float(heights.min()) if len(heights) and np.isfinite(heights).all() else None
 
 

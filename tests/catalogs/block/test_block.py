@@ -8,7 +8,9 @@ from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 
+import geopandas
 import pytest
+import shapely
 from distributed.protocol import deserialize, serialize
 from PIL import Image
 
@@ -22,7 +24,9 @@ Read = Callable[..., Block]
 def test_a_block_in_full(read: Read, folder: Path) -> None:
     block = read("texture: {texels_per_metre: 25}\nseed: 7")
     assert block.crs.to_string() == "EPSG:32635"
-    assert block.notes[0] == "crs not given: EPSG:32635 (WGS 84 / UTM zone 35N) chosen"
+    assert block.notes[0] == (
+        "crs not given: EPSG:32635 (WGS 84 / UTM zone 35N) chosen, as the buildings lie at longitude 24.9435, latitude 60.1670"
+    )
     assert len(block.buildings) == 79  # 64 outlines, some of which their parts replace
     assert block.shops
     assert all(300_000 < x < 500_000 and 6_600_000 < y < 6_700_000 for x, y in (*block.shops, *block.entrances))
@@ -251,3 +255,23 @@ def test_a_block_with_real_exemplars(read: Read, data: Path) -> None:
     with pytest.raises(BlockFileError, match=r"holds no pictures; did you mean .*images\?"):
         read(imagery=f"imagery: {{exemplars: {{path: {folder}}}}}")
     assert len(read(imagery=f"imagery: {{exemplars: {{path: {folder / 'images'}}}}}").exemplars) == 83
+
+
+def test_swapped_degrees_are_named_where_the_frame_is_given(folder: Path) -> None:
+    swapped = shapely.box(42.6977, 23.3219, 42.6979, 23.3221)
+    geopandas.GeoDataFrame({"height": [9.0]}, geometry=[swapped], crs="EPSG:4326").to_file(folder / "a.geojson")
+    (folder / "block.yaml").write_text(
+        "name: a\ncrs: EPSG:32634\nbuildings: {path: a.geojson}\nimagery: {exemplars: {path: facades}}"
+    )
+    with pytest.raises(BlockFileError, match="longitude and latitude look swapped"):
+        read_block(folder / "block.yaml")
+
+
+def test_a_file_without_a_frame_is_named(folder: Path) -> None:
+    (folder / "a.obj").write_text("v 0 0 0\nv 9 0 0\nv 9 8 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    lines = "name: a\ncrs: EPSG:3067\nbuildings: {path: a.obj, offset: [386000, 6672000, 0]%s}\n"
+    lines += "imagery: {exemplars: {path: facades}}"
+    for given, count in (("", 1), (", crs: EPSG:3067", 0)):
+        (folder / "block.yaml").write_text(lines % given)
+        notes = read_block(folder / "block.yaml").notes
+        assert sum("state no frame" in note for note in notes) == count

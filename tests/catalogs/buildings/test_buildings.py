@@ -182,3 +182,14 @@ def test_models_of_a_second_file_under_the_same_names_are_kept() -> None:
     files = [BuildingModels("EPSG:28992", (model("building_1", house(x, 0)),)) for x in (0, 100)]
     built = assemble_buildings(files, RD, area=None, floor_height=3.0)
     assert [building.id for building in built.items] == ["building_1", "building_1-2"]
+
+
+def test_slivers_are_repaired_and_named() -> None:
+    corners = np.array([(0, 0), (20, 0), (20, 20), (10, 20), (10, 20.01), (10.01, 19.99), (9.99, 20), (0, 20)])
+    sliver = Polygon(corners)
+    assert not sliver.is_valid
+    built = assemble_buildings(
+        [Footprints("EPSG:28992", (footprint("a", sliver, 9.0),))], RD, area=None, floor_height=3.2
+    )
+    assert len(built.items) == 1
+    assert "outlines that cross themselves in a sliver repaired: 1 (a)" in built.notes

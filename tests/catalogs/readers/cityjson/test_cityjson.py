@@ -708,3 +708,10 @@ def test_colours_of_materials_are_those_of_walls_and_roof(read: Callable[..., Bu
     finish = only(read(document)).finish
     assert finish.wall_colour == (153, 51, 26)
     assert finish.roof_colour == ((153, 51, 26) if common else (102, 102, 102))
+
+
+@pytest.mark.parametrize("key", ["Name", "NAME", "naam", "Bezeichnung"])
+def test_names_are_found_in_any_case(write: Write, key: str) -> None:
+    path = write(city({"h": house(solid(), attributes={key: "Alte Post"})}))
+    (model,) = read_json_buildings(path).items
+    assert model.name == "Alte Post"

@@ -370,3 +370,9 @@ def test_a_picture_that_is_no_file_is_called_that(tmp_path: Path, kind: str) -> 
         (tmp_path / "wall.png").mkdir()
     found = read_mesh_buildings(tmp_path / "box.obj")
     assert [(one.id, one.reason) for one in found.remarks] == [("wall.png", NO_FILE_REASON)]
+
+
+def test_an_obj_with_a_mark_of_byte_order_keeps_its_first_group(tmp_path: Path) -> None:
+    corners = "v 0 0 0\nv 9 0 0\nv 0 0 6\nv 20 0 0\nv 29 0 0\nv 20 0 6\n"
+    (tmp_path / "a.obj").write_text(f"o first\n{corners}f 1 2 3\no second\nf 4 5 6\n", "utf-8-sig")
+    assert [model.id for model in read_mesh_buildings(tmp_path / "a.obj").items] == ["first", "second"]

@@ -352,3 +352,10 @@ def test_pictures_of_one_place_far_apart_in_time_are_told(folder: Path, east: fl
     found = read_panoramas(folder, poses_file(folder.parent, {"poses": poses}), UTM)
     assert len(found.items) == 2
     assert [one.id for one in found.remarks] == (["old of 2021-05-01 near new of 2024-05-01"] if told else [])
+
+
+def test_a_pose_without_a_heading_is_named(tmp_path: Path) -> None:
+    Image.new("RGB", (64, 32)).save(tmp_path / "p.jpg")
+    (tmp_path / "poses.csv").write_text("file,lon,lat\np.jpg,24.9,60.1\n")
+    with pytest.raises(InputError, match=r"poses\.csv states its place but no heading; add its heading"):
+        read_panoramas(tmp_path, tmp_path / "poses.csv", CRS("EPSG:3067"))

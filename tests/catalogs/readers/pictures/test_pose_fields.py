@@ -133,3 +133,23 @@ def test_the_height_of_a_point_is_named(tmp_path: Path) -> None:
         ' "geometry": {"type": "Point", "coordinates": [24.9, 60.1, 12.0]}}]}'
     )
     assert [one.id for one in read(tmp_path, text, ".json").remarks] == ["altitude of the point"]
+
+
+@pytest.mark.parametrize(
+    ("header", "headings", "is_named"),
+    [
+        ("yaw", (0.5, 3.1, 6.2), True),
+        ("heading", (-3.0, 1.2, 0.4), True),
+        ("yaw_rad", (0.5, 3.1, 6.2), False),
+        ("yaw_deg", (0.5, 3.1, 6.2), False),
+        ("heading", (0.5, 3.1, 90.0), False),
+        ("heading", (0, 2, 4), False),
+    ],
+)
+def test_headings_that_may_be_radians_are_named(
+    tmp_path: Path, header: str, headings: tuple[float, ...], is_named: bool
+) -> None:
+    rows = [f"p{number}.jpg,24.9,60.1,{heading}" for number, heading in enumerate(headings)]
+    (tmp_path / "poses.csv").write_text("\n".join([f"file,lon,lat,{header}", *rows]))
+    remarks = read_poses_file(tmp_path / "poses.csv").remarks
+    assert [remark.id for remark in remarks if "radians" in remark.reason] == ([header] if is_named else [])

@@ -231,3 +231,45 @@ def test_a_camera_in_a_foot_frame(tmp_path: Path) -> None:
     found = read_poses(tmp_path / "poses.json")["a.jpg"]
     assert isinstance(found, SourcePose)
     assert found.z == pytest.approx(30.48, abs=0.001)
+
+
+def likely_feet(path: Path, columns: dict[str, list[Any]], crs: str, place: tuple[float, float]) -> list[str]:
+    boxes = [shapely.box(x, y, x + 1e-4, y + 1e-4) for x, y in (place, (place[0] + 2e-4, place[1]))]
+    geopandas.GeoDataFrame(columns, geometry=boxes, crs="EPSG:4326").to_crs(crs).to_file(path)
+    return [remark.reason for remark in read_vector_footprints(path).remarks if "taken in metres" in remark.reason]
+
+
+@pytest.mark.parametrize(
+    ("columns", "place", "words"),
+    [
+        ({"height": [42.0, 63.0], "levels": [4, 6]}, (24.95, 60.17), "10.5 a storey, which looks like feet"),
+        ({"height": [12.8, 19.2], "levels": [4, 6]}, (-73.98, 40.75), None),
+        ({"height": [42.0, 63.0]}, (-73.98, 40.75), "as no unit is stated"),
+        ({"height": [42.0, 63.0]}, (24.95, 60.17), None),
+        ({"height_m": [42.0, 63.0]}, (-73.98, 40.75), None),
+        ({"height_ft": [42.0, 63.0]}, (-73.98, 40.75), None),
+        ({"height": ["42 m", "63 m"]}, (-73.98, 40.75), None),
+        ({"height": [42.0, 63.0], "is_underground": [False, False]}, (-73.98, 40.75), None),
+    ],
+)
+def test_heights_that_may_be_feet_are_named(
+    tmp_path: Path, columns: dict[str, list[Any]], place: tuple[float, float], words: str | None
+) -> None:
+    found = likely_feet(tmp_path / "a.gpkg", columns, "EPSG:4326", place)
+    assert (len(found) == 1 and words in found[0]) if words else not found
+
+
+def test_a_unit_that_a_shapefile_cuts_off_is_named(tmp_path: Path) -> None:
+    found = likely_feet(tmp_path / "a.shp", {"bldg_height_ft": [42.0, 63.0]}, "EPSG:4326", (24.95, 60.17))
+    assert len(found) == 1
+    assert "cut off" in found[0]
+
+
+@pytest.mark.parametrize("code", [999, 9999.0, -9999, "99999"])
+def test_codes_of_unknown_heights_are_no_heights(tmp_path: Path, code: Any) -> None:
+    boxes = [shapely.box(x, 60, x + 1e-4, 60.0001) for x in (24.0, 24.0002)]
+    columns = {"height_cm": ["900", str(code)]}
+    geopandas.GeoDataFrame(columns, geometry=boxes, crs="EPSG:4326").to_file(tmp_path / "a.gpkg")
+    found = read_vector_footprints(tmp_path / "a.gpkg")
+    assert [item.height for item in found.items] == [9.0, None]
+    assert "heights not understood and ignored" in {remark.reason for remark in found.remarks}

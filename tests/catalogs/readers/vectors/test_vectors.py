@@ -477,3 +477,28 @@ def test_one_odd_height_leaves_the_others_as_they_are(odd: Any, height: float | 
         found = read_vector_footprints(path)
     assert [(item.id, item.height) for item in found.items] == [("a", 7.0), ("b", 9.5), ("c", height)]
     assert {remark.id.split()[0] for remark in found.remarks} <= {"c"}
+
+
+DEGREES = Polygon([(24.95, 60.17), (24.9502, 60.17), (24.9502, 60.1702), (24.95, 60.1702)])
+
+
+def test_a_corner_far_away_does_not_hide_degrees(tmp_path: Path) -> None:
+    far = shapely.Polygon([(24.95, 60.17), (1e300, 60.17), (24.951, 60.171)])
+    geopandas.GeoDataFrame({"id": ["a", "b"]}, geometry=[DEGREES, far], crs="EPSG:4326").to_file(tmp_path / "a.geojson")
+    found = read_vector_footprints(tmp_path / "a.geojson")
+    assert found.crs == "EPSG:4326"
+    assert [item.id for item in found.items] == ["a"]
+    assert [fault.id for fault in found.faults] == ["b"]
+
+
+def test_swapped_degrees_beyond_90_stay_degrees(tmp_path: Path) -> None:
+    swapped = shapely.transform(DEGREES, lambda xy: xy[:, ::-1] + np.array([-94.0, 126.0]))  # Sydney: -33.8, 151
+    geopandas.GeoDataFrame({"id": ["a"]}, geometry=[swapped], crs="EPSG:4326").to_file(tmp_path / "a.geojson")
+    assert read_vector_footprints(tmp_path / "a.geojson").crs == "EPSG:4326"
+
+
+def test_points_of_a_collection_are_not_the_ground_of_its_outline(tmp_path: Path) -> None:
+    solid = shapely.force_3d(DEGREES, 68.0)
+    both = shapely.GeometryCollection([solid, shapely.Point(24.95, 60.17, 0.0)])
+    geopandas.GeoDataFrame({"id": ["a", "b"]}, geometry=[solid, both], crs="EPSG:4326").to_file(tmp_path / "a.geojson")
+    assert [item.base for item in read_vector_footprints(tmp_path / "a.geojson").items] == [68.0, 68.0]

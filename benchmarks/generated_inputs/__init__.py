@@ -1,0 +1,1 @@
+"""Generated blocks of known truth, in drawn combinations of formats and conventions, and how the readers take them."""
