@@ -327,7 +327,7 @@ def write_table(
         unindexed = {"SPATIAL_INDEX": "NO"} if suffix == ".fgb" else {}
         _write_gdal(frame, path, {".gpkg": "GPKG", ".fgb": "FlatGeobuf"}[suffix], **unindexed)
         return
-    text = "".join(str(value) for values in rows.values() for value in values)
+    text = "".join([*rows, *(str(value) for values in rows.values() for value in values)])
     possible = [page for page in ("utf-8", "latin-1", "cp1251") if _encodes(text, page)]
     page = draw.choice(possible)
     _write_gdal(frame, path, "ESRI Shapefile", encoding=page.upper().replace("LATIN-1", "ISO-8859-1"))

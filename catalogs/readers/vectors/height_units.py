@@ -53,8 +53,8 @@ class ColumnUnits:
         return self.frame_unit != 1.0 and not self.is_osm and self._stated_unit(column) is None
 
     def is_unstated(self, column: str) -> bool:
-        """Return True where a column is taken as metres, and neither its name, its frame nor its source says so."""
-        return self.frame_unit == 1.0 and not self.is_osm and self._stated_unit(column) is None
+        """Return True where a column is taken as metres, and neither its name nor its frame says so."""
+        return self.frame_unit == 1.0 and self._stated_unit(column) is None
 
     def to_metres(self, text: str, column: str) -> str:
         """Return a length in metres; a text with a unit of its own stays."""

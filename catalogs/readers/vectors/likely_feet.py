@@ -62,7 +62,13 @@ def find_likely_feet(
         reason = f"heights of {name} taken in metres, though a unit may be cut off the column's name; call it height_ft"
         return (Remark(columns[column], f"{reason} or height_m", None),)
     is_plain = any(height is not None for height, _ in plain)
-    if storeys or not is_plain or not _OVERTURE_COLUMNS.isdisjoint(columns) or not _uses_feet(geometries, crs):
+    if (
+        storeys
+        or units.is_osm
+        or not is_plain
+        or not _OVERTURE_COLUMNS.isdisjoint(columns)
+        or not _uses_feet(geometries, crs)
+    ):
         return ()
     return (Remark(columns[column], f"heights of {name} taken in metres, as no unit is stated; {remedy}", None),)
 

@@ -243,7 +243,9 @@ def likely_feet(path: Path, columns: dict[str, list[Any]], crs: str, place: tupl
     ("columns", "place", "words"),
     [
         ({"height": [42.0, 63.0], "levels": [4, 6]}, (24.95, 60.17), "10.5 a storey, which looks like feet"),
+        ({"height": [42.0, 63.0], "osm_id": [1, 2], "levels": [4, 6]}, (24.95, 60.17), "which looks like feet"),
         ({"height": [12.8, 19.2], "levels": [4, 6]}, (-73.98, 40.75), None),
+        ({"height": [42.0, 63.0], "osm_id": [1, 2]}, (-73.98, 40.75), None),
         ({"height": [42.0, 63.0]}, (-73.98, 40.75), "as no unit is stated"),
         ({"height": [42.0, 63.0]}, (24.95, 60.17), None),
         ({"height_m": [42.0, 63.0]}, (-73.98, 40.75), None),
@@ -260,7 +262,8 @@ def test_heights_that_may_be_feet_are_named(
 
 
 def test_a_unit_that_a_shapefile_cuts_off_is_named(tmp_path: Path) -> None:
-    found = likely_feet(tmp_path / "a.shp", {"bldg_height_ft": [42.0, 63.0]}, "EPSG:4326", (24.95, 60.17))
+    columns = {"bldg_height_ft": [42.0, 63.0], "osm_id": [1, 2]}
+    found = likely_feet(tmp_path / "a.shp", columns, "EPSG:4326", (24.95, 60.17))
     assert len(found) == 1
     assert "cut off" in found[0]
 
