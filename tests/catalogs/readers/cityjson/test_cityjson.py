@@ -699,15 +699,15 @@ def test_delft_and_a_house_made_of_parts(data: Path) -> None:
     np.testing.assert_allclose(np.ptp(only(fzk).shell.vertices, axis=0), [18.0, 13.5, 7.3177])
 
 
-@pytest.mark.parametrize("common", [False, True])
-def test_colours_of_materials_are_those_of_walls_and_roof(read: Callable[..., BuildingModels], common: bool) -> None:
+@pytest.mark.parametrize("of_all", [False, True])
+def test_colours_of_materials_are_those_of_walls_and_roof(read: Callable[..., BuildingModels], of_all: bool) -> None:
     materials = [{"name": "brick", "diffuseColor": [0.6, 0.2, 0.1]}, {"name": "tiles", "diffuseColor": [0.4, 0.4, 0.4]}]
     numbers = [1 if KINDS[kind] == "RoofSurface" else 0 for kind in VALUES]
-    used = {"summer": {"value": 0} if common else {"values": [numbers]}}
+    used = {"summer": {"value": 0} if of_all else {"values": [numbers]}}
     document = city({"a": house(solid(material=used))}, appearance={"materials": materials})
     finish = only(read(document)).finish
     assert finish.wall_colour == (153, 51, 26)
-    assert finish.roof_colour == ((153, 51, 26) if common else (102, 102, 102))
+    assert finish.roof_colour == ((153, 51, 26) if of_all else (102, 102, 102))
 
 
 @pytest.mark.parametrize("key", ["Name", "NAME", "naam", "Bezeichnung"])
