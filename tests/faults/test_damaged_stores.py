@@ -22,7 +22,7 @@ from tasks.engine.run import Run
 from tasks.engine.store.integrity import find_lost_units, mark_store_suspect, repair_store
 from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
-from tests.pipeline.stages import digests_of, redone, started, texture
+from tests.pipeline.stages import digests_of, redone, started, texture, viewpoint_with_panorama
 
 
 def cut(path: Path) -> None:
@@ -40,7 +40,7 @@ def changed(store: Path, change: Callable[[Any], None]) -> None:
 
 
 def lose_panorama(group: Any) -> None:
-    group["panoramas/rgb"][2] = 0
+    group["panoramas/rgb"][viewpoint_with_panorama(group)] = 0
 
 
 def blend(group: Any) -> None:
@@ -77,7 +77,7 @@ def lose_exemplar(group: Any) -> None:
 @pytest.mark.parametrize(
     ("wound", "said"),
     [
-        (lose_panorama, r"1 viewpoint \(s[^)]*, 2\) lost what they made"),
+        (lose_panorama, r"1 viewpoint \(s[^)]*, \d+\) lost what they made"),
         (lose_viewpoint, r"store: 1 street \(s[^)]*\) lost"),
         (keep_older_viewpoint, r"store: 1 street \(s[^)]*\) lost"),
         (lose_rasters, r"\d+ facades \(.*, \.\.\.\) lost"),
@@ -196,7 +196,8 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
 
     def paint(group: Any) -> None:
         """As when a block of the disk is another: valid, of the right size, and wrong."""
-        group["panoramas/rgb"][3] = 255 - group["panoramas/rgb"][3]
+        number = viewpoint_with_panorama(group)
+        group["panoramas/rgb"][number] = 255 - group["panoramas/rgb"][number]
         provenance = group["atlas/provenance"]
         provenance[0] = np.where(provenance[0] > 0, 1, 0)
 

@@ -25,6 +25,7 @@ from tasks.engine.run_key import create_run
 from tasks.engine.store.integrity import is_store_marked_suspect, repair_store
 from tasks.engine.store.status import record_run_block_file
 from tasks.stages.ingest.task import ingest_block
+from tests.pipeline.stages import viewpoint_with_panorama
 
 
 def wrong(out: Path) -> dict[str, str]:
@@ -37,8 +38,9 @@ def contents(out: Path) -> set[str]:
 
 def garble_panorama(run: Run) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
-    panoramas = zarr.open_group(session.store)["panoramas/rgb"]
-    panoramas[3] = 255 - panoramas[3]
+    group = zarr.open_group(session.store)
+    panoramas, number = group["panoramas/rgb"], viewpoint_with_panorama(group)
+    panoramas[number] = 255 - panoramas[number]
     commit(session, "garbled")
 
 

@@ -23,6 +23,7 @@ from tasks.engine.store.status import completion_summary
 from tasks.history import after_viewpoint
 from tasks.publish.prune import prune_snapshots
 from tasks.publish.task import publish_block
+from tests.pipeline.stages import viewpoint_with_panorama
 
 
 def published_again(run: Run, block: Path) -> str:
@@ -30,11 +31,12 @@ def published_again(run: Run, block: Path) -> str:
     repository = open_repository(run.store)
     session = repository.writable_session(BRANCH)
     group = zarr.open_group(session.store)
-    held = group["panoramas/rgb"][0]
-    group["panoramas/rgb"][0] = 255 - held
+    number = viewpoint_with_panorama(group)
+    held = group["panoramas/rgb"][number]
+    group["panoramas/rgb"][number] = 255 - held
     repository.create_tag("street-s9-of-before", commit(session, "of before"))
     session = repository.writable_session(BRANCH)
-    zarr.open_group(session.store)["panoramas/rgb"][0] = held
+    zarr.open_group(session.store)["panoramas/rgb"][number] = held
     commit(session, "as it was")
     session = repository.writable_session(BRANCH)  # the snapshot before the newest is never expired
     zarr.open_group(session.store).attrs["ingested"] = 1.0

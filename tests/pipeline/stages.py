@@ -186,6 +186,12 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     return atlas_digest(group), latest_chart_digests(read_journal(group, "surfaces"), [])
 
 
+def viewpoint_with_panorama(group: Any) -> int:
+    """The first viewpoint whose panorama is stored: of a material field, few are."""
+    records = [json.loads(text) if text else {} for text in group["journal/viewpoints"][:].tolist()]
+    return next(number for number, record in enumerate(records) if "panorama" in record)
+
+
 def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> UnitOutcomeCounts:
     outcome = UnitOutcomeCounts(refused=list_units_with_rejections(due.done))
     if due.pieces and due.stage.function is not None:
