@@ -50,8 +50,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
             return shown[source]
 
         monkeypatch.setattr(facade, "read_evidence", evidence_of)
-        monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None, 0.05))
-        monkeypatch.setattr(facade, "analyse_exemplar", lambda *_: None)
+        monkeypatch.setattr(facade, "load_exemplar_analysis", lambda *_, **__: (None, 0.05))
         monkeypatch.setattr(facade, "facade_wall", lambda *_: None)
         monkeypatch.setattr(facade, "build_facade_from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
@@ -60,7 +59,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         unit: Any = Value(index=0, arguments=(imagery, (), ()))
         made = facade._texture_from_pictures(run, plan, unit, refused)
         if made is None:
-            made = facade._texture_from_exemplar(run, plan, group, unit, (), {})
+            made = facade._texture_from_exemplar(run, plan, group, unit, lambda _: None, ())
         return made.depth, made.facade, made.source, refused
 
     return maker
