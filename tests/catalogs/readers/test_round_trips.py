@@ -71,9 +71,10 @@ def names_of(count: int) -> st.SearchStrategy[list[str]]:
 
 
 def write_table(path: Path, table: geopandas.GeoDataFrame) -> None:
-    if path.suffix == ".geojson":
-        table = table.to_crs(4326)
-    table.to_parquet(path) if path.suffix == ".parquet" else table.to_file(path)
+    if path.suffix == ".geojson":  # GDAL would write a text such as {} as an object
+        table.to_crs(4326).to_file(path, AUTODETECT_JSON_STRINGS="NO")
+    else:
+        table.to_parquet(path) if path.suffix == ".parquet" else table.to_file(path)
 
 
 def in_metres(path: Path, geometries: Sequence[Any], crs: str | None) -> list[Any]:
