@@ -70,7 +70,7 @@ def _plain_message(error: BaseException) -> str:
         case KeyError() if error.args and isinstance(error.args[0], str):
             return f"{error.args[0][:60]!r} is missing"
         case OverflowError() | ZeroDivisionError() | FloatingPointError():
-            return "a number is beyond what is possible"
+            return "a number is too large"
         case AssertionError() | KeyError() | IndexError() | AttributeError() | TypeError():
             return _OTHER_CONTENT
     text = " ".join(str(error).split())

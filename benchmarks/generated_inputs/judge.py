@@ -38,7 +38,7 @@ _SUBJECTS = {
     "height": r"height|storey|floor|level|\bunit|same outline",
     "levels": r"level|storey|floor|height|same outline",
     "base": r"ground|base|\bz\b|height",
-    "missing": r"",  # the id is asked for, or a count of what was set aside
+    "missing": r"",  # told by the id, or by a count of inputs set aside
     "extra": r"number|twice|repeat|split|outline|aside|geometry",
     "place": r"swap|lies? at|zone|prefix|area of use|axes|cross|state no frame",
     "outline": r"hole|cross|outline|part|geometr|repair|mend",

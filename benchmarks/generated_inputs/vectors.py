@@ -1,4 +1,4 @@
-"""Outlines and streets as vector files: columns of heights, frames, code pages, and what is broken in them."""
+"""Vector files of outlines and streets: height columns, frames, code pages and faults."""
 
 from __future__ import annotations
 

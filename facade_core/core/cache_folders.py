@@ -34,7 +34,7 @@ def user_cache_folder() -> Path:
 def private_temporary_folder(name: str) -> Path | None:
     """Return a folder of this user alone in the temporary folder; None where there is none.
 
-    Its processes share it. A folder that another user could have made is not used: what is cached there is trusted.
+    The user's processes share it. A folder that another user could have created is not used, because cached code is run.
     """
     try:
         folder = Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}"

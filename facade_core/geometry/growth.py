@@ -21,8 +21,8 @@ def grow_union(
     """Grow the union of outlines by a distance, as `buffer` does.
 
     `buffer` intersects the offset curves of all edges within the distance: the cost is quadratic where corners are
-    close. Above MAX_OUTLINE_CORNERS or MAX_CORNERS the union grows in steps instead, each of which merges what the
-    last one left; the result differs by the rounding of corners only.
+    close. Above MAX_OUTLINE_CORNERS or MAX_CORNERS the union grows in steps instead, and each step merges
+    corners; the result differs by the rounding of corners only.
 
     Parameters
     ----------

@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from catalogs.block.building_corrections import MIN_WALL_HEIGHT_M
+from catalogs.block.correction_values import ElementBox, is_number
 from catalogs.block.corrections import (
     BUILDING_CORRECTION_KINDS,
     FACADE_CORRECTION_KINDS,
     Correction,
     Corrections,
-    ElementBox,
-    is_number,
     validate_correction,
 )
 from catalogs.crs import LONLAT, coordinate_transform

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
@@ -56,15 +55,7 @@ def copy_painted_exemplars(folder: Path) -> None:
     shutil.copytree(INPUTS / "exemplars", folder, dirs_exist_ok=True)
 
 
-def write_block_file(
-    path: Path,
-    exemplar_folder: Path,
-    *,
-    photos: bool,
-    area: Sequence[float] = AREA,
-    streets: Sequence[str] = STREETS,
-    texels_per_metre: int = TEXELS_PER_METRE,
-) -> None:
+def write_block_file(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
     """Write the demo's block file beside its map.
 
     Parameters
@@ -72,9 +63,6 @@ def write_block_file(
     path : new block file.
     exemplar_folder : style library.
     photos : whether the folder `photos` beside the file is named.
-    area : west, south, east and north in degrees.
-    streets : names of the streets.
-    texels_per_metre : density of the textures.
     """
     imagery = {"exemplars": {"path": str(exemplar_folder.resolve())}}
     if exemplar_folder.parent == path.parent:
@@ -83,11 +71,11 @@ def write_block_file(
         imagery["photos"] = {"path": "photos"}
     block = {
         "name": NAME,
-        "area": list(area),
+        "area": list(AREA),
         "buildings": {"path": "helsinki.osm.pbf"},
-        "streets": {"path": "helsinki.osm.pbf", "names": list(streets)},
+        "streets": {"path": "helsinki.osm.pbf", "names": list(STREETS)},
         "imagery": imagery,
-        "texture": {"texels_per_metre": texels_per_metre, "sun": SUN},
+        "texture": {"texels_per_metre": TEXELS_PER_METRE, "sun": SUN},
         "seed": SEED,
     }
     temporary = path.with_suffix(".tmp")

@@ -20,7 +20,7 @@ from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import rebuild_material_field
-from tasks.stages.streets.panoramas import read_viewpoint_buffer, render_field_panorama
+from tasks.stages.streets.panoramas import read_base_layer, render_field_panorama
 from tasks.stages.streets.worker import add_viewpoint_to_buffer, replay_street
 from tasks.viewing.run_view import RunView
 
@@ -96,7 +96,7 @@ class StreetReplay:
             return _draw(replayed)
 
     def draw_panorama(self, view: RunView, viewpoint: int) -> UInt8Array:
-        """Return the panorama of a viewpoint, (h, w, 3) uint8: the stored one, else rendered now.
+        """Return the panorama of a viewpoint, (h, w, 3) uint8: as the network made it, else rendered over the base layer.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class StreetReplay:
             if run.field is None:
                 return np.asarray(stored[viewpoint], np.uint8)
             seen = run.plan.viewpoints[viewpoint]
-            buffer = read_viewpoint_buffer(run.plan, view.group, seen)
+            buffer = read_base_layer(run.plan, view.group, run.plan.charts_of_viewpoint(viewpoint))
             return render_field_panorama(run.plan, buffer, run.field, seen, stored.shape[2])
 
     def _load_run(self, view: RunView) -> _LoadedRun:

@@ -25,12 +25,12 @@ PYTHON_WORDS = (
 )
 
 
-def nested() -> object:
+def nest_lists() -> object:
     return json.loads("[" * 200_000)
 
 
 CASES: dict[str, tuple[Callable[[], object], str]] = {
-    "nesting": (nested, "it is nested too deeply"),
+    "nesting": (nest_lists, "it is nested too deeply"),
     "digits": (lambda: int("9" * 5000), "a number has thousands of digits"),
     "json": (lambda: json.loads('{"a": }'), "expecting value at line 1, column 7"),
     "key": (lambda: {}["faces"], "'faces' is missing"),
@@ -39,7 +39,7 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "attribute": (lambda: "a".get("b"), "its content is not arranged as in this format"),  # type: ignore[attr-defined]
     "number": (lambda: float("abc"), "'abc' is no number"),
     "whole": (lambda: int("1.5"), "'1.5' is no whole number"),
-    "overflow": (lambda: float(10**400), "a number is beyond what is possible"),
+    "overflow": (lambda: float(10**400), "a number is too large"),
     "letters": (b"\xff".decode, "it is no UTF-8 text"),
     "null": (lambda: Path("a\0b").stat(), "it holds a null character"),
     "shapes": (lambda: np.zeros(3) + np.zeros(4), "arrays differ in size"),

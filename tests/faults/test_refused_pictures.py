@@ -17,7 +17,7 @@ from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
 from tasks.engine.forecast import describe_rejected_inputs
-from tasks.stages.facades import evidence
+from tasks.stages.facades import evidence, exemplar_facades
 from tasks.stages.facades import worker as facade
 from tasks.stages.facades.evidence import FacadeEvidence, read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
@@ -50,9 +50,9 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
             return shown[source]
 
         monkeypatch.setattr(facade, "read_evidence", evidence_of)
-        monkeypatch.setattr(facade, "load_exemplar_analysis", lambda *_, **__: (None, 0.05))
-        monkeypatch.setattr(facade, "facade_wall", lambda *_: None)
-        monkeypatch.setattr(facade, "build_facade_from_exemplar", lambda *_, **__: "made")
+        monkeypatch.setattr(exemplar_facades, "load_exemplar_analysis", lambda *_, **__: (None, 0.05))
+        monkeypatch.setattr(exemplar_facades, "facade_wall", lambda *_: None)
+        monkeypatch.setattr(exemplar_facades, "build_facade_from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
         run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None

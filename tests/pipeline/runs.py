@@ -29,20 +29,15 @@ def write_block(folder: Path) -> Path:
     copy_map(folder)
     paint_exemplars(folder / "exemplars", 4)
     block = folder / "helsinki.yaml"
-    for photos in (False, True):
-        write_block_file(
-            block,
-            folder / "exemplars",
-            photos=photos,
-            area=[24.9471, 60.1659, 24.9488, 60.1667],
-            streets=["Kasarmikatu", "Rikhardinkatu"],
-            texels_per_metre=6,
-        )
-        if not photos:
-            paint_photos(read_block(block), folder / "photos")
+    write_block_file(block, folder / "exemplars", photos=False)
     keys = yaml.safe_load(block.read_text())
-    if keys["texture"].pop("sun", None):  # in whose light a photo's texels are not the photo's
-        block.write_text(yaml.safe_dump(keys, sort_keys=False))
+    keys["area"] = [24.9471, 60.1659, 24.9488, 60.1667]
+    keys["streets"]["names"] = ["Kasarmikatu", "Rikhardinkatu"]
+    keys["texture"] = {"texels_per_metre": 6}  # without a sun, in whose light a photo's texels are not the photo's
+    block.write_text(yaml.safe_dump(keys, sort_keys=False))
+    paint_photos(read_block(block), folder / "photos")
+    keys["imagery"]["photos"] = {"path": "photos"}
+    block.write_text(yaml.safe_dump(keys, sort_keys=False))
     return block
 
 

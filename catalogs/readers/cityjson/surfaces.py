@@ -57,14 +57,14 @@ def extract_faces(geometry: JsonObject, points: Float64Array, appearance: CityJs
     depth = NESTING_DEPTHS[geometry["type"]]
     semantics = mapping_or_empty(geometry.get("semantics"))
     classes = _surface_semantics(semantics.get("surfaces"))
-    materials = _theme_of(geometry, "material", appearance.material_theme)
+    materials = _select_theme(geometry, "material", appearance.material_theme)
     common = materials.get("value")
     parts = list(
         zip(
             _outer_surfaces(geometry["boundaries"], depth),
             _align_values(geometry["boundaries"], semantics.get("values"), depth),
             _align_values(
-                geometry["boundaries"], _theme_of(geometry, "texture", appearance.theme).get("values"), depth
+                geometry["boundaries"], _select_theme(geometry, "texture", appearance.theme).get("values"), depth
             ),
             _align_values(geometry["boundaries"], materials.get("values"), depth),
             strict=True,
@@ -161,7 +161,7 @@ def _surface_semantics(surfaces: object) -> list[str]:
     return [SURFACE_SEMANTICS.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
-def _theme_of(geometry: JsonObject, kind: str, theme: str | None) -> JsonObject:
+def _select_theme(geometry: JsonObject, kind: str, theme: str | None) -> JsonObject:
     """Return the default theme of textures or materials of a geometry, else its first by name; empty without one."""
     themes = mapping_or_empty(geometry.get(kind))
     if not themes:

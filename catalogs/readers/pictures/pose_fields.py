@@ -145,7 +145,7 @@ def find_likely_radians(file: str, records: Iterable[JsonObject]) -> tuple[Remar
             continue
         try:
             headings.append(float(value))
-        except ValueError:
+        except (ValueError, OverflowError):
             continue
         names[name] = None
     likely = [heading for heading in headings if abs(heading) <= 2 * math.pi]
@@ -157,7 +157,7 @@ def find_likely_radians(file: str, records: Iterable[JsonObject]) -> tuple[Remar
 
 
 def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[str, ...]]:
-    """Return by record what is taken in place of fields that other records state and it does not.
+    """Return the substitute values of fields that only some records state, by record.
 
     Parameters
     ----------

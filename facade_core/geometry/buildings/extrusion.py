@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.arrays import Float64Array
@@ -18,6 +18,7 @@ from facade_core.geometry.buildings.passages import (
     PassageOpening,
     WallOpening,
     passage_sides,
+    polygon_edges,
     standing_outline,
     wall_openings,
 )
@@ -67,7 +68,7 @@ def add_extrusion_charts(
     openings = [opening for opening in openings if opening.ceiling > foot]
     standing = standing_outline(outline, openings)
     joints = np.empty((0, 2)) if roof is None else roof.vertices[roof.vertices[:, 2] >= eaves, :2]
-    edges = _polygon_edges(outline)
+    edges = polygon_edges(outline)
     for a, b in edges:
         _add_wall(target, a, b, foot, eaves, joints, wall_openings(a, b, openings))
     if roof is None:
@@ -76,20 +77,13 @@ def add_extrusion_charts(
         for part in shapely.get_parts(standing).tolist():
             add_horizontal_surface(target, ChartKind.CEILING, part, foot)
     else:
-        _add_skirt_walls(target, _polygon_edges(standing) if openings else edges, base, terrain)
+        _add_skirt_walls(target, polygon_edges(standing) if openings else edges, base, terrain)
     if roof is not None:
         add_facet_charts(target, roof)
     for opening in openings:
         for a, b in passage_sides(outline, opening):
             _add_wall(target, a, b, foot, opening.ceiling)
         add_horizontal_surface(target, ChartKind.CEILING, opening.area, opening.ceiling)
-
-
-def _polygon_edges(outline: Polygon | MultiPolygon) -> list[tuple[Float64Array, Float64Array]]:
-    """Return the edges of an outline; its inside is on their left."""
-    polygons = shapely.get_parts(outline).tolist()
-    rings = [np.asarray(ring.coords) for part in polygons for ring in (part.exterior, *part.interiors)]
-    return [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
 
 
 def _add_skirt_walls(

@@ -99,7 +99,7 @@ def wall_openings(start: Float64Array, end: Float64Array, openings: Sequence[Pas
     edge, along = shapely.LineString([start, end]), (end - start) / length
     found = []
     for opening in openings:
-        for a, b in _ring_edges(opening.area):
+        for a, b in polygon_edges(opening.area):
             if shapely.distance(edge, shapely.points([a, (a + b) / 2, b])).max() < ON_WALL_M:
                 left, right = (_snap(float((point - start) @ along), length) for point in (a, b))
                 if right - left > ON_WALL_M:
@@ -112,13 +112,13 @@ def passage_sides(outline: Polygon, opening: PassageOpening) -> list[tuple[Float
     border = outline.boundary
     return [
         (b, a)
-        for a, b in _ring_edges(opening.area)
+        for a, b in polygon_edges(opening.area)
         if shapely.distance(border, shapely.points([a, (a + b) / 2, b])).max() >= ON_WALL_M
     ]
 
 
 def standing_outline(outline: Polygon | MultiPolygon, openings: Sequence[PassageOpening]) -> Polygon | MultiPolygon:
-    """Return the part of a footprint that stands on the ground, without its passages."""
+    """Return a footprint without its passages."""
     if not openings:
         return outline
     left = shapely.difference(outline, shapely.union_all([opening.area for opening in openings]))
@@ -147,9 +147,10 @@ def footprint_without_headroom(building: Building, terrain: Terrain, headroom: f
     return standing_outline(outline, high)
 
 
-def _ring_edges(area: Polygon) -> list[tuple[Float64Array, Float64Array]]:
-    """Return the edges of a polygon; its inside is on their left."""
-    rings = [np.asarray(ring.coords) for ring in (area.exterior, *area.interiors)]
+def polygon_edges(area: Polygon | MultiPolygon) -> list[tuple[Float64Array, Float64Array]]:
+    """Return the edges of polygons; their inside is on the left."""
+    polygons = shapely.get_parts(area).tolist()
+    rings = [np.asarray(ring.coords) for part in polygons for ring in (part.exterior, *part.interiors)]
     return [edge for ring in rings for edge in pairwise(ring)]
 
 

@@ -29,7 +29,6 @@ from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.correction import rasterise_boxes, replace_elements
 from facade_core.facade.exemplar import count_columns
-from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
 from facade_core.facade.variation.hierarchy import Hierarchy
@@ -38,7 +37,6 @@ from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import box_coverage
-from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.outcome import (
@@ -49,10 +47,10 @@ from tasks.engine.outcome import (
     rejection_record_fields,
 )
 from tasks.engine.run import Run
-from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
+from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
-from tasks.stages.facades.analysed_exemplars import load_exemplar_analysis
 from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoCropQuality, read_evidence
+from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
@@ -280,27 +278,11 @@ def _texture_from_exemplar(
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
-    along, width = float(facades.along[facade]), float(facades.width[facade])
     depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
-    if run.texture.walls == "translate" or not imagery.corrected.facade:
+    result = build_unit_from_exemplar(run, plan, group, unit, size, wall_colour(beside))
+    if result is None:
         return _TexturedFacade(depth, None, "translator", nothing)
-    if imagery.exemplar is None:
-        raise FacadeError(
-            f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
-        )
-    index, name = imagery.exemplar
-    given = load_exemplar_analysis(run, group, index, shops=True)
-    style, metres_per_texel = given if imagery.shops else load_exemplar_analysis(run, group, index, shops=False)
-    first = facades.id[int(facades.run[facade])]
-    result = build_facade_from_exemplar(
-        ScaledStyle(style, metres_per_texel, given[0]),
-        facade_wall(plan.scene, facades, facade, imagery.entrances),
-        size,
-        span=(along, along + width),
-        paint=BuildingPaint(unit_seed(run, str(facades.house[facade]), BUILDING_SEED), wall_colour(beside)),
-        seed=unit_seed(run, first, FACADE_SEED),
-    )
-    return _TexturedFacade(depth, _apply_correction(result, imagery), name, nothing)
+    return _TexturedFacade(depth, _apply_correction(result, imagery), imagery.exemplar[1], nothing)
 
 
 def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from facade_core.atlas.rasters import read_rasters
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
@@ -41,9 +41,9 @@ def render_field_panorama(
     return add_sky(paint_bare_pixels(panorama, materials, plan.scene.charts.normals()), panorama.depth)
 
 
-def read_viewpoint_buffer(plan: Plan, group: StoreGroup, viewpoint: Viewpoint) -> TexelBuffer:
-    """Read the base layer of the charts that a viewpoint sees, without any view."""
-    scene, charts = plan.scene, plan.charts_of_viewpoint(viewpoint.id)
+def read_base_layer(plan: Plan, group: StoreGroup, charts: IntArray) -> TexelBuffer:
+    """Read the base layer of some charts (k,) into a buffer without any view."""
+    scene = plan.scene
     layout, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], charts)
     colour, provenance = (
         read_rasters(group[f"atlas/{name}"], scene.placement, layout) for name in ("seed", "seed_evidence")

@@ -30,7 +30,7 @@ from facade_core.street.translator.translators import MaterialFieldTranslator, T
 from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import grain_tables_from_pictures, roof_material
-from tasks.stages.streets.panoramas import is_panorama_in_report, read_viewpoint_buffer, render_field_panorama
+from tasks.stages.streets.panoramas import is_panorama_in_report, read_base_layer, render_field_panorama
 from tasks.stages.streets.record import StreetRecord, StreetResult, ViewpointResult
 
 
@@ -147,7 +147,7 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
             mark_first_visible(here.plan.scene, progress.window, viewpoint, charts_seen)
         lap("propagate")
         if is_panorama_in_report(here.plan, viewpoint):
-            seen = read_viewpoint_buffer(here.plan, group, viewpoint)
+            seen = read_base_layer(here.plan, group, here.plan.charts_of_viewpoint(viewpoint.id))
             rgb = render_field_panorama(here.plan, seen, here.field, viewpoint, size[1])
             lap("render")
     if rgb is not None:
@@ -263,17 +263,9 @@ def replay_street(
     field : whether the translator returns a material field; its texels are left to `paint_visible_texels`.
     threads : threads of the kernels.
     """
-    scene = plan.scene
-    viewpoints = plan.street_viewpoints(street)
-    charts = plan.charts_of_street(street)
-    rasters, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], charts)
-    seed, evidence = (
-        read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
-    )
-    window = TexelBuffer.allocate(
-        scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range
-    )
-    for viewpoint in [*_earlier_viewpoints(plan, group, street, writable), *viewpoints[:step]]:
+    window = read_base_layer(plan, group, plan.charts_of_street(street))
+    own = plan.street_viewpoints(street)[:step]
+    for viewpoint in [*_earlier_viewpoints(plan, group, street, window.writable), *own]:
         add_viewpoint_to_buffer(plan, group, window, viewpoint, field=field, threads=threads)
     return window
 

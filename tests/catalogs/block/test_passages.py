@@ -38,7 +38,7 @@ def street(id: str, *points: tuple[float, float], **tags: str) -> Centreline:
     return Centreline(id, LineString(points), "Hof", passage)
 
 
-def opened(buildings: list[Building], *pieces: Centreline) -> OpenedPassages:
+def open_block_passages(buildings: list[Building], *pieces: Centreline) -> OpenedPassages:
     return open_passages(buildings, CentrelinesAndGround(None, pieces), UTM)
 
 
@@ -60,7 +60,7 @@ def test_a_passage_through_one_building_is_open_and_part_of_its_street() -> None
         street("w2", (20, 0), (20, 10), width="4", maxheight="3.2"),
         street("w3", (20, 10), (20, 30), passage=""),
     )
-    found = opened([FRONT, REAR], *pieces)
+    found = open_block_passages([FRONT, REAR], *pieces)
     front, rear = found.buildings
     assert rear is REAR
     assert [passage.height for passage in front.passages] == [3.2]
@@ -76,7 +76,7 @@ def test_a_passage_through_two_adjacent_buildings_opens_the_party_wall() -> None
         [street("w1", (20, 0), (20, 10), width="4"), street("w2", (20, 20), (20, 10), width="4")],
         [street("w1", (20, 0), (20, 7), width="4"), street("w2", (20, 7), (20, 20), width="4")],
     ):
-        found = opened([FRONT, REAR], *pieces)
+        found = open_block_passages([FRONT, REAR], *pieces)
         assert [open_area(one) for one in found.buildings] == pytest.approx([40, 40])
         for one in found.buildings:
             for wall in ((18, 10), (22, 10)):
@@ -95,7 +95,7 @@ def test_a_passage_through_two_adjacent_buildings_opens_the_party_wall() -> None
 def test_a_passage_that_grazes_a_building_leaves_it_closed_and_stays_a_street(
     points: list[tuple[float, float]],
 ) -> None:
-    found = opened([FRONT], street("w1", *points))
+    found = open_block_passages([FRONT], street("w1", *points))
     assert found.buildings == (FRONT,)
     assert found.reasons == {}
     assert len(found.streets.items) == 1
@@ -103,7 +103,7 @@ def test_a_passage_that_grazes_a_building_leaves_it_closed_and_stays_a_street(
 
 @pytest.mark.parametrize(("height", "reason"), [(12.0, OPENED), (4.0, OPENED), (2.5, OPENED), (2.4, LOW)])
 def test_a_passage_higher_than_its_building(height: float, reason: str) -> None:
-    found = opened([replace(FRONT, height=height)], street("w1", (20, 0), (20, 10), maxheight="4.2"))
+    found = open_block_passages([replace(FRONT, height=height)], street("w1", (20, 0), (20, 10), maxheight="4.2"))
     assert found.reasons == {reason: ["w1"]}
     assert bool(found.buildings[0].passages) == (reason == OPENED), "the geometry limits the ceiling"
     assert len(found.streets.items) == (reason == OPENED)
@@ -116,7 +116,7 @@ def test_a_passage_through_a_model_is_closed_and_cuts_its_street() -> None:
         street("w2", (20, 0), (20, 20)),
         street("w3", (20, 20), (20, 40), passage=""),
     )
-    found = opened([model, REAR], *pieces)
+    found = open_block_passages([model, REAR], *pieces)
     assert found.buildings == (model, REAR), "closed also in the extruded building behind"
     assert found.reasons == {CLOSED: ["w2"]}
     assert len(build_block_streets(found.streets, UTM, area=None)[0]) == 2
@@ -132,20 +132,20 @@ def test_a_passage_through_a_model_is_closed_and_cuts_its_street() -> None:
     ],
 )
 def test_ends_of_passages(points: list[tuple[float, float]], area: float | None) -> None:
-    (front,) = opened([FRONT], street("w1", *points, width="4")).buildings
+    (front,) = open_block_passages([FRONT], street("w1", *points, width="4")).buildings
     assert open_area(front) == pytest.approx(4 * 10 * 2**0.5 if area is None else area)
 
 
 def test_a_passage_inside_of_a_building_stays_closed() -> None:
     large = replace(FRONT, footprint=box(0, 0, 60, 60))
-    found = opened([large], street("w1", (20, 20), (20, 40)))
+    found = open_block_passages([large], street("w1", (20, 20), (20, 40)))
     assert found.buildings == (large,)
     assert found.reasons == {INNER: ["w1"]}
 
 
 def test_a_part_that_begins_above_the_passage_needs_no_height_below() -> None:
     bridge = replace(FRONT, raised=4.0, height=4.2)
-    found = opened([bridge], street("w1", (20, 0), (20, 10), maxheight="3"))
+    found = open_block_passages([bridge], street("w1", (20, 0), (20, 10), maxheight="3"))
     assert found.reasons == {OPENED: ["w1"]}
     assert found.buildings[0].passages, "cameras are placed below it"
 
@@ -164,7 +164,7 @@ def test_a_part_that_begins_above_the_passage_needs_no_height_below() -> None:
     ],
 )  # fmt: skip
 def test_width_and_height_by_tags(tags: dict[str, str], width: float, height: float, reason: str) -> None:
-    found = opened([FRONT], street("w1", (20, 0), (20, 10), **tags))
+    found = open_block_passages([FRONT], street("w1", (20, 0), (20, 10), **tags))
     (passage,) = found.buildings[0].passages
     assert (open_area(found.buildings[0]) / 10, passage.height) == (pytest.approx(width), pytest.approx(height))
     assert found.reasons == {reason: ["w1"]}
@@ -213,7 +213,7 @@ def test_a_street_graph_states_passages_in_both_directions(tmp_path: Path) -> No
         graph.add_edge(start, end, **tags)
         graph.add_edge(end, start, **tags)
     networkx.write_graphml(graph, tmp_path / "streets.graphml")
-    found = opened([FRONT], *read_centrelines(tmp_path / "streets.graphml").items)
+    found = open_block_passages([FRONT], *read_centrelines(tmp_path / "streets.graphml").items)
     assert open_area(found.buildings[0]) == pytest.approx(40)
     assert found.reasons == {ASSUMED: ["w1"]}
 

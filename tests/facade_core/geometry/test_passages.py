@@ -155,7 +155,7 @@ def test_cameras_need_headroom() -> None:
     assert footprint_without_headroom(house(), LEVEL, 2.8).contains(inside)
 
 
-def plan_of(building: Building) -> Plan:
+def build_block_plan(building: Building) -> Plan:
     settings = IngestSettings(
         texels_per_metre=8.0,
         viewpoint_spacing=5.0,
@@ -175,7 +175,7 @@ def facades(plan: Plan) -> dict[str, NDArray[np.float64]]:
 
 @pytest.mark.parametrize("roof", [None, Roof("gabled", 3.0)])
 def test_facades_stay_whole_and_viewpoints_are_inside(roof: Roof | None) -> None:
-    opened, plain = plan_of(house(STRAIGHT, roof=roof)), plan_of(house(roof=roof))
+    opened, plain = build_block_plan(house(STRAIGHT, roof=roof)), build_block_plan(house(roof=roof))
     assert facades(opened) == facades(plain), "also none inside of the passage"
     inside = [
         [camera for camera in plan.viewpoints if 0 < camera.position[1] < 10 and camera.street == 1]
@@ -188,7 +188,7 @@ def test_facades_stay_whole_and_viewpoints_are_inside(roof: Roof | None) -> None
 
 @pytest.mark.parametrize("roof", [None, Roof("gabled", 3.0)])
 def test_exported_bodies_are_closed_and_footprints_whole(roof: Roof | None) -> None:
-    plan = plan_of(house(STRAIGHT, roof=roof))
+    plan = build_block_plan(house(STRAIGHT, roof=roof))
     mesh = build_textured_mesh(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))
     own = np.flatnonzero(plan.scene.charts.building[plan.scene.mesh.chart] == 0)
     footprint = shapely.union_all(building_footprint(mesh, own))

@@ -160,19 +160,19 @@ def test_what_is_not_understood_is_refused(tmp_path: Path, keys: dict[str, Any],
         read_mesh_buildings(write_wall(tmp_path, **keys))
 
 
-def coloured(folder: Path, factor: list[float], **keys: Any) -> Path:
+def write_coloured_model(folder: Path, factor: list[float], **keys: Any) -> Path:
     """Write the wall in a base colour without a picture."""
     return write_wall(folder, materials=[{"name": "wall", "pbrMetallicRoughness": {"baseColorFactor": factor}}], **keys)
 
 
 def test_a_base_colour_without_a_picture_is_that_of_the_walls(tmp_path: Path) -> None:
-    (model,) = read_mesh_buildings(coloured(tmp_path, [0.5, 0.05, 0.0, 1.0])).items
+    (model,) = read_mesh_buildings(write_coloured_model(tmp_path, [0.5, 0.05, 0.0, 1.0])).items
     assert model.finish.wall_colour == (188, 63, 0)  # linear light in the file, sRGB here
     assert model.finish.roof_colour is None
 
 
 def test_white_is_the_default_of_gltf_and_states_nothing(tmp_path: Path) -> None:
-    (model,) = read_mesh_buildings(coloured(tmp_path, [1.0, 1.0, 1.0, 1.0])).items
+    (model,) = read_mesh_buildings(write_coloured_model(tmp_path, [1.0, 1.0, 1.0, 1.0])).items
     assert model.finish.wall_colour is None
 
 

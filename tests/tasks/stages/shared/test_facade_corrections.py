@@ -34,7 +34,9 @@ def make_plan_of_walls(widths: np.ndarray[Any, np.dtype[np.float64]]) -> Plan:
     return cast(Plan, SimpleNamespace(facades=facades, scene=SimpleNamespace(charts=charts)))
 
 
-def located(id: str, longitude: float, latitude: float = 60.16, width: float | None = 10.0) -> Correction:
+def create_located_correction(
+    id: str, longitude: float, latitude: float = 60.16, width: float | None = 10.0
+) -> Correction:
     """Return a correction with a place."""
     return Correction(id, "facade", False, (longitude, latitude), width)
 
@@ -43,12 +45,12 @@ def test_the_nearest_wall_of_that_width_is_taken() -> None:
     widths = np.full(len(LONGITUDES), 10.0)
     widths[3] = 30.0
     said = [
-        located("moved", LONGITUDES[5] + 1e-5),
-        located("wide", LONGITUDES[3]),
-        located("any-width", LONGITUDES[3], width=None),
-        located("far", LONGITUDES[7], 60.161),
-        located("nowhere", LONGITUDES[7], 95.0),
-        located("f1", LONGITUDES[9]),
+        create_located_correction("moved", LONGITUDES[5] + 1e-5),
+        create_located_correction("wide", LONGITUDES[3]),
+        create_located_correction("any-width", LONGITUDES[3], width=None),
+        create_located_correction("far", LONGITUDES[7], 60.161),
+        create_located_correction("nowhere", LONGITUDES[7], 95.0),
+        create_located_correction("f1", LONGITUDES[9]),
         Correction("unplaced", "facade", False),
     ]
     found = map_changed_facade_ids(
@@ -58,7 +60,7 @@ def test_the_nearest_wall_of_that_width_is_taken() -> None:
 
 
 def test_a_hundred_thousand_old_ids_are_matched_in_seconds() -> None:
-    old = {f"o{i}": {"facade": located(f"o{i}", LONGITUDES[i % 200])} for i in range(100_000)}
+    old = {f"o{i}": {"facade": create_located_correction(f"o{i}", LONGITUDES[i % 200])} for i in range(100_000)}
     begun = time.process_time()
     found = map_changed_facade_ids(make_plan_of_walls(np.full(200, 10.0)), Corrections(old), CRS)
     assert time.process_time() - begun < 10.0  # 1 second on an idle machine

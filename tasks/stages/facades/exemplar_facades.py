@@ -1,0 +1,105 @@
+"""Facades in the style of exemplars, which a worker keeps analysed between units: many buildings show one exemplar."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.atlas.journal import read_records
+from facade_core.core.arrays import Float64Array
+from facade_core.core.errors import FacadeError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
+from facade_core.facade.facade import Facade
+from facade_core.facade.texture.ground_floor import replace_shops_by_windows
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
+from facade_core.plan.facade_walls import facade_wall
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
+from tasks.engine.unit import Unit
+from tasks.stages.exemplars.worker import read_exemplar
+
+# Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
+MAX_KEPT_PIXELS = 8_000_000
+
+
+class _ExemplarKey(NamedTuple):
+    """What an analysed exemplar depends on."""
+
+    out: str
+    exemplar: int
+    key: str
+    shops: bool
+
+
+# The one used last comes last.
+_kept: dict[_ExemplarKey, tuple[ExemplarAnalysis, float]] = {}
+
+
+def load_exemplar_analysis(run: Run, group: StoreGroup, index: int, *, shops: bool) -> tuple[ExemplarAnalysis, float]:
+    """Return an analysed exemplar, with or without its shops, and its metres per texel.
+
+    Parameters
+    ----------
+    run : run of the unit.
+    group : root of the store.
+    index : number of the exemplar.
+    shops : whether its shops are kept, or replaced by windows.
+    """
+    (record,) = read_records(group, "exemplars", np.array([index]))
+    entry = _ExemplarKey(run.out, index, record["key"] if record else "", shops)
+    analysed = _kept.pop(entry, None)
+    if analysed is None:
+        image, labels, metres_per_texel = read_exemplar(group, index)
+        if not shops:
+            image, labels = replace_shops_by_windows(image, labels)
+        analysed = analyse_exemplar(image, labels), metres_per_texel
+    _kept[entry] = analysed
+    while len(_kept) > 1 and sum(style.labels.size for style, _ in _kept.values()) > MAX_KEPT_PIXELS:
+        del _kept[next(iter(_kept))]
+    return analysed
+
+
+def build_unit_from_exemplar(
+    run: Run,
+    plan: Plan,
+    group: StoreGroup,
+    unit: Unit,
+    size: tuple[int, int],
+    wall_colour: Float64Array | None = None,
+) -> Facade | None:
+    """Build the facade of a unit in the style of its exemplar; None where it is left to the street stage.
+
+    Parameters
+    ----------
+    run : run of the unit.
+    plan : its plan.
+    group : root of the store.
+    unit : unit of stage `facades`.
+    size : (h, w) of the raster.
+    wall_colour : (3,) 0..255, of the building's walls where photos show it.
+
+    Raises
+    ------
+    FacadeError : the unit has no exemplar.
+    """
+    facades, number, imagery = plan.facades, unit.index, unit.arguments[0]
+    if run.texture.walls == "translate" or not imagery.corrected.facade:
+        return None
+    if imagery.exemplar is None:
+        raise FacadeError(
+            f"facade {facades.id[number]}: no picture of it and no usable exemplar; add either to the block's imagery"
+        )
+    exemplar, along = imagery.exemplar[0], float(facades.along[number])
+    whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True)
+    style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False)[0]
+    return build_facade_from_exemplar(
+        ScaledStyle(style, metres_per_texel, whole),
+        facade_wall(plan.scene, facades, number, imagery.entrances),
+        size,
+        span=(along, along + float(facades.width[number])),
+        paint=BuildingPaint(unit_seed(run, str(facades.house[number]), BUILDING_SEED), wall_colour),
+        seed=unit_seed(run, facades.id[int(facades.run[number])], FACADE_SEED),
+    )
