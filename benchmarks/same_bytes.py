@@ -45,7 +45,7 @@ def measure(before: str) -> dict[str, Any]:
         folder = Path(name)
         stages.write_photo(folder / "in", "a-0", 1)
         block = stages.write_block(folder / "in")
-        _check_out(before, folder / "before")
+        check_out(before, folder / "before")
         results = {
             side: _results(checkout, block, folder / f"out-{side}")
             for side, checkout in (("before", folder / "before"), ("after", ROOT))
@@ -55,7 +55,8 @@ def measure(before: str) -> dict[str, Any]:
     return {"before": before, "compared": len(names), "differ": differ, "results": results["after"]}
 
 
-def _check_out(revision: str, folder: Path) -> None:
+def check_out(revision: str, folder: Path) -> None:
+    """Extract a revision of this repository into a folder."""
     archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
     with tarfile.open(fileobj=BytesIO(archive)) as tar:
         tar.extraction_filter = getattr(tarfile, "data_filter", None)  # the first Pythons of 3.11 have none

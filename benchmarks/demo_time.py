@@ -1,0 +1,100 @@
+"""Seconds of the whole demo, first run and compiled run, beside those of another revision.
+
+Both sides run `streetloom demo` as a user does, one after the other: with an empty cache of kernels, then with a full one.
+Wall time, processor seconds of all processes, memory of all at its peak, and seconds until the first picture.
+
+    python -m benchmarks.demo_time --before HEAD~10
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import psutil
+
+from benchmarks.process_usage import add_used
+from benchmarks.same_bytes import ROOT, check_out
+from benchmarks.timing import figures
+
+PREVIEW = "preview.jpg"
+# Seconds between two looks at the processes.
+INTERVAL = 0.5
+
+
+def measure(before: str | None) -> dict[str, Any]:
+    """Measure the first and the compiled run of this checkout, and of another revision."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        sides = {"after": ROOT}
+        if before is not None:
+            check_out(before, folder / "checkout")
+            sides["before"] = folder / "checkout"
+        found: dict[str, Any] = {"load": [round(load, 1) for load in os.getloadavg()]}
+        for run in ("first", "compiled"):
+            found[run] = {
+                side: _demo(checkout, folder / f"kernels-{side}", folder / f"{run}-{side}")
+                for side, checkout in sides.items()
+            }
+            if before is not None:
+                after, other = found[run]["after"], found[run]["before"]
+                found[run]["ratio"] = {
+                    key: figures(after[key] / other[key]) for key in ("seconds", "processor", "peak_mb")
+                }
+    return found
+
+
+def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
+    settings = os.environ | {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(kernels)}
+    begun, picture, peak = time.time(), None, 0
+    used: dict[int, tuple[str, float]] = {}
+    with subprocess.Popen(
+        [sys.executable, "-m", "flows", "demo", "--out", str(out)],
+        cwd=checkout,
+        env=settings,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        root = psutil.Process(process.pid)
+        while process.poll() is None:
+            add_used(root, used)
+            peak = max(peak, _memory(root))
+            if picture is None and (out / PREVIEW).is_file():
+                picture = time.time() - begun
+            time.sleep(INTERVAL)
+    if process.returncode:
+        raise SystemExit(f"{checkout}: the demo ended with {process.returncode}")
+    return {
+        "seconds": round(time.time() - begun, 1),
+        "processor": round(sum(seconds for _, seconds in used.values()), 1),
+        "peak_mb": round(peak / 1e6),
+        "first_picture": None if picture is None else round(picture, 1),
+    }
+
+
+def _memory(root: psutil.Process) -> int:
+    """Return the bytes of a process and its descendants; what they share counts once."""
+    total = 0
+    for process in [root, *root.children(recursive=True)]:
+        try:
+            total += process.memory_full_info().pss
+        except psutil.Error:
+            continue
+    return total
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--before", help="a revision to measure beside this checkout")
+    print(json.dumps(measure(parser.parse_args().before), indent=2))
+
+
+if __name__ == "__main__":
+    main()
