@@ -17,7 +17,7 @@ from typing import Any, cast
 
 import psutil
 
-from benchmarks.process_usage import ROLES, add_used
+from benchmarks.process_usage import ROLES, add_used, measure_family_mb
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.streets.record import StreetRecord
 
@@ -92,7 +92,7 @@ def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], fl
         nonlocal peak
         root = psutil.Process(process.pid)
         while process.poll() is None:
-            peak = max(peak, _family_mb(process.pid))
+            peak = max(peak, measure_family_mb(process.pid))
             add_used(root, used)
             time.sleep(0.25)
 
@@ -107,22 +107,6 @@ def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], fl
     for role, seconds in used.values():
         processor[role] = round(processor[role] + seconds, 1)
     return summary | {"seconds_command": round(time.monotonic() - start, 1)}, round(peak), processor
-
-
-def _family_mb(pid: int) -> float:
-    """Memory of a process and its descendants in MB; pages that they share count once (PSS) where the system says so."""
-    total = 0.0
-    try:
-        family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
-    except psutil.NoSuchProcess:
-        return 0.0
-    for process in family:
-        try:
-            memory = process.memory_full_info()
-            total += getattr(memory, "pss", memory.rss)
-        except psutil.Error:
-            continue
-    return total / 1e6
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.process_usage import add_used
+from benchmarks.process_usage import add_used, measure_family_mb
 from benchmarks.same_bytes import ROOT, check_out
 from benchmarks.timing import figures
 
@@ -53,7 +53,7 @@ def measure(before: str | None) -> dict[str, Any]:
 
 def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
     settings = os.environ | {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(kernels)}
-    begun, picture, peak = time.time(), None, 0
+    begun, picture, peak = time.time(), None, 0.0
     used: dict[int, tuple[str, float]] = {}
     with subprocess.Popen(
         [sys.executable, "-m", "flows", "demo", "--out", str(out)],
@@ -65,7 +65,7 @@ def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
         root = psutil.Process(process.pid)
         while process.poll() is None:
             add_used(root, used)
-            peak = max(peak, _memory(root))
+            peak = max(peak, measure_family_mb(process.pid))
             if picture is None and (out / PREVIEW).is_file():
                 picture = time.time() - begun
             time.sleep(INTERVAL)
@@ -74,20 +74,9 @@ def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
     return {
         "seconds": round(time.time() - begun, 1),
         "processor": round(sum(seconds for _, seconds in used.values()), 1),
-        "peak_mb": round(peak / 1e6),
+        "peak_mb": round(peak),
         "first_picture": None if picture is None else round(picture, 1),
     }
-
-
-def _memory(root: psutil.Process) -> int:
-    """Return the bytes of a process and its descendants; what they share counts once."""
-    total = 0
-    for process in [root, *root.children(recursive=True)]:
-        try:
-            total += process.memory_full_info().pss
-        except psutil.Error:
-            continue
-    return total
 
 
 def main() -> None:

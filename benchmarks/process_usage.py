@@ -1,4 +1,4 @@
-"""Processor seconds of a command's processes by their role."""
+"""Processor seconds of a command's processes by their role, and their memory."""
 
 from __future__ import annotations
 
@@ -30,3 +30,19 @@ def process_role(process: psutil.Process, root: psutil.Process) -> str:
     if process.pid == root.pid:
         return "coordinator"
     return "workers" if "multiprocessing" in " ".join(process.cmdline()) else "server"
+
+
+def measure_family_mb(pid: int) -> float:
+    """Measure the memory of a process and its descendants, MB; shared pages count once where the system tells them."""
+    total = 0.0
+    try:
+        family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return 0.0
+    for process in family:
+        try:
+            memory = process.memory_full_info()
+            total += getattr(memory, "pss", memory.rss)
+        except psutil.Error:
+            continue
+    return total / 1e6
