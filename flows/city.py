@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from queue import SimpleQueue
 
+import psutil
 from prefect import State, flow
 from prefect.runtime import flow_run
 from prefect.states import Completed
@@ -36,6 +38,7 @@ from tasks.city.city_log import (
 )
 from tasks.city.city_products import write_city_products
 from tasks.city.source_digests import block_code_version
+from tasks.engine.compute.connect import start_shared_workers
 
 MAX_CONCURRENT_BLOCKS = 64
 
@@ -72,7 +75,7 @@ def city(
     city_file : the city.
     out : folder or s3://bucket/prefix of the results, each block a run in out/blocks/NAME; None for out/NAME of the
         city file.
-    workers : number of local processes of each block.
+    workers : number of local processes, which the blocks share.
     dask : address of a Dask scheduler that all blocks share instead.
     at_once : number of concurrent blocks.
     until : local time of day, such as 06:00, at which the run ends, finished or not; committed work is kept. It is the
@@ -112,12 +115,13 @@ def _run_city(
 ) -> JsonObject:
     started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
-    with lock_folder(out):
+    with lock_folder(out), ExitStack() as cleanup:
         account, files = load_or_partition_city(city_file, out)
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {estimate['hours']:.2g} h" if due else ""
         print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
+        workers = cleanup.enter_context(_start_workers(options, len(due)))
         ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]] = SimpleQueue()
         waiting, running, next_update = deque(due), 0, 0.0
         while waiting or running:
@@ -129,7 +133,7 @@ def _run_city(
                     out,
                     name,
                     files[name],
-                    options.block_arguments(),
+                    replace(options, dask=workers.address).block_arguments(),
                     before,
                     digest,
                     block_code_version(),
@@ -154,11 +158,43 @@ def _run_city(
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == DEADLINE_EXIT_CODE]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - started, 2)
-        spent = sum(account.blocks[name].processor for name in due if name not in waiting) / 3600
-        taken = {"hours_taken": summary["seconds"] / 3600, "processor_hours_taken": spent}
+        spent = workers.processor_seconds() + sum(account.blocks[name].processor for name in due if name not in waiting)
+        taken = {"hours_taken": summary["seconds"] / 3600, "processor_hours_taken": spent / 3600}
         summary["estimate"] = estimate | {name: float(f"{value:.3g}") for name, value in taken.items()}
         write_city_summary(out, summary)
     return summary
+
+
+@dataclass(frozen=True)
+class _Workers:
+    """Workers that the blocks share.
+
+    Attributes
+    ----------
+    address : their scheduler; None where each block starts its own.
+    processes : the local ones that the city started.
+    """
+
+    address: str | None
+    processes: tuple[psutil.Process, ...] = ()
+
+    def processor_seconds(self) -> float:
+        """Return the processor seconds of the local processes."""
+        seconds = 0.0
+        for process in self.processes:
+            with suppress(psutil.Error):
+                seconds += sum(process.cpu_times()[:2])
+        return seconds
+
+
+@contextmanager
+def _start_workers(options: CityOptions, blocks: int) -> Iterator[_Workers]:
+    """Start local workers that several blocks share; a single block, or one with a single worker, needs none."""
+    if options.dask is not None or options.workers < 2 or blocks < 2:
+        yield _Workers(options.dask)
+        return
+    with start_shared_workers(options.workers) as address:
+        yield _Workers(address, tuple(psutil.Process().children(recursive=True)))
 
 
 def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog], None]) -> tuple[CityLog, float]:

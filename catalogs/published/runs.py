@@ -11,6 +11,8 @@ from facade_core.core.errors import InputError
 
 # File in a city's folder that lists its blocks, written at the start.
 CITY_FILE_NAME = "city.json"
+# Folder of the runs of its blocks, in the city's folder.
+CITY_BLOCKS_FOLDER = "blocks"
 
 
 @dataclass(frozen=True)

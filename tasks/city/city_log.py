@@ -16,7 +16,7 @@ from catalogs.published.folders import (
     move_folder,
     write_atomically,
 )
-from catalogs.published.runs import CITY_FILE_NAME
+from catalogs.published.runs import CITY_BLOCKS_FOLDER, CITY_FILE_NAME
 from catalogs.published.s3 import S3Path
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import unit_key
@@ -28,7 +28,7 @@ from tasks.city.cost import COUNT_NAMES, load_cost_model
 from tasks.city.source_digests import block_code_version, city_source_digest
 
 # Folder of the runs of blocks, in the city's folder.
-BLOCKS_FOLDER = "blocks"
+BLOCKS_FOLDER = CITY_BLOCKS_FOLDER
 # Log of the city without results.
 CITY_LOG_FILE = CITY_FILE_NAME
 # Digest of the snapshots that the city's products show.

@@ -29,6 +29,7 @@ class Run:
     privacy : treatment of people and plates in stored pictures.
     models : models that the block names in place of the shipped ones.
     failed_limit : share of units that may fail for a snapshot to become current.
+    shared : folder of work that the blocks of a city share; empty outside a city.
     ingested : when the store's plan was written, 0 before; tells a process that serves many runs which plan it cached.
     """
 
@@ -45,6 +46,7 @@ class Run:
     materials: tuple[MaterialPicture, ...] = ()
     models: TrainedModelFiles = SHIPPED_MODELS
     failed_limit: float = 0.2
+    shared: str = ""
     ingested: float = 0.0
 
     @property

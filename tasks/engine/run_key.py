@@ -6,6 +6,7 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder
+from catalogs.published.runs import CITY_BLOCKS_FOLDER, CITY_FILE_NAME
 from facade_core.core.errors import InputError, ModelFileError
 from facade_core.core.types import TrainedModelFiles
 from tasks.engine.run import Run
@@ -13,6 +14,9 @@ from tasks.engine.stage_code import stage_code_digest
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
+
+# In the folder of a city: the work that its blocks share.
+SHARED_FOLDER = "shared"
 
 
 def create_run(block: Block, out: Folder) -> Run:
@@ -37,7 +41,15 @@ def create_run(block: Block, out: Folder) -> Run:
         materials=block.materials,
         models=_check_models(block.models),
         failed_limit=block.failed_limit,
+        shared=_find_shared_folder(out.resolve()),
     )
+
+
+def _find_shared_folder(out: Folder) -> str:
+    """Return the folder that a block of a city shares with the others; empty outside a city."""
+    city = out.parent.parent
+    is_of_city = out.parent.name == CITY_BLOCKS_FOLDER and (city / CITY_FILE_NAME).is_file()
+    return str(city / SHARED_FOLDER) if is_of_city else ""
 
 
 def _check_models(models: TrainedModelFiles) -> TrainedModelFiles:

@@ -15,6 +15,7 @@ from catalogs.published.merged_items import read_merged_items_headers
 from catalogs.query.execution import query
 from flows.city import city as flow
 from flows.city_options import next_time_of_day
+from tasks.engine.store.commits import read_newest_journal
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in
 from tests.pipeline.stages import write_block
 from tests.pipeline.test_cluster import wait_until
@@ -89,6 +90,33 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     assert (corrected["blocks_done"], corrected["blocks_skipped"]) == (2, 1), "of that block alone"
     assert query(out, where="corrected = 1")["id"].tolist() == [facade]
     assert run(town)["blocks_skipped"] == 2
+
+
+def test_blocks_side_by_side_share_their_workers_and_exemplars(town: Path, tmp_path: Path) -> None:
+    """And their results are those of one block after the other."""
+    words = [sys.executable, "-m", "flows", "city", str(town), "--no-tiles", "--json", "--out"]
+    alone, together = tmp_path / "alone", tmp_path / "together"
+    found = {}
+    for out, more in ((alone, ("--workers", "1", "--at-once", "1")), (together, ("--workers", "2", "--at-once", "2"))):
+        done = subprocess.run(
+            [*words, str(out), *more], cwd=ROOT, env=environment(tmp_path), capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+        found[out] = json.loads(done.stdout.strip().splitlines()[-1])
+        assert len(list((out / "shared" / "exemplars").iterdir())) == 2
+    assert found[alone]["atlas_digest"] == found[together]["atlas_digest"]
+    assert found[together]["estimate"]["processor_hours_taken"] > 0
+    preparing = [
+        len(_prepared_exemplars(alone / "blocks" / name))
+        for name in json.loads((alone / "city.json").read_text())["digests"]
+    ]
+    assert sorted(preparing) == [0, 2], "each by the first block that needs it"
+
+
+def _prepared_exemplars(out: Path) -> list[str]:
+    """Exemplars of a block that it prepared itself."""
+    records = read_newest_journal(out / "store", "exemplars")
+    return [record["unit"] for record in records if record and "scale" in record["seconds"]]
 
 
 def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:

@@ -42,6 +42,21 @@ R_co = TypeVar("R_co", covariant=True)
 
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
+# Settings of Dask in a process that starts workers or connects to them.
+_DASK_SETTINGS = {
+    "distributed.worker.daemon": True,
+    "distributed.admin.tick.limit": "60s",
+    "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
+    "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
+    # a local cluster forgets a worker whose nanny takes longer to start it anew than this
+    "distributed.deploy.lost-worker-timeout": "1 day",
+    # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
+    "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+    # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+}
 START_SCHEDULER = (
     "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 )
@@ -154,21 +169,7 @@ def connect(
     # what a unit raises comes back to its task, which says it better
     for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    settings = {
-        "distributed.worker.daemon": True,
-        "distributed.admin.tick.limit": "60s",
-        "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
-        "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
-        # a local cluster forgets a worker whose nanny takes longer to start it anew than this
-        "distributed.deploy.lost-worker-timeout": "1 day",
-        # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
-        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
-        # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
-        "distributed.worker.profile.enabled": False,
-        "distributed.admin.tick.interval": "1s",
-        "distributed.admin.system-monitor.interval": "5s",
-    }
-    with dask_module.config.set(settings):
+    with dask_module.config.set(_DASK_SETTINGS):
         if dask is not None:
             with _connect_client(dask, timeouts) as client:
                 _check_workers(client, dask, folder, versions())
@@ -179,6 +180,26 @@ def connect(
             client.register_plugin(worker_setup_plugin(), name="streetloom")
             with _cluster_context(client, until, timeouts) as compute:
                 yield compute
+
+
+@contextmanager
+def start_shared_workers(workers: int) -> Iterator[str]:
+    """Start local processes for several runs at once; yields the address of their scheduler.
+
+    Raises
+    ------
+    ClusterGoneError : they do not start.
+    """
+    import dask as dask_module
+    from distributed import Client
+
+    with (
+        dask_module.config.set(_DASK_SETTINGS),
+        _start_local_cluster(workers) as cluster,
+        Client(cluster) as client,
+    ):
+        client.register_plugin(worker_setup_plugin(), name="streetloom")
+        yield cluster.scheduler_address
 
 
 @contextmanager

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 from facade_core.atlas.journal import Record
 
 
-class ExemplarRecord(Record, total=False):
-    """Record of a prepared exemplar.
+class ExemplarFacts(TypedDict, total=False):
+    """Facts of a prepared exemplar, which depend on its picture and its key alone.
 
     Attributes
     ----------
@@ -36,3 +38,7 @@ class ExemplarRecord(Record, total=False):
     shop_width: float
     look: list[float]
     looked: bool
+
+
+class ExemplarRecord(ExemplarFacts, Record, total=False):
+    """Record of a prepared exemplar."""

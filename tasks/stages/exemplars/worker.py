@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import cast
 
 import numpy as np
 from icechunk import ForkSession
@@ -24,8 +25,9 @@ from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.context import current_worker_name
 from tasks.engine.run import Run
 from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
-from tasks.engine.unit import UnitGroup
-from tasks.stages.exemplars.record import ExemplarRecord
+from tasks.engine.unit import Unit, UnitGroup
+from tasks.stages.exemplars.record import ExemplarFacts, ExemplarRecord
+from tasks.stages.exemplars.shared import PreparedExemplar, read_shared_exemplar, write_shared_exemplar
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, read_exemplar_picture, read_labels
 
 IMAGE = ArraySpec(
@@ -38,15 +40,41 @@ LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_
 
 
 def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
-    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the record."""
+    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the record.
+
+    In a city, what another block has prepared is read.
+    """
     start = time.time()
     (unit,) = units
+    known = read_shared_exemplar(run, unit)
+    prepared = known or _prepare(run, unit)
+    if known is None:
+        write_shared_exemplar(run, unit, prepared)
+    begun, group = time.time(), open_root(fork)
+    for spec, array in zip((IMAGE, LABELS, PREVIEW), (prepared.image, prepared.labels, prepared.preview), strict=True):
+        spec.write(group, f"exemplars/{unit.index}", array)
+    spent = {"read": begun - start} if known else prepared.seconds
+    seconds = {step: round(s, 4) for step, s in (spent | {"write": time.time() - begun}).items()}
+    common: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "worker": current_worker_name(),
+        "started": start,
+        "seconds": seconds,
+    }
+    record = cast(ExemplarRecord, {**common, **prepared.facts})
+    return fork, {unit.index: record}
+
+
+def _prepare(run: Run, unit: Unit) -> PreparedExemplar:
+    """Read, parse, complete and measure an exemplar, and resample it to the block's density."""
+    start = time.time()
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data_mask(picture.rgb)
     private = detect_faces_plates_text(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
-    seed = unit_seed(run, unit.name, EXEMPLAR_SEED)
     prepared = prepare_exemplar(
         picture.rgb,
         hidden,
@@ -54,26 +82,15 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
         private=private,
         labels=read_labels(path, hidden.shape),
         models=run.models,
-        seed=seed,
+        seed=unit_seed(run, unit.name, EXEMPLAR_SEED),
     )
-    seconds |= prepared.seconds
-    begun = time.time()
     factor = prepared.metres_per_pixel * run.texture.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, MAX_EXEMPLAR_SIDE / max(height, width))
     size = (round(width * shrink), round(height * shrink))
     texture, labels = resize_with_labels(prepared.image, prepared.labels, size[::-1])
     metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
-
-    group = open_root(fork)
-    IMAGE.write(group, f"exemplars/{unit.index}", texture)
-    LABELS.write(group, f"exemplars/{unit.index}", labels)
-    PREVIEW.write(group, f"exemplars/{unit.index}", _draw_preview(run, picture.rgb, private, prepared))
-    seconds["write"] = time.time() - begun
-    record: ExemplarRecord = {
-        "unit": unit.name,
-        "key": unit.key,
-        "status": "done",
+    facts: ExemplarFacts = {
         "width_m": size[0] * metres_per_texel,
         "height_m": size[1] * metres_per_texel,
         "metres_per_texel": metres_per_texel,
@@ -86,11 +103,9 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
         "look": style_descriptor(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
-        "worker": current_worker_name(),
-        "started": start,
-        "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
-    return fork, {unit.index: record}
+    preview = _draw_preview(run, picture.rgb, private, prepared)
+    return PreparedExemplar(texture, labels, preview, facts, seconds | prepared.seconds)
 
 
 def _draw_preview(run: Run, given: UInt8Array, private: BoolArray, prepared: Exemplar) -> UInt8Array:

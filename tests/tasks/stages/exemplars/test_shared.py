@@ -1,0 +1,96 @@
+"""Blocks of a city share the exemplars that one of them prepared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalogs.block.reader import read_block
+from facade_core.atlas.store import create_root, open_repository, open_root
+from tasks.engine.run import Run
+from tasks.engine.run_key import create_run
+from tasks.engine.unit import Unit
+from tasks.stages.exemplars import worker
+from tasks.stages.exemplars.shared import read_shared_exemplar
+from tasks.stages.exemplars.stage import list_exemplar_units
+from tests.pipeline.stages import write_block
+
+
+@pytest.fixture
+def prepared(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """One entry for each exemplar that is prepared and not read."""
+    calls: list[int] = []
+    prepare = worker.prepare_exemplar
+
+    def counted(*args: Any, **more: Any) -> Any:
+        calls.append(1)
+        return prepare(*args, **more)
+
+    monkeypatch.setattr(worker, "prepare_exemplar", counted)
+    return calls
+
+
+def process_first(block_file: Path, out: Path) -> tuple[Run, Unit, dict[str, Any], dict[str, np.ndarray]]:
+    """Prepare the first exemplar of a block into a folder: its run, unit, record and arrays."""
+    block = read_block(block_file)
+    run = create_run(block, out)
+    session = open_repository(out / "store", create=True).writable_session("main")
+    create_root(session)
+    session.commit("root")
+    session = open_repository(out / "store").writable_session("main")
+    unit = list_exemplar_units(run, block, None, None)[0]  # type: ignore[arg-type]
+    fork, records = worker.process_exemplar(run, session.fork(), (unit,))
+    group = open_root(fork)["exemplars/0"]
+    return run, unit, dict(records[0]), {name: group[name][:] for name in ("image", "labels", "preview")}
+
+
+def in_city(folder: Path, name: str) -> Path:
+    (folder / "blocks" / name).mkdir(parents=True)
+    (folder / "city.json").touch()
+    return folder / "blocks" / name
+
+
+def differing(one: dict[str, Any], other: dict[str, Any]) -> set[str]:
+    return {name for name in one if one[name] != other[name]} - {"started", "seconds", "worker"}
+
+
+def test_the_second_block_of_a_city_reads_what_the_first_prepared(tmp_path: Path, prepared: list[int]) -> None:
+    block = write_block(tmp_path / "in")
+    run, unit, record, arrays = process_first(block, in_city(tmp_path / "city", "a"))
+    assert len(prepared) == 1
+    _, _, again, same = process_first(block, in_city(tmp_path / "city", "b"))
+    assert len(prepared) == 1
+    assert record.keys() == again.keys()
+    assert not differing(record, again)
+    assert all(np.array_equal(arrays[name], same[name]) for name in arrays)
+    assert read_shared_exemplar(run, unit) is not None
+
+
+def test_a_changed_setting_prepares_it_again(tmp_path: Path, prepared: list[int]) -> None:
+    process_first(write_block(tmp_path / "in"), in_city(tmp_path / "city", "a"))
+    finer = write_block(tmp_path / "in", texture={"texels_per_metre": 4})
+    process_first(finer, in_city(tmp_path / "city", "b"))
+    assert len(prepared) == 2
+
+
+def test_a_block_alone_shares_nothing(tmp_path: Path, prepared: list[int]) -> None:
+    block = write_block(tmp_path / "in")
+    for name in ("a", "b"):
+        out = tmp_path / "blocks" / name
+        out.mkdir(parents=True)
+        run, unit, _, _ = process_first(block, out)
+        assert (run.shared, read_shared_exemplar(run, unit)) == ("", None)
+    assert len(prepared) == 2
+
+
+def test_a_damaged_file_is_prepared_again(tmp_path: Path, prepared: list[int]) -> None:
+    block = write_block(tmp_path / "in")
+    process_first(block, in_city(tmp_path / "city", "a"))
+    (file,) = (tmp_path / "city" / "shared" / "exemplars").iterdir()
+    file.write_bytes(file.read_bytes()[:2000])
+    run, unit, _, _ = process_first(block, in_city(tmp_path / "city", "b"))
+    assert len(prepared) == 2
+    assert read_shared_exemplar(run, unit) is not None
