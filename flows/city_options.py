@@ -14,7 +14,7 @@ class CityOptions:
 
     workers: int = 2
     dask: str | None = None
-    at_once: int = 1
+    at_once: int = 2
     until: str | None = None
     keep: int | None = None
     tiles: bool = True

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the city file]"
 )
 @click.option(
-    "--at-once", default=1, show_default=True, type=click.IntRange(1, 64), help="Number of concurrent blocks."
+    "--at-once", default=2, show_default=True, type=click.IntRange(1, 64), help="Number of concurrent blocks."
 )
 @click.option("--until", metavar="HH:MM", help="End the run at this time; the next run resumes.")
 @click.option(
@@ -36,9 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--keep", type=click.IntRange(1), metavar="N", help="Keep the N newest published snapshots of each block."
 )
-@click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
-)
+@click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
 @click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object at the end.")
 def city_command(
