@@ -15,6 +15,12 @@ from facade_core.geometry.ground.terrain import build_terrain, source_ground_hei
 
 # Heights above the ground of a camera in a hand, on a tripod, a car or a mast, metres.
 CAMERA_HEIGHT_RANGE_M = (0.5, 8.0)
+# Heights of most cameras, metres. A median outside is more often one of another datum.
+USUAL_HEIGHT_RANGE_M = (1.0, 5.0)
+# Metres between two readings of the heights from which a note says which one counts.
+MIN_DOUBT_M = 0.5
+
+_UNKNOWN_GROUND = "whose height no source states; give terrain: {path: ...}, or leave z out"
 
 
 def correct_camera_heights(
@@ -27,8 +33,10 @@ def correct_camera_heights(
 
     A height is plausible within CAMERA_HEIGHT_RANGE_M above the ground. If most heights are not, they are shifted by one
     offset, which puts the median camera at `camera_height`; heights that are plausible by themselves are taken as heights
-    above the ground. Other implausible heights become unknown. So do all where no source states the ground: their
-    differences would follow a relief that the flat ground does not have.
+    above the ground. Other implausible heights become unknown. A plausible median outside USUAL_HEIGHT_RANGE_M is kept with a
+    note, unless the stated heights are usual above the ground itself: then they are taken so. Where no source states the
+    ground, all heights become unknown if one is implausible or their median unusual: their differences would follow a relief
+    that the flat ground does not have.
 
     Parameters
     ----------
@@ -51,16 +59,19 @@ def correct_camera_heights(
     )
     above = z - level
     wrong = ~_is_plausible(above)
-    if not wrong.any():
-        return tuple(panoramas), ()
-    is_stated = elevation is not None and np.isfinite(elevation.heights).any()
-    if not is_stated and all(source_ground_height(building) is None for building in buildings):
-        every = np.ones(len(z), bool)
-        reason = _ignored(above, "whose height no source states; give terrain: {path: ...}, or leave z out")
-        return _with_heights(panoramas, stated, np.full(len(z), np.nan), every, reason)
-    if 2 * wrong.sum() <= len(z):
-        return _with_heights(panoramas, stated, np.where(wrong, np.nan, z), wrong, _ignored(above[wrong]))
-    if _is_plausible(z).sum() * 2 > len(z):
+    is_usual = _is_usual(above)
+    every, unknown = np.ones(len(z), bool), np.full(len(z), np.nan)
+    if not _is_ground_stated(buildings, elevation):
+        if is_usual and not wrong.any():
+            return tuple(panoramas), ()
+        return _with_heights(panoramas, stated, unknown, every, _ignored(above, _UNKNOWN_GROUND))
+    is_above_ground = not is_usual and _is_usual(z)
+    if 2 * wrong.sum() <= len(z) and not is_above_ground:
+        doubt = _describe_doubt(above, z, camera_height)
+        kept, notes = _with_heights(panoramas, stated, z, every & ~wrong & bool(doubt), doubt)
+        found, more = _with_heights(kept, stated, unknown, wrong, _ignored(above[wrong]))
+        return found, notes + more
+    if is_above_ground or _is_plausible(z).sum() * 2 > len(z):
         new, how = level + z, "camera heights taken as heights above the ground, not of its datum"
     else:
         offset = float(np.median(above)) - camera_height
@@ -69,13 +80,16 @@ def correct_camera_heights(
             how = f"camera heights of another datum than the ground, raised by {-offset:.2f} m"
     sound = _is_plausible(new - level)
     if 2 * sound.sum() <= len(z):
-        return _with_heights(panoramas, stated, np.full(len(z), np.nan), np.ones(len(z), bool), _ignored(above))
+        return _with_heights(panoramas, stated, unknown, every, _ignored(above))
     shifted, notes = _with_heights(panoramas, stated, new, sound, how)
-    left = ~sound
-    if not left.any():
-        return shifted, notes
-    rest, more = _with_heights(shifted, stated, np.full(len(z), np.nan), left, _ignored(above[left]))
+    rest, more = _with_heights(shifted, stated, unknown, ~sound, _ignored(above[~sound]))
     return rest, notes + more
+
+
+def _is_ground_stated(buildings: Sequence[Building], elevation: ElevationRaster | None) -> bool:
+    if elevation is not None and np.isfinite(elevation.heights).any():
+        return True
+    return any(source_ground_height(building) is not None for building in buildings)
 
 
 def _is_plausible(above: Float64Array) -> BoolArray:
@@ -84,10 +98,35 @@ def _is_plausible(above: Float64Array) -> BoolArray:
     return found
 
 
+def _is_usual(above: Float64Array) -> bool:
+    low, high = USUAL_HEIGHT_RANGE_M
+    return low - 1e-6 <= float(np.median(above)) <= high + 1e-6
+
+
+def _describe_doubt(above: Float64Array, z: Float64Array, camera_height: float) -> str:
+    """Return the note on plausible heights whose datum is in doubt, empty where it is not."""
+    median, stated = float(np.median(above)), float(np.median(z))
+    low, high = USUAL_HEIGHT_RANGE_M
+    if not _is_usual(above):
+        return (
+            f"camera heights kept, {median:.1f} m above the ground (most cameras are {low:g} to {high:g} m); if they are of "
+            "another datum, mend z, or leave it out"
+        )
+    is_nearer = abs(stated - camera_height) < abs(median - camera_height)
+    if is_nearer and abs(stated - median) >= MIN_DOUBT_M:
+        return (
+            f"camera heights read in the datum of the ground, {median:.1f} m above it; if they are heights above the ground "
+            "itself, add its height to z"
+        )
+    return ""
+
+
 def _ignored(above: Float64Array, remedy: str = "mend z, or leave it out") -> str:
+    if not len(above):
+        return ""
     low, high = float(np.nanmin(above)), float(np.nanmax(above))
     span = f"{low:.1f} m" if high - low < 0.05 else f"{low:.1f} to {high:.1f} m"
-    least, most = CAMERA_HEIGHT_RANGE_M
+    least, most = CAMERA_HEIGHT_RANGE_M if (~_is_plausible(above)).any() else USUAL_HEIGHT_RANGE_M
     return f"camera heights of another datum ignored: {span} above the ground (a camera is {least:g} to {most:g} m), {remedy}"
 
 

@@ -41,19 +41,51 @@ def correct_heights(heights: list[float | None], bases: list[float | None], terr
         ([2.5, 3.0, None], [None] * 3),
         ([14.5, 15.0, 0.5 + 12], [12.0] * 3),
         ([None, None], [40.0, 41.0]),
-        ([8.0], [0.0]),
+        ([5.0], [0.0]),
+        ([2.5, 2.4, 2.6], [0.4] * 3),
+        ([4.0, 4.1, 4.2], [1.5] * 3),
     ],
 )
 def test_plausible_and_absent_heights_stay(heights: list[float | None], bases: list[float | None]) -> None:
     assert correct_heights(heights, bases) == (heights, ())
 
 
-@pytest.mark.parametrize("z", [14.5, 31.9, -40.0, 0.0, 0.2, 2540.0])
+@pytest.mark.parametrize("z", [14.5, 31.9, -40.0, 0.0, 0.2, 2540.0, 5.2, 7.4, -2.2])
 def test_heights_over_ground_of_unknown_height_are_ignored(z: float) -> None:
     found, (note,) = correct_heights([z, z + 0.4, 2.0], [None] * 3)
     assert found == [None] * 3
     assert "of another datum ignored" in note
     assert note.endswith("whose height no source states; give terrain: {path: ...}, or leave z out: 3 (p0, p1, p2)")
+
+
+@pytest.mark.parametrize("z", [5.2, 7.4, 0.6])
+def test_unusual_heights_over_ground_of_unknown_height_are_ignored(z: float) -> None:
+    found, (note,) = correct_heights([z, z + 0.1, z + 0.2], [None] * 3)
+    assert found == [None] * 3
+    assert "(a camera is 1 to 5 m), whose height no source states" in note
+
+
+@pytest.mark.parametrize("base", [-4.7, -3.2, 1.6, 2.4])
+def test_usual_heights_that_the_datum_makes_unusual_are_above_the_ground(base: float) -> None:
+    found, (note,) = correct_heights([2.5, 2.4, 2.6], [base] * 3)
+    assert found == pytest.approx([base + 2.5, base + 2.4, base + 2.6])
+    assert note == "camera heights taken as heights above the ground, not of its datum: 3 (p0, p1, p2)"
+
+
+@pytest.mark.parametrize(("above", "base"), [(6.0, 40.0), (7.9, 0.0), (0.7, 12.0)])
+def test_unusual_heights_are_kept_with_a_note(above: float, base: float) -> None:
+    heights = [base + above, base + above, None]
+    found, (note,) = correct_heights(heights, [base] * 3)
+    assert found == heights
+    assert note.startswith(f"camera heights kept, {above:.1f} m above the ground (most cameras are 1 to 5 m)")
+    assert note.endswith("mend z, or leave it out: 2 (p0, p1)")
+
+
+@pytest.mark.parametrize("base", [-2.0, -0.6, 0.8])
+def test_heights_of_two_usual_readings_keep_their_datum_with_a_note(base: float) -> None:
+    found, (note,) = correct_heights([2.5, 2.5, 2.6], [base] * 3)
+    assert found == [2.5, 2.5, 2.6]
+    assert note.startswith(f"camera heights read in the datum of the ground, {2.5 - base:.1f} m above it")
 
 
 @pytest.mark.parametrize("offset", [18.2, 45.7, -31.0, 6.0])
