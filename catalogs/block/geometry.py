@@ -123,14 +123,16 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     notes += format_reason_notes(feature_ids_by_reason(remark for one in lying for remark in one.remarks))
     if centrelines is None:
         ground = file.call_reader("ground.path", build_block_ground, lying, frame, around, area)
+        opened = open_passages(built.items, CentrelinesAndGround(None, ()), lying, frame)
+        built, notes = replace(built, items=opened.buildings), notes + format_reason_notes(opened.reasons)
         return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
     ground = file.call_reader("streets.path", build_block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
-        passages = passage_ids(centrelines)
+        passages = passage_ids([centrelines, *lying])
         roads = [way for way in ground.ways if way.id not in passages]
         shops += tuple(likely_shop_positions(built.items, roads, shops))
     buildings, streets, cut, broken = _read_streets(
-        keys, files, centrelines, built.items, _BlockArea(frame, area, extent), file
+        keys, files, [centrelines, *lying], built.items, _BlockArea(frame, area, extent), file
     )
     built = replace(built, items=buildings)
     faults = (*built.faults, *broken)
@@ -244,16 +246,17 @@ def _frame_notes(frame: CRS, given: str | None, *middle: float) -> tuple[str, ..
 def _read_streets(
     keys: BlockFileSettings,
     files: NamedFiles,
-    centrelines: CentrelinesAndGround,
+    sources: Sequence[CentrelinesAndGround],
     buildings: tuple[Building, ...],
     place: _BlockArea,
     file: BlockFileErrorContext,
 ) -> tuple[tuple[Building, ...], tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
-    """Return the buildings with passages, the streets, notes about them, and broken streets."""
+    """Return the buildings with passages, the streets of the first source, notes about them, and broken streets."""
     frame, area, extent = place
+    centrelines = sources[0]
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
     near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
-    buildings, open_streets, passages = open_passages(buildings, near, frame)
+    buildings, open_streets, passages = open_passages(buildings, near, sources, frame)
     streets, faults = build_block_streets(open_streets, frame, area=area)
     if area is None and not any(street.line.intersects(shapely.box(*extent)) for street in streets):
         _check_swapped_axes(_lonlat_bounds(centrelines), bounds_to_lonlat(frame.to_wkt(), extent), files, file)

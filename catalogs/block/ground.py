@@ -15,7 +15,6 @@ from catalogs.crs import coordinate_transform
 from catalogs.features import CentrelinesAndGround, natural_sort_key
 from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
-from catalogs.readers.vectors.osm import STREET_HIGHWAYS
 from facade_core.core.arrays import ObjectArray
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
 
@@ -268,8 +267,8 @@ def _project_features(source: CentrelinesAndGround, crs: CRS) -> ObjectArray:
 
 
 def _is_hidden(tags: Mapping[str, str]) -> bool:
-    """Return whether a feature is underground, covered or inside a building, and no street through one."""
-    if is_building_passage(tags) and tags.get("highway") in STREET_HIGHWAYS:
+    """Return whether a feature is underground, covered or inside a building, and no way through one."""
+    if is_building_passage(tags) and not {"highway", "railway"}.isdisjoint(tags):
         return False
     try:
         under = float(tags.get("layer", "0")) < 0 and tags.get("natural") != "water"

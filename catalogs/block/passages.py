@@ -1,4 +1,4 @@
-"""Passages of streets through buildings: opened in extruded buildings, closed in others.
+"""Passages of streets and paths through buildings: opened in extruded buildings, closed in others.
 
 Tag meanings are those of the OSM wiki ("Tag:tunnel=building_passage").
 """
@@ -6,27 +6,38 @@ Tag meanings are those of the OSM wiki ("Tag:tunnel=building_passage").
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
+from shapely import LineString
 
-from catalogs.block.ground import ways_from_tags
+from catalogs.block.ground import ground_surface_class, ways_from_tags
 from catalogs.block.streets import project_lines
-from catalogs.features import Centreline, CentrelinesAndGround
+from catalogs.features import CentrelinesAndGround, format_reason_notes
+from catalogs.readers.vectors.centrelines import is_building_passage
 from catalogs.readers.vectors.lengths import parse_length
-from facade_core.core.types import MIN_PASSAGE_HEIGHT_M, MIN_WALL_OVER_PASSAGE_M, Building, BuildingPassage
+from facade_core.core.types import (
+    MIN_PASSAGE_HEIGHT_M,
+    MIN_WALL_OVER_PASSAGE_M,
+    Building,
+    BuildingPassage,
+    ElevationRaster,
+    GroundWay,
+)
+from facade_core.geometry.buildings.passages import has_closed_passage
+from facade_core.geometry.ground.terrain import build_terrain
 
 if TYPE_CHECKING:
     from pyproj import CRS
-    from shapely import LineString
     from shapely.geometry.base import BaseGeometry
 
 DEFAULT_PASSAGE_HEIGHT_M = 3.5
 HEIGHT_RANGE_M = (1.8, 12.0)  # m; other values of `maxheight` are errors
 WIDTH_RANGE_M = (2.0, 15.0)  # m
+TRAM_WIDTH_M = 3.0
 # Values of `maxheight` without a number.
 UNKNOWN_HEIGHTS = frozenset(("default", "below_default", "none", "unsigned", "no_sign", "no_indications", "unknown"))
 # Metres of a centreline in a building from which it passes through; less touches a corner.
@@ -36,10 +47,16 @@ MAX_END_GAP_M = 2.0
 # Metres that an area reaches beyond its building, since outlines are simplified later.
 OUTLINE_MARGIN_M = 0.5
 MIN_AREA_M2 = 0.1
+# Square metres of an area in a building from which it passes through.
+MIN_PASSAGE_AREA_M2 = 1.0
+# Metres to which two lines of one way are equal in two sources.
+EQUAL_LINES_M = 0.01
 
 CLOSED_REASON = "passages through buildings closed, without viewpoints"
 LOW_REASON = "passages through buildings too low for them closed, without viewpoints"
+AREA_REASON = "passages through buildings drawn as areas closed; draw them as lines"
 INNER_REASON = "passages that do not reach the walls of their buildings closed, without viewpoints"
+NO_ROOM_REASON = "buildings with passages closed, as their walls are too low over the ground there"
 OPENED_REASON = "passages through buildings opened"
 ASSUMED_HEIGHT_REASON = f"passages through buildings opened to an assumed height of {DEFAULT_PASSAGE_HEIGHT_M:g} m"
 UNREAD_HEIGHT_REASON = (
@@ -67,31 +84,45 @@ class _PassageSize(NamedTuple):
     height: float
 
 
-def open_passages(buildings: Sequence[Building], streets: CentrelinesAndGround, crs: CRS) -> OpenedPassages:
-    """Open the passages of streets through extruded buildings, and drop the other passages from the streets.
+class _PassageWay(NamedTuple):
+    """Way through buildings in the block's frame: `street` is its index among the centrelines, None for other ways."""
 
-    A passage through several buildings is opened in all of them, or in none where one is a model or too low. A passage
-    that enters no building stays a street.
+    id: str
+    shape: BaseGeometry
+    tags: Mapping[str, str]
+    street: int | None = None
+
+
+def open_passages(
+    buildings: Sequence[Building], streets: CentrelinesAndGround, sources: Sequence[CentrelinesAndGround], crs: CRS
+) -> OpenedPassages:
+    """Open the passages of streets and other ways through extruded buildings, and drop closed ones from the streets.
+
+    A passage through several buildings is opened in all of them, or in none where one is a model or too low. A street that
+    enters no building stays one.
 
     Parameters
     ----------
-    streets : centrelines; a source without a frame is in the block's.
+    streets : centrelines that carry viewpoints; a source without a frame is in the block's.
+    sources : sources whose ground features are passages too, such as footways and streets that are not selected.
     crs : metric frame of the block.
     """
-    indices = [index for index, piece in enumerate(streets.items) if piece.passage is not None]
     reasons: dict[str, list[str]] = defaultdict(list)
-    lines = project_lines([streets.items[index].line for index in indices], streets.crs, crs)
-    by_size: dict[_PassageSize, list[tuple[int, LineString]]] = defaultdict(list)
-    for index, line in zip(indices, lines, strict=True):
-        if np.isfinite(shapely.get_coordinates(line)).all() and line.length > 0:
-            by_size[_passage_size(streets.items[index], line)].append((index, line))
     tree = shapely.STRtree([building.footprint for building in buildings])
+    by_size: dict[_PassageSize, list[_PassageWay]] = defaultdict(list)
+    for way in _passage_ways(streets, sources, crs):
+        if isinstance(way.shape, LineString):
+            by_size[_passage_size(way.id, way.shape, way.tags)].append(way)
+        elif any(
+            way.shape.intersection(buildings[index].footprint).area >= MIN_PASSAGE_AREA_M2
+            for index in tree.query(way.shape, predicate="intersects").tolist()
+        ):
+            reasons[AREA_REASON].append(way.id)
     corridors: dict[int, list[BuildingPassage]] = defaultdict(list)
     closed: set[int] = set()
-    for size, pieces in by_size.items():
-        for whole in shapely.get_parts(shapely.line_merge(shapely.multilinestrings([line for _, line in pieces]))):
-            members = [index for index, line in pieces if shapely.covers(whole, line)]
-            ids = [streets.items[index].id for index in members]
+    for size, ways in by_size.items():
+        for whole in shapely.get_parts(shapely.line_merge(shapely.multilinestrings([way.shape for way in ways]))):
+            members = [way for way in ways if shapely.covers(whole, way.shape)]
             crossed = [
                 index
                 for index in sorted(tree.query(whole, predicate="intersects").tolist())
@@ -101,13 +132,13 @@ def open_passages(buildings: Sequence[Building], streets: CentrelinesAndGround, 
                 continue
             found = {index: _building_passages(whole, size, buildings[index]) for index in crossed}
             if reason := next((one for one in found.values() if isinstance(one, str)), None):
-                reasons[reason] += ids
-                closed.update(members)
+                reasons[reason] += [way.id for way in members]
+                closed.update(way.street for way in members if way.street is not None)
                 continue
             for index, own in found.items():
                 corridors[index] += [passage for passage in own if isinstance(passage, BuildingPassage)]
-            for index in members:
-                reasons[_opening_note(streets.items[index])].append(streets.items[index].id)
+            for way in members:
+                reasons[_opening_note(way.tags)].append(way.id)
     opened = tuple(
         replace(building, passages=tuple(corridors[index])) if index in corridors else building
         for index, building in enumerate(buildings)
@@ -116,10 +147,61 @@ def open_passages(buildings: Sequence[Building], streets: CentrelinesAndGround, 
     return OpenedPassages(opened, replace(streets, items=left), reasons)
 
 
-def passage_ids(streets: CentrelinesAndGround) -> frozenset[str]:
-    """Return the ids of the features that are passages."""
-    ids = {piece.id for piece in streets.items if piece.passage is not None}
-    return frozenset(ids | {id.rpartition("-")[0] for id in ids})
+def passage_ids(sources: Sequence[CentrelinesAndGround]) -> frozenset[str]:
+    """Return the ids of the ground features that are passages."""
+    return frozenset(feature.id for source in sources for feature in source.ground if is_building_passage(feature.tags))
+
+
+def note_closed_passages(buildings: Sequence[Building], elevation: ElevationRaster | None) -> tuple[str, ...]:
+    """Return a note on the buildings whose passages have no room over the ground that the block has.
+
+    Parameters
+    ----------
+    elevation : raster of the ground, None without one.
+    """
+    opened = [building for building in buildings if building.passages]
+    if not opened:
+        return ()
+    terrain = build_terrain(buildings, elevation)
+    closed = [building.id for building in opened if has_closed_passage(building, terrain)]
+    return format_reason_notes({NO_ROOM_REASON: closed})
+
+
+def _passage_ways(
+    streets: CentrelinesAndGround, sources: Sequence[CentrelinesAndGround], crs: CRS
+) -> Iterator[_PassageWay]:
+    """Yield the passages among the streets, then the other ways and areas that are passages, each geometry once."""
+    known: set[bytes] = set()
+    pieces = [(index, piece) for index, piece in enumerate(streets.items) if piece.passage is not None]
+    lines = project_lines([piece.line for _, piece in pieces], streets.crs, crs)
+    ways = [
+        _PassageWay(one.id, line, one.passage or {}, index) for (index, one), line in zip(pieces, lines, strict=True)
+    ]
+    for source in sources:
+        features = [
+            feature
+            for feature in source.ground
+            if is_building_passage(feature.tags) and not {"highway", "railway"}.isdisjoint(feature.tags)
+        ]
+        shapes = project_lines([feature.geometry for feature in features], source.crs, crs)
+        for feature, shape in zip(features, shapes, strict=True):
+            for part in shapely.get_parts(shape).tolist():
+                if ground_surface_class(part, feature.tags) is not None:
+                    ways.append(_PassageWay(feature.id, shapely.make_valid(shapely.Polygon(part)), feature.tags))
+                elif isinstance(part, LineString) and _make_ways(feature.id, part, feature.tags):
+                    ways.append(_PassageWay(feature.id, part, feature.tags))
+    for way in ways:
+        if not np.isfinite(shapely.get_coordinates(way.shape)).all() or not way.shape.length > 0:
+            continue
+        key = shapely.normalize(shapely.transform(way.shape, lambda xy: np.round(xy / EQUAL_LINES_M))).wkb
+        if key not in known:
+            known.add(key)
+            yield way
+
+
+def _make_ways(id: str, line: LineString, tags: Mapping[str, str]) -> list[GroundWay]:
+    """Return the drawn ways of a passage; sidewalks and crossings count as footways."""
+    return ways_from_tags(id, line, {key: value for key, value in tags.items() if key != "footway"})
 
 
 def _building_passages(line: LineString, size: _PassageSize, building: Building) -> list[BuildingPassage] | str:
@@ -153,11 +235,10 @@ def _extend_ends(line: LineString, footprint: BaseGeometry, reach: float) -> Lin
     return shapely.linestrings(points)
 
 
-def _passage_size(piece: Centreline, line: LineString) -> _PassageSize:
-    """Return the width of a passage as of its carriageway or path, and its stated or assumed height."""
-    tags = dict(piece.passage or {})
-    ways = ways_from_tags(piece.id, line, tags) or ways_from_tags(piece.id, line, {**tags, "highway": ""})
-    width = min(max(ways[0].width, WIDTH_RANGE_M[0]), WIDTH_RANGE_M[1])
+def _passage_size(id: str, line: LineString, tags: Mapping[str, str]) -> _PassageSize:
+    """Return the width of a passage as of its carriageway, path or tram, and its stated or assumed height."""
+    ways = _make_ways(id, line, tags) or ways_from_tags(id, line, {**tags, "highway": ""})
+    width = min(max(ways[0].width, TRAM_WIDTH_M if ways[0].kind == "tram" else WIDTH_RANGE_M[0]), WIDTH_RANGE_M[1])
     return _PassageSize(round(width, 2), _stated_height(tags) or DEFAULT_PASSAGE_HEIGHT_M)
 
 
@@ -169,8 +250,7 @@ def _stated_height(tags: Mapping[str, str]) -> float | None:
     return None
 
 
-def _opening_note(piece: Centreline) -> str:
-    tags = piece.passage or {}
+def _opening_note(tags: Mapping[str, str]) -> str:
     if _stated_height(tags) is not None:
         return OPENED_REASON
     stated = tags.get("maxheight", "").strip().lower()

@@ -17,6 +17,7 @@ from catalogs.block.digest import block_digest
 from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
 from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
 from catalogs.block.part import CityPart
+from catalogs.block.passages import note_closed_passages
 from catalogs.block.paths import hide_variable_values, resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
@@ -136,7 +137,9 @@ def read_block(path: Path | str) -> Block:
         raise BlockFileError(f"{file.path}: {error}") from error
     block = build_block(keys, file)
     corrections = file.call_reader("corrections", read_corrections, file.path)
-    return set_digest(apply_corrections_to_block(block, corrections), file)
+    block = apply_corrections_to_block(block, corrections)
+    closed = note_closed_passages(block.buildings, block.terrain)
+    return set_digest(replace(block, notes=(*block.notes, *closed)), file)
 
 
 def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:

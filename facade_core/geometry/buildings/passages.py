@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -145,6 +146,14 @@ def footprint_without_headroom(building: Building, terrain: Terrain, headroom: f
         if opening.ceiling - opening.ground >= headroom
     ]
     return standing_outline(outline, high)
+
+
+def has_closed_passage(building: Building, terrain: Terrain) -> bool:
+    """Return whether a passage that crosses a building stays closed, as its ceiling would be too low over the ground."""
+    outline = shapely.orient_polygons(building.footprint)
+    base = terrain.lowest_along(outline) if building.base is None else building.base
+    crossing = [one for one in building.passages if shapely.intersection(one.corridor, outline).area >= MIN_AREA_M2]
+    return any(not passage_openings(replace(building, passages=(one,)), outline, base, terrain) for one in crossing)
 
 
 def polygon_edges(area: Polygon | MultiPolygon) -> list[tuple[Float64Array, Float64Array]]:

@@ -15,12 +15,12 @@ from shapely import LineString, box
 
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_city_part, write_city_part_file
-from catalogs.block.passages import OpenedPassages, open_passages
+from catalogs.block.passages import OpenedPassages, note_closed_passages, open_passages
 from catalogs.block.reader import Block, city_part_file_values, read_block
 from catalogs.block.streets import build_block_streets
-from catalogs.features import Centreline, CentrelinesAndGround
+from catalogs.features import Centreline, CentrelinesAndGround, GroundFeature
 from catalogs.readers.formats import read_centrelines
-from facade_core.core.types import Building, BuildingShell
+from facade_core.core.types import Building, BuildingShell, ElevationRaster
 
 UTM = CRS.from_epsg(32635)
 FRONT = Building("front", box(0, 0, 40, 10), 12.0, "height")
@@ -30,6 +30,8 @@ LOW = "passages through buildings too low for them closed, without viewpoints"
 INNER = "passages that do not reach the walls of their buildings closed, without viewpoints"
 ASSUMED = "passages through buildings opened to an assumed height of 3.5 m"
 OPENED = "passages through buildings opened"
+AREA = "passages through buildings drawn as areas closed; draw them as lines"
+NO_ROOM = "buildings with passages closed, as their walls are too low over the ground there"
 UNREAD = "heights of passages not understood, 3.5 m assumed; write maxheight in metres"
 
 
@@ -39,7 +41,16 @@ def street(id: str, *points: tuple[float, float], **tags: str) -> Centreline:
 
 
 def open_block_passages(buildings: list[Building], *pieces: Centreline) -> OpenedPassages:
-    return open_passages(buildings, CentrelinesAndGround(None, pieces), UTM)
+    return open_passages(buildings, CentrelinesAndGround(None, pieces), (), UTM)
+
+
+def open_by_features(buildings: list[Building], *features: GroundFeature) -> OpenedPassages:
+    source = CentrelinesAndGround("EPSG:32635", (), ground=features)
+    return open_passages(buildings, CentrelinesAndGround(None, ()), [source], UTM)
+
+
+def way(id: str, *points: tuple[float, float], **tags: str) -> GroundFeature:
+    return GroundFeature(id, LineString(points), {"tunnel": "building_passage", **tags})
 
 
 def open_area(building: Building) -> float:
@@ -170,6 +181,57 @@ def test_width_and_height_by_tags(tags: dict[str, str], width: float, height: fl
     assert found.reasons == {reason: ["w1"]}
 
 
+@pytest.mark.parametrize(
+    ("tags", "width"),
+    [
+        ({"highway": "footway"}, 2.2),
+        ({"highway": "footway", "footway": "sidewalk"}, 2.2),
+        ({"highway": "path", "width": "3"}, 3.0),
+        ({"highway": "steps"}, 2.5),
+        ({"highway": "service"}, 3.2),
+        ({"railway": "tram"}, 3.0),
+    ],
+)
+def test_ways_without_viewpoints_open_buildings(tags: dict[str, str], width: float) -> None:
+    found = open_by_features([FRONT, REAR], way("w1", (20, -5), (20, 25), **tags))
+    assert [open_area(one) for one in found.buildings] == pytest.approx([10 * width, 10 * width])
+    assert found.reasons == {ASSUMED: ["w1"]}
+    assert found.streets.items == ()
+
+
+@pytest.mark.parametrize(
+    "tags", [{"highway": "proposed"}, {"waterway": "canal"}, {"highway": "footway", "tunnel": "no"}]
+)
+def test_ways_that_lead_through_no_building(tags: dict[str, str]) -> None:
+    found = open_by_features([FRONT], way("w1", (20, -5), (20, 15), **tags))
+    assert (found.buildings, found.reasons) == ((FRONT,), {})
+
+
+def test_a_street_among_the_ground_features_counts_once() -> None:
+    piece = street("w1", (20, 0), (20, 10), width="4")
+    twin = way("w1", (20, 10), (20, 0), highway="residential", width="4")
+    source = CentrelinesAndGround("EPSG:32635", (piece,), ground=(twin,))
+    found = open_passages([FRONT], source, [source], UTM)
+    assert len(found.buildings[0].passages) == 1
+    assert found.reasons == {ASSUMED: ["w1"]}
+
+
+def test_an_area_through_a_building_stays_closed_with_a_note() -> None:
+    tags = {"highway": "pedestrian", "area": "yes", "tunnel": "building_passage"}
+    found = open_by_features(
+        [FRONT], GroundFeature("a", box(15, -5, 25, 15), tags), GroundFeature("b", box(0, -5, 40, 0), tags)
+    )
+    assert (found.buildings, found.reasons) == ((FRONT,), {AREA: ["a"]})
+
+
+def test_a_passage_without_room_over_the_terrain_is_noted() -> None:
+    slope = ElevationRaster(-50.0, 70.0, 1.0, np.tile(np.arange(141, dtype=np.float32)[::-1, None] / 2, (1, 141)))
+    low = open_block_passages([replace(FRONT, height=5.5)], street("w1", (20, 0), (20, 10))).buildings
+    assert note_closed_passages(low, None) == ()
+    assert note_closed_passages(low, slope) == (f"{NO_ROOM}: 1 (front)",)
+    assert note_closed_passages([FRONT], slope) == ()
+
+
 def write_block(folder: Path, tunnel: str | None) -> Path:
     def collection(*features: tuple[dict[str, object], shapely.Geometry]) -> str:
         rows = [
@@ -232,3 +294,31 @@ def test_a_block_with_a_passage_and_one_without(tmp_path: Path) -> None:
     assert read_city_part(tmp_path / "part.npz").contents["buildings"] == passage.buildings
     closed = replace(passage, buildings=plain.buildings, notes=plain.notes)
     assert block_digest(closed) == block_digest(replace(plain, ground=passage.ground))
+
+
+def test_a_passage_of_another_street_than_those_of_the_block(tmp_path: Path) -> None:
+    path = write_block(tmp_path / "block", "building_passage")
+    streets = json.loads((path.parent / "streets.geojson").read_text())
+    places = [(385_000 - 30, 6_671_000 - 10), (385_000 + 70, 6_671_000 - 10)]
+    other = {"id": 9, "name": "Front Street", "highway": "residential"}
+    streets["features"].append(
+        {"type": "Feature", "properties": other, "geometry": {"type": "LineString", "coordinates": places}}
+    )
+    (path.parent / "streets.geojson").write_text(json.dumps(streets))
+    path.write_text(path.read_text().replace("{path: streets.geojson", "{names: [Front Street], path: streets.geojson"))
+    block = read_block(path)
+    assert [one.name for one in block.streets] == ["Front Street"]
+    assert len(block.buildings[0].passages) == 1
+    assert f"{ASSUMED}: 1 (1)" in block.notes
+    path.write_text("\n".join(line for line in path.read_text().splitlines() if not line.startswith("streets")))
+    path.write_text(path.read_text() + "\nground: {path: streets.geojson, crs: 'EPSG:32635'}\n")
+    block = read_block(path)
+    assert block.streets == ()
+    assert len(block.buildings[0].passages) == 1
+    assert f"{ASSUMED}: 1 (1)" in block.notes
+
+
+def test_a_corrected_height_that_closes_a_passage_is_noted(tmp_path: Path) -> None:
+    path = write_block(tmp_path / "block", "building_passage")
+    path.with_suffix(".corrections.jsonl").write_text('{"id": "a", "what": "height", "value": 2.2}\n')
+    assert f"{NO_ROOM}: 1 (a)" in read_block(path).notes
