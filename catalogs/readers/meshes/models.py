@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -10,16 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import BuildingModels, Fault, Remark
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import short_message
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj_surfaces
+from catalogs.readers.meshes.plain import read_plain_mesh
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from catalogs.readers.meshes.up_axis import turn_up
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
-from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 
 def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = NO_SOURCE_KEYS) -> BuildingModels:
@@ -53,7 +52,7 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     elif kind in (".glb", ".gltf"):
         surfaces, textures, remarks = read_gltf_surfaces(path)
     else:
-        surfaces = _read_plain_mesh(path)
+        surfaces, remarks = read_plain_mesh(path)
     if kind in UP_AXIS_SUFFIXES:
         surfaces, turned = turn_up(surfaces, keys.up, path.name)
         remarks += turned
@@ -67,23 +66,6 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
         textures = tuple(textures[index] for index in used)
     return BuildingModels(crs, models, textures, tuple(remarks), (*faults, *broken))
-
-
-def _read_plain_mesh(path: Path) -> list[MeshSurface]:
-    """Read PLY or STL: one mesh without names or pictures."""
-    import trimesh
-
-    try:
-        # no path, or trimesh opens referenced pictures anywhere
-        content, kind = io.BytesIO(read_regular(path, MAX_MODEL_BYTES)), path.suffix.lower()[1:]
-        scene = trimesh.load(content, file_type=kind, force="scene", process=False)
-        assert isinstance(scene, trimesh.Scene)
-    except Exception as error:  # trimesh raises errors of any class
-        if is_system_error(error):
-            raise
-        raise InputError(f"{path} cannot be read as a mesh ({short_message(error)}); export it again") from error
-    meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
-    return [MeshSurface(None, "unknown", np.asarray(mesh.vertices, np.float64)[mesh.faces]) for mesh in meshes]
 
 
 def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:

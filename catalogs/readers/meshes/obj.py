@@ -29,6 +29,7 @@ from facade_core.core.regular_files import open_regular
 
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
+VERTEX_COLOUR_REASON = "OBJ files with a colour at each vertex: read without it; state Kd of materials, or export PLY"
 
 FaceLabel = tuple[str | None, str | None, str | None]  # object, group, material
 # building, semantic, texture and its placement, colour
@@ -54,6 +55,7 @@ class _ObjContent:
     labels: dict[FaceLabel, int] = field(default_factory=dict)
     declared: set[FaceLabel] = field(default_factory=set)
     libraries: list[str] = field(default_factory=list)
+    has_vertex_colours: bool = False
 
 
 def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
@@ -71,6 +73,8 @@ def read_obj_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], 
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
     pictures, colours, remarks = _read_material_libraries(path, text.libraries)
     textures = tuple(dict.fromkeys(picture for picture, _ in pictures.values()))
+    if text.has_vertex_colours:
+        remarks.append(Remark(path.name, VERTEX_COLOUR_REASON, None))
 
     objects = {label[0] for label in text.labels} - {None}
     piped = any("|" in (label[1] or "") for label in text.labels)
@@ -111,6 +115,7 @@ def _parse_obj(path: Path) -> _ObjContent:
         key = words[0] if words else ""
         if key == "v":
             text.vertices.extend(_parse_floats(words[1:4], 3))
+            text.has_vertex_colours |= len(words) >= 7
         elif key == "f":
             if len(words) < 4:
                 continue
