@@ -132,7 +132,9 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         return
     table = out or block_file.parent / TABLE
     with show_progress(quiet=not sys.stderr.isatty()):
-        found_table, faults = match_photos(block_file, photos, table, poses)
+        found_table, faults, notes = match_photos(block_file, photos, table, poses)
+    for note in notes:
+        print_notice(note)
     for fault in faults:
         print_notice(f"{fault.id}: {fault.reason}")
     if any(fault.reason == MISSING_PLACE for fault in faults):

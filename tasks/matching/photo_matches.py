@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from catalogs.block.reader import Block, read_block
-from catalogs.features import Fault
+from catalogs.features import Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose, read_exif_pose
-from catalogs.readers.pictures.poses import SourcePose, read_poses
+from catalogs.readers.pictures.poses import PosesFile, SourcePose, read_poses_file
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
@@ -36,9 +37,22 @@ PLACE_REMEDY = "give their places with --poses FILE.csv (file,lon,lat,heading), 
 _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
-def match_photos(
-    block_file: Path, folder: Path, path: Path, poses: Path | None = None
-) -> tuple[MatchTable, list[Fault]]:
+class PhotoMatches(NamedTuple):
+    """Matches of the photos in a folder.
+
+    Attributes
+    ----------
+    table : table of the photos; it is not written yet.
+    faults : a fault for each photo that cannot be matched.
+    notes : what is not used or assumed of the poses file.
+    """
+
+    table: MatchTable
+    faults: list[Fault]
+    notes: tuple[str, ...]
+
+
+def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> PhotoMatches:
     """Match the street photos in a folder to facades.
 
     Poses come from `poses`, else from EXIF.
@@ -50,11 +64,6 @@ def match_photos(
     path : path of the new table.
     poses : file of poses; None: EXIF only.
 
-    Returns
-    -------
-    table : table for `path`; this function does not write it.
-    faults : a fault for each photo that cannot be matched.
-
     Raises
     ------
     InputError : block, folder or poses cannot be read, no photo has a place, or the table exists and may be edited.
@@ -64,7 +73,8 @@ def match_photos(
             f"{path} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
         )
     paths, unreadable = list_images(folder, "photo")
-    stated = read_poses(poses) if poses else {}
+    file = read_poses_file(poses) if poses else PosesFile({})
+    stated = file.poses
     if not any(_read_place(path, stated) for path in paths):  # reading the block takes longer
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACE_REMEDY}")
     block = read_block(block_file)
@@ -80,7 +90,19 @@ def match_photos(
                 raise
             faults.append(Fault(photo.name, "photo", error_reason(error)))
         report_progress("match", 1)
-    return MatchTable(path, COLUMNS, tuple(found)), faults
+    return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, _poses_notes(file, paths))
+
+
+def _poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
+    """Return the notes on a poses file and on its entries for the photos."""
+    places = {photo.name: file.poses.get(photo.name) or file.poses.get(photo.stem) for photo in photos}
+    of_entries = [
+        Remark(name, reason, None)
+        for name, place in places.items()
+        if isinstance(place, SourcePose)
+        for reason in place.remarks
+    ]
+    return format_reason_notes(feature_ids_by_reason((*file.remarks, *of_entries)))
 
 
 def _read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:

@@ -21,7 +21,7 @@ from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
 from catalogs.learning.layouts import read_layouts
 from catalogs.readers.annotations import read_correction_annotations
 from catalogs.readers.json_text import load_json
-from catalogs.readers.pictures.poses import read_poses
+from catalogs.readers.pictures.poses import read_poses_file
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.regular_files import open_regular, read_regular
 from tasks.city.blocks import partition_city_file
@@ -34,7 +34,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "x.jsonl": lambda path: read_correction_annotations(path, {}),
     "x.gpkg": lambda path: read_correction_annotations(path, {}),
     "x.csv": read_match_table,
-    "poses.json": read_poses,
+    "poses.json": read_poses_file,
     "layouts.jsonl": lambda path: list(read_layouts(path)),
     "b.corrections.jsonl": lambda path: read_corrections(path.with_name("b.yaml")),
     "part.npz": read_city_part,

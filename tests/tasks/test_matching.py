@@ -109,6 +109,16 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert len(list((block_file.parent / "photos").iterdir())) == 1
 
 
+def test_notes_on_the_poses_file_are_printed(block_file: Path) -> None:
+    photos, poses = block_file.parent.parent / "photos", block_file.parent / "poses.csv"
+    lon, lat = LONLAT.transform(EAST + 10, NORTH)
+    poses.write_text(f"file,lon,lat,yaw,altitude\nIMG_1.jpg,{lon},{lat},0.5,17\nsilent.jpg,{lon},{lat},1.5,17\n")
+    ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--poses", str(poses)])
+    assert ended.exit_code == 0, ended.output
+    assert "altitude" in ended.output
+    assert "headings of poses.csv taken as degrees, and all are within 6.3" in ended.output
+
+
 def test_photos_without_any_place_are_told_before_the_block_is_read(tmp_path: Path) -> None:
     for name in ("one.jpg", "two.jpg"):
         Image.new("RGB", (64, 64)).save(tmp_path / name)

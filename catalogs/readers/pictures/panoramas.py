@@ -89,7 +89,7 @@ def read_panoramas(
     Parameters
     ----------
     folder : folder of pictures.
-    poses : poses file in a format of read_poses, or None.
+    poses : poses file in a format of read_poses_file, or None.
     crs : frame of the block.
     bounds : (xmin, ymin, xmax, ymax) in the frame, metres; None for no limit.
 

@@ -86,11 +86,6 @@ class PosesFile:
     remarks: tuple[Remark, ...] = ()
 
 
-def read_poses(path: Path) -> dict[str, SourcePose | str]:
-    """Read poses by the name of the picture; see `read_poses_file`."""
-    return read_poses_file(path).poses
-
-
 def read_poses_file(path: Path) -> PosesFile:
     """Read a poses file.
 

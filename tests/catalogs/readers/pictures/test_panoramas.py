@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from catalogs.readers.pictures.folders import list_images, photos_by_facade
 from catalogs.readers.pictures.panoramas import read_panoramas
-from catalogs.readers.pictures.poses import read_poses
+from catalogs.readers.pictures.poses import read_poses_file
 from facade_core.core.errors import InputError
 
 RD = CRS.from_epsg(28992)
@@ -174,7 +174,7 @@ def test_an_opensfm_reconstruction(folder: Path, tmp_path: Path) -> None:
         "reference_lla": {"latitude": LAT, "longitude": LON, "altitude": 150.0},
     }
     poses = poses_file(tmp_path, [reconstruction])
-    assert list(read_poses(poses)) == ["a.jpg"]
+    assert list(read_poses_file(poses).poses) == ["a.jpg"]
     pose = only(folder, poses)
     scale = Proj(UTM).get_factors(LON, LAT).meridional_scale
     angle = np.radians(CONVERGENCE)  # grid north is this far east of true north
@@ -260,7 +260,7 @@ def test_panoramas_elsewhere_are_skipped_and_counted(folder: Path) -> None:
 )
 def test_a_file_without_poses_is_refused(tmp_path: Path, content: str, problem: str) -> None:
     with pytest.raises(InputError, match=problem) as refused:
-        read_poses(poses_file(tmp_path, content))
+        read_poses_file(poses_file(tmp_path, content))
     assert "poses.json" in str(refused.value)
     assert "\n" not in str(refused.value)
 

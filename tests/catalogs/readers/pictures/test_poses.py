@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, read_poses
+from catalogs.readers.pictures.poses import LONLAT, SourcePose, read_poses_file
 
 FRAME = "EPSG:3067"
 HERE = (24.94, 60.17, 12.0)  # longitude, latitude, altitude
@@ -174,7 +174,7 @@ def test_poses_come_back(
     stated = {name: data.draw(poses) for name in data.draw(files)}
     path = tmp_path_factory.mktemp("poses") / "poses"
     path.write_text(written(stated), encoding="utf-8")
-    found = read_poses(path)
+    found = read_poses_file(path).poses
     assert found.keys() == stated.keys()
     if kind not in ("mapillary", "opensfm"):  # numbers as they stand in the file
         assert found == stated
@@ -213,13 +213,13 @@ YAW = SourcePose(LONLAT, 24.93, 60.16, None, 88.0, 1.0, 2.0)
 )  # fmt: skip
 def test_names_of_other_programs(content: str, expected: SourcePose, tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text(content)
-    found = read_poses(tmp_path / "poses.csv")
+    found = read_poses_file(tmp_path / "poses.csv").poses
     assert found == {"p.jpg": expected}
 
 
 def test_a_heading_that_is_no_number_is_named(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("image;lat;lon;yaw_rad\np.jpg;60.16;24.93;1,5\n")
-    assert read_poses(tmp_path / "poses.csv") == {
+    assert read_poses_file(tmp_path / "poses.csv").poses == {
         "p.jpg": "poses.csv: p.jpg: heading is '1,5', not a finite number; mend that entry"
     }
 
@@ -229,5 +229,5 @@ def test_yaw_of_the_field_inputs(data: Path) -> None:
     folder = data / "field_inputs" / "poses-yaw-only"
     if not folder.is_dir():
         pytest.skip("no field inputs in the data folder")
-    poses = read_poses(folder / "poses.csv")
+    poses = read_poses_file(folder / "poses.csv").poses
     assert [pose.heading for pose in poses.values() if isinstance(pose, SourcePose)] == [88.2, 73.2, 108.2]

@@ -17,7 +17,7 @@ from shapely import LineString, Polygon
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.elevation import read_elevation
-from catalogs.readers.pictures.poses import SourcePose, read_poses
+from catalogs.readers.pictures.poses import SourcePose, read_poses_file
 from catalogs.readers.source_keys import SourceKeys
 from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError
@@ -228,7 +228,7 @@ def test_terrain_in_a_foot_frame(tmp_path: Path, crs: str, height: float) -> Non
 def test_a_camera_in_a_foot_frame(tmp_path: Path) -> None:
     pose = {"x": 988_450.0, "y": 211_820.0, "z": 100.0, "heading": 0.0}
     (tmp_path / "poses.json").write_text(json.dumps({"crs": FOOT_FRAME, "poses": {"a.jpg": pose}}))
-    found = read_poses(tmp_path / "poses.json")["a.jpg"]
+    found = read_poses_file(tmp_path / "poses.json").poses["a.jpg"]
     assert isinstance(found, SourcePose)
     assert found.z == pytest.approx(30.48, abs=0.001)
 
