@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import logging
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -17,6 +19,7 @@ from opentelemetry.sdk.resources import Resource
 from prometheus_client import CollectorRegistry
 from prometheus_client.metrics_core import Metric
 
+from catalogs.imagery.http_client import redact_url
 from facade_core.core.errors import InputError
 
 # Path of metrics below a collector's address.
@@ -57,15 +60,32 @@ def send_metrics(registry: CollectorRegistry, url: str) -> int:
         exporter.shutdown()
     provider.shutdown()
     if not accepted:
-        why = " ".join(session.outcome.split())[:300]
         raise InputError(
-            f"--otlp {url}: takes no metrics ({why}); check that a collector listens there for OTLP over HTTP"
+            f"--otlp {redact_url(url)}: takes no metrics ({session.outcome}); check that a collector listens there for "
+            "OTLP over HTTP"
         )
     return sum(len(family.samples) for family in families)
 
 
 def _observe(family: Metric) -> Callable[[CallbackOptions], Iterable[Observation]]:
     return lambda options: [Observation(sample.value, sample.labels) for sample in family.samples]
+
+
+def describe_request_error(error: requests.RequestException) -> str:
+    """Return why a request got no answer, in a few words."""
+    if isinstance(error, requests.Timeout):
+        return "no answer in time"
+    if isinstance(error, requests.exceptions.SSLError):
+        return "no connection by TLS, or a certificate that is not trusted"
+    if isinstance(error, requests.exceptions.ProxyError):
+        return "the proxy of the environment does not answer"
+    if isinstance(error, requests.exceptions.InvalidURL | requests.exceptions.InvalidSchema):
+        return "it is no address"
+    text = str(error)
+    known = (
+        os.strerror(number) for number in (errno.ECONNREFUSED, errno.ECONNRESET, errno.EHOSTUNREACH, errno.ENETUNREACH)
+    )
+    return next((words for words in known if words in text), "the host is not found or does not answer")
 
 
 class _RecordingSession(requests.Session):
@@ -77,7 +97,7 @@ class _RecordingSession(requests.Session):
         try:
             answer = super().request(*arguments, **options)
         except requests.RequestException as error:
-            self.outcome = str(error)
+            self.outcome = describe_request_error(error)
             raise
         self.outcome = f"{answer.status_code} {answer.reason}"
         return answer

@@ -28,6 +28,7 @@ def metrics(out: Folder, otlp: str | None) -> None:
     """
     from prometheus_client import generate_latest
 
+    from catalogs.imagery.http_client import redact_url
     from catalogs.published.runs import find_runs_with_store, publish_hint
     from facade_core.core.errors import InputError
     from tasks.metrics import collect_metrics
@@ -41,6 +42,5 @@ def metrics(out: Folder, otlp: str | None) -> None:
         from tasks.otlp import send_metrics
     except ModuleNotFoundError as error:
         raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
-    print_line(
-        f"{otlp}: took {send_metrics(collect_metrics(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}"
-    )
+    count = send_metrics(collect_metrics(runs), otlp)
+    print_line(f"{redact_url(otlp)}: took {count} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")

@@ -54,6 +54,8 @@ DAMAGE_TEXTS = ("decompression error",)
 # How libraries put into words what they do not give a number or a type.
 NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
 
+_MAX_REASON_LENGTH = 300
+
 
 @dataclass(frozen=True)
 class UnitOutcomeCounts:
@@ -136,8 +138,14 @@ def log_units(stage: str, records: Iterable[Record]) -> None:
 
 
 def error_reason(error: Exception) -> str:
-    """Return an error in one line."""
-    reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
+    """Return an error in one line with the remedy."""
+    if isinstance(error, FacadeError):
+        reason = str(error)
+    elif isinstance(error, OSError) and error.strerror and error.filename:
+        reason = f"{error.filename} cannot be read or written ({error.strerror}); check that it is there, and its permissions"
+    else:
+        reason = f"stopped by an error of its own ({type(error).__name__}: {error}"[:_MAX_REASON_LENGTH]
+        reason += "); mend or remove its input, or report it with the traceback in the log"
     return " ".join(reason.split())
 
 

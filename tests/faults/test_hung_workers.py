@@ -155,7 +155,7 @@ def test_a_worker_that_dies_while_it_starts(
             assert made.submit(worker).result()
     else:
         with (
-            pytest.raises(ClusterGoneError, match=r"2 local workers do not start: .*--workers"),
+            pytest.raises(ClusterGoneError, match=r"^2 local workers do not start; .*--workers$"),
             connect(2, None, str(tmp_path)),
         ):
             pass

@@ -314,11 +314,9 @@ class Cluster:
                         self._end(RunTimeoutError(OVERRUN_MESSAGE))
                     elif view is not None:
                         self._update(view, awake)
-                except Exception as error:
+                except Exception:
                     log.exception("the watcher of the cluster failed")
-                    self._end(
-                        ClusterGoneError(f"the cluster cannot be watched ({type(error).__name__}: {error}); run again")
-                    )
+                    self._end(ClusterGoneError("the cluster cannot be watched; the log says why; run again"))
                 self._changed.notify_all()
 
     def _update(self, view: SchedulerView, awake: float) -> None:

@@ -246,8 +246,7 @@ def _start_local_cluster(workers: int) -> LocalCluster:
             log.warning("local workers do not start: %s", error)
             cause = error
     raise ClusterGoneError(
-        f"{workers} local workers do not start: {' '.join(str(cause).split())} See to the machine's memory, or name fewer "
-        "with --workers"
+        f"{workers} local workers do not start; see to the machine's memory, or name fewer with --workers"
     ) from cause
 
 
@@ -320,12 +319,11 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
         finally:
             token.unlink(missing_ok=True)
     except CommClosedError as error:  # the scheduler went away meanwhile
-        raise InputError(
-            f"--dask {address}: no scheduler answers there any more ({error}); {START_SCHEDULER}"
-        ) from error
+        raise InputError(f"--dask {address}: no scheduler answers there any more; {START_SCHEDULER}") from error
     except Exception as error:  # whatever a worker of another make answers with
+        lacking = f"they lack {error.name}" if isinstance(error, ModuleNotFoundError) else "theirs is another"
         raise InputError(
-            f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
+            f"--dask {address}: its workers cannot run this version ({lacking}); start them in the same environment"
         ) from error
     others = {
         worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := diff_environment(wanted, theirs))

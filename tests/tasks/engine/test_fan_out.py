@@ -23,6 +23,7 @@ from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGoneError
 from tasks.engine.compute.connect import SerialCompute, connect
 from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, process_batch, unit_group_memory
+from tasks.engine.outcome import error_reason
 from tasks.engine.pending import PendingUnits
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.poses.stage import POSES
@@ -135,9 +136,10 @@ def _soon(holds: Callable[[], bool]) -> bool:
 def test_a_unit_runs_once_and_one_that_raises_is_recorded(tmp_path: Path, commits: list[dict[int, dict]]) -> None:
     outcome = process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), SerialCompute())
     assert outcome.done == 5
-    assert outcome.failed == (("3", "ValueError: three is bad"),)
+    ((unit, reason),) = outcome.failed
+    assert (unit, reason) == ("3", error_reason(ValueError("three is bad")))
     assert [list(records) for records in commits] == [[i] for i in range(6)]
-    expected = {"unit": "3", "key": "key 3", "status": "failed", "reason": "ValueError: three is bad"}
+    expected = {"unit": "3", "key": "key 3", "status": "failed", "reason": reason}
     assert commits[3][3].items() >= expected.items()
     assert {path.read_text() for path in tmp_path.iterdir()} == {"run\n"}
 

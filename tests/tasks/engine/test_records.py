@@ -35,7 +35,9 @@ def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -
 
 
 def test_reasons_are_one_line() -> None:
-    assert failure_record("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
+    assert failure_record("u", "k", KeyError("a\nb"))["reason"].startswith("stopped by an error of its own (KeyError:")
+    missing = FileNotFoundError(2, "No such file or directory", "x.jpg")
+    assert failure_record("u", "k", missing)["reason"].startswith("x.jpg cannot be read or written (No such file")
     assert "\n" not in failure_record("u", "k", ValueError("a\nb"))["reason"]
     assert failure_record("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
 

@@ -80,7 +80,7 @@ def test_a_failure_names_what_failed_and_leaves_no_window(
 ) -> None:
     monkeypatch.setattr(task, what, fail)
     ((_, reason),) = texture_street.fn(ready, 0, "1", 0, SerialCompute()).failed
-    assert reason == f"{where}: ValueError: it does not work"
+    assert reason.startswith(f"{where}: stopped by an error of its own (ValueError: it does not work); mend or remove")
     assert not viewpoint._streets
 
 
