@@ -90,9 +90,13 @@ def panorama_fault(identifier: str, reason: str) -> Fault:
 
 def finite_float_or_none(value: object) -> float | None:
     """Return a value as float if it is a finite number, otherwise None."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return None
+    return number if math.isfinite(number) else None
 
 
 def parse_geojson_pose(geometry: object, heading: object, pitch: object = None, roll: object = None) -> SourcePose:

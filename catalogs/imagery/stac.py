@@ -23,7 +23,7 @@ from catalogs.imagery.remote_panorama import (
     parse_geojson_pose,
     resolve_licence,
 )
-from catalogs.reader_errors import is_system_error, short_message
+from catalogs.reader_errors import fault_reason, is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_iso_date
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -100,25 +100,32 @@ def _parse_item(item: JsonObject | Fault, licence: str | None) -> RemotePanorama
     """Parse an item; a fault if the panorama cannot be used, None if the picture is no panorama."""
     if isinstance(item, Fault):
         return item
+    identifier = str(item.get("id") or "")
+    try:
+        return _parse_panorama(identifier, item, licence)
+    except ValueError as error:
+        return panorama_fault(identifier, str(error))
+    except Exception as error:  # values of any other type than STAC's
+        return panorama_fault(identifier, fault_reason(error, "tell its service"))
+
+
+def _parse_panorama(identifier: str, item: JsonObject, licence: str | None) -> RemotePanorama | None:
+    """Parse an item; None if the picture is no panorama. Raises ValueError with the remedy if it cannot be used."""
     properties = item.get("properties")
     properties = properties if isinstance(properties, dict) else {}
     inner = properties.get("pers:interior_orientation")
     inner = inner if isinstance(inner, dict) else {}
     if (finite_float_or_none(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
         return None
-    identifier = str(item.get("id") or "")
-    try:
-        asset = _picture_asset(item.get("assets"))
-        pose = parse_geojson_pose(
-            item.get("geometry"), _parse_heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
-        )
-        links = [link for link in item.get("links") or () if isinstance(link, Mapping) and link.get("rel") == "license"]
-        text = str(links[0].get("href")) if links else None
-        rights = resolve_licence(properties.get("license"), text, licence)
-        if not identifier:
-            raise ValueError("has no id; tell its service")
-    except ValueError as error:
-        return panorama_fault(identifier, str(error))
+    asset = _picture_asset(item.get("assets"))
+    pose = parse_geojson_pose(
+        item.get("geometry"), _parse_heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
+    )
+    links = [link for link in item.get("links") or () if isinstance(link, Mapping) and link.get("rel") == "license"]
+    text = str(links[0].get("href")) if links else None
+    rights = resolve_licence(properties.get("license"), text, licence)
+    if not identifier:
+        raise ValueError("has no id; tell its service")
     return RemotePanorama(
         identifier,
         str(asset["href"]),

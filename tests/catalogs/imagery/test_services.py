@@ -15,7 +15,7 @@ from benchmarks.imagery_server import Imagery, Shot
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
+from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama, finite_float_or_none
 from catalogs.imagery.services import TOKEN_VARIABLE, ImageryService, mapillary_service, resolve_service, stac_service
 from facade_core.core.errors import InputError
 
@@ -90,6 +90,9 @@ def test_what_cannot_be_used_is_told_and_the_rest_goes_on(served: Imagery) -> No
         {"geometry": {"type": "Point", "coordinates": [7.5, 480]}},
         {"assets": {}},
         {"assets": {"hd": {"href": None}}},
+        {"assets": {"hd": {"href": "http://127.0.0.1/a.jpg", "type": "image/jpeg", "roles": 5}}},
+        {"links": 5},
+        {"properties": {"pers:interior_orientation": {"field_of_view": 360}, "license": {}}},
     ],
 )
 def test_an_item_that_is_broken_is_one_fault(served: Imagery, change: dict[str, Any]) -> None:
@@ -134,7 +137,7 @@ def test_a_next_page_that_names_a_file_is_not_read(served: Imagery, tmp_path: Pa
             query_service(stac_service(served.stac()))
 
 
-@pytest.mark.parametrize("content", [b"<html>", b"[1]", b"{}", b'{"type": "Catalog"}'])
+@pytest.mark.parametrize("content", [b"<html>", b"[1]", b"{}", b'{"type": "Catalog"}', b"[" * 100_000])
 def test_what_is_no_stac_api_is_refused_in_one_line(served: Imagery, content: bytes) -> None:
     served.faults["/api"] = lambda *_: (200, {}, content)
     with pytest.raises(InputError, match="is no STAC API that can be searched") as error:
@@ -225,3 +228,11 @@ def test_a_folder_is_a_service_too(tmp_path: Path) -> None:
     assert list(faults) == ["unposed.jpg"]
     with pytest.raises(InputError, match="--poses: panoramax tells where"):
         resolve_service("panoramax", folder / "poses.json")
+
+
+def test_numbers_that_are_none_are_left() -> None:
+    assert [finite_float_or_none(value) for value in (3, 1.5, True, "3", 10**400, float("nan"))] == [
+        3.0,
+        1.5,
+        *[None] * 4,
+    ]
