@@ -14,6 +14,10 @@ from facade_core.core.errors import FacadeError
 # Root loggers of the project.
 LOGGED_PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
 
+# Logs that a folder of runs keeps; a run that writes a new one removes the oldest.
+MAX_KEPT_LOGS = 50
+_LOG_NAMES = f"{'[0-9]' * 8}T{'[0-9]' * 6}Z.jsonl"
+
 log = logging.getLogger(__name__)
 _logged_folders: set[Path] = set()
 
@@ -28,7 +32,7 @@ def find_error_log(error: Exception) -> Path | None:
 def log_to_run_folder(out: Path, *, file_only: bool = False) -> Iterator[None]:
     """Log to a new file in `out`/logs until the block ends, with the traceback of the exception that ends it; reentrant.
 
-    The first line creates the file.
+    The first line creates the file, and leaves the newest MAX_KEPT_LOGS.
 
     Parameters
     ----------
@@ -93,11 +97,18 @@ class _JsonLineHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         try:
             line = json.dumps(_record_fields(record), default=str)
-            self._path.parent.mkdir(parents=True, exist_ok=True)
+            if not self._path.exists():
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                _remove_oldest_logs(self._path.parent, MAX_KEPT_LOGS - 1)
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(line + "\n")
         except (OSError, ValueError):  # a full disk must not end the run
             pass
+
+
+def _remove_oldest_logs(folder: Path, kept: int) -> None:
+    for path in sorted(folder.glob(_LOG_NAMES))[: -kept or None]:
+        path.unlink(missing_ok=True)
 
 
 def _record_fields(record: logging.LogRecord) -> dict[str, object]:

@@ -14,7 +14,7 @@ from facade_core.core.errors import InputError, MachineError
 from flows import console
 from flows.cli.exit_codes import exit_code_and_message
 from flows.console import ProgressLines, print_summary
-from flows.log_file import find_error_log, log_to_run_folder
+from flows.log_file import MAX_KEPT_LOGS, find_error_log, log_to_run_folder
 from tasks.engine.compute.cluster import ClusterGoneError
 from tasks.engine.outcome import log_units
 from tasks.engine.progress import begin_stage, report_progress
@@ -93,6 +93,20 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     assert "ZeroDivisionError" in lines[2]["traceback"]
     assert logging.getLogger("tasks").level == before
     assert str(path) in exit_code_and_message(ended.value)[1]
+
+
+def test_the_logs_of_many_nights_are_bounded(tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    names = [f"20250101T{number:06d}Z.jsonl" for number in range(MAX_KEPT_LOGS + 10)]
+    for name in (*names, "notes.jsonl"):
+        (folder / name).touch()
+    with log_to_run_folder(tmp_path):
+        log_units("facades", [{"unit": "a", "status": "failed", "reason": "bad"}] * 2)
+    left = sorted(path.name for path in folder.glob("2*.jsonl"))
+    assert len(left) == MAX_KEPT_LOGS
+    assert left[:-1] == names[11:], "the newest stay"
+    assert (folder / "notes.jsonl").exists()
 
 
 def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
