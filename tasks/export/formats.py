@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
+import glob
 import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -150,29 +153,59 @@ def _export(
     target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
-        temporary.mkdir(parents=True)
-        main, notes = _writers()[format](results, chosen, temporary, **options)
-        if as_file:
-            os.replace(temporary / main[0], target)
-            return ExportResult(target, (target,), tuple(notes))
-        about: dict[str, object] = {
-            "format": format,
-            "block": results.block,
-            "snapshot": results.snapshot.id,
-            "crs": results.crs,
-        }
-        about |= {"notes": notes, "files": main, "digests": _file_digests(temporary)}
-        (temporary / marker_name(format)).write_text(json.dumps(about, indent=1) + "\n")
-        if target.exists():
-            shutil.rmtree(target)
-        os.replace(temporary, target)
+        with _hold_temporary_folder(target) as temporary:
+            main, notes = _writers()[format](results, chosen, temporary, **options)
+            if as_file:
+                os.replace(temporary / main[0], target)
+                return ExportResult(target, (target,), tuple(notes))
+            about: dict[str, object] = {
+                "format": format,
+                "block": results.block,
+                "snapshot": results.snapshot.id,
+                "crs": results.crs,
+            }
+            about |= {"notes": notes, "files": main, "digests": _file_digests(temporary)}
+            (temporary / marker_name(format)).write_text(json.dumps(about, indent=1) + "\n")
+            replaced = temporary.with_suffix(".old.tmp")  # a kill never leaves half of the earlier export in its place
+            if target.exists():
+                os.replace(target, replaced)
+            os.replace(temporary, target)
+            shutil.rmtree(replaced, ignore_errors=True)
     except OSError as error:
         raise InputError(f"{target}: cannot be written ({error.strerror}); name another place with --to") from error
+    return ExportResult(target, tuple(target / name for name in main), tuple(notes))
+
+
+@contextmanager
+def _hold_temporary_folder(target: Path) -> Iterator[Path]:
+    """Create a folder next to a target and lock it; it is removed at the end, and so are those of killed exports."""
+    for path in target.parent.glob(f".{glob.escape(target.name)}.*.tmp"):
+        with _lock_exclusively(path) as is_locked:
+            if is_locked:
+                shutil.rmtree(path, ignore_errors=True)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    temporary.mkdir(parents=True)
+    try:
+        with _lock_exclusively(temporary):
+            yield temporary
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    return ExportResult(target, tuple(target / name for name in main), tuple(notes))
+
+
+@contextmanager
+def _lock_exclusively(folder: Path) -> Iterator[bool]:
+    """Lock a folder; False if another process holds it."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            is_locked = True
+        except BlockingIOError:
+            is_locked = False
+        yield is_locked
+    finally:
+        os.close(handle)
 
 
 def _export_in_bucket(place: S3Path, format: str, options: Mapping[str, object]) -> ExportResult:
