@@ -244,6 +244,13 @@ TABLES = {
                 _column("position", "viewpoint xyz", "float64", "centre of the panorama", "m", is_position=True),
                 _column("forward", "viewpoint xy", "float64", "unit vector along the street", "1"),
                 _column("look", "viewpoint", TEXT, "digest of the geometry in sight"),
+                _column(
+                    "painted",
+                    "viewpoint",
+                    TEXT,
+                    "digest of what is in sight of the charts that streets paint",
+                    is_optional=True,
+                ),
                 _column("view_viewpoint", "view", "int32", "row of viewpoints, of each chart that one shows"),
                 _column("view_chart", "view", "int32", "row of charts, of each that a viewpoint shows"),
             ),

@@ -26,7 +26,7 @@ from facade_core.geometry.buildings.neighbours import (
 )
 from facade_core.geometry.buildings.passages import passage_openings, standing_outline
 from facade_core.geometry.buildings.roof_details import RoofDetail
-from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
+from facade_core.geometry.buildings.roof_edges import MAX_SIGHT_M, OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
 from facade_core.geometry.buildings.roof_shapes import GRID_M, build_shell_with_roof
 from facade_core.geometry.buildings.shells import add_facet_charts, add_skirt_charts, lift_to_ground
 from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
@@ -41,6 +41,8 @@ COLLINEAR_TOLERANCE_M = 0.2
 FORECOURT_M = 6.0
 # Half of the widest gap between buildings that ground fills; metres.
 COURTYARD_M = 22.0
+# Metres by which edges of a roof may be outside of the footprint.
+SIGHT_MARGIN_M = 5.0
 # Corners of a footprint above which an index of its edges costs less than their scan.
 MIN_PREPARED_CORNERS = 100
 # A shell with walls along a smaller share of its free outline is a canopy, and ground continues below it.
@@ -86,10 +88,17 @@ def build_block_surfaces(
     # sight lines are tested against an index of the edges
     shapely.prepare(tree.geometries[shapely.get_num_coordinates(tree.geometries) > MIN_PREPARED_CORNERS])
     eyes = sample_streets([street.line for street in streets])
+    eye_tree = shapely.STRtree(shapely.points(eyes))
     for index, building in enumerate(buildings):
         try:
             adjoining = roof_continuation_footprints(index, buildings, tree)
-            surroundings = RoofSurroundings(neighbour_area_above_eaves(index, buildings, tree, terrain), eyes, tree)
+            # of streets out of reach one is left, because without any every edge counts as in sight
+            reached = np.sort(
+                eye_tree.query(building.footprint, predicate="dwithin", distance=MAX_SIGHT_M + SIGHT_MARGIN_M)
+            )
+            in_reach = eyes[reached] if len(reached) else eyes[:1]
+            obstacles = neighbour_area_above_eaves(index, buildings, tree, terrain)
+            surroundings = RoofSurroundings(obstacles, in_reach, tree)
             target = SurfaceTarget(pieces, index, largest, grid)
             outline, found = add_building_charts(target, building, terrain, adjoining, surroundings)
         except GeometryError as error:

@@ -131,9 +131,8 @@ def find_facades(
     streets : all streets; empty restricts the result to walls that a street sees.
     """
     charts = scene.charts
-    upright = ~_is_gable(scene, buildings) & ~_is_inside_passage(charts, buildings)
-    large = _is_large_wall(scene) & upright
-    free = _is_tall_wall(charts) & (free_share >= MIN_FREE_SHARE) & upright if streets else np.zeros(len(charts), bool)
+    large = _is_large_wall(scene) & _is_upright_wall(scene, buildings)
+    free = free_wall_mask(scene, buildings, free_share) if streets else np.zeros(len(charts), bool)
     runs = group_walls_into_runs(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
@@ -176,6 +175,37 @@ def find_facades(
         raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
         house=np.array([hash_name(buildings[b].whole_id) for b in building], np.int64),
     )
+
+
+def free_wall_mask(scene: Scene, buildings: Sequence[Building], free_share: Float64Array) -> BoolArray:
+    """Return the walls at least a floor high with a free part, which are facades whether a street sees them or not.
+
+    Parameters
+    ----------
+    scene, buildings, free_share : as of `find_facades`.
+
+    Returns
+    -------
+    (charts,) bool.
+    """
+    return _is_tall_wall(scene.charts) & (free_share >= MIN_FREE_SHARE) & _is_upright_wall(scene, buildings)
+
+
+def whole_surface_mask(charts: Charts, chosen: BoolArray) -> BoolArray:
+    """Return the chosen charts whose surface has no other chart, (charts,) bool.
+
+    Parameters
+    ----------
+    chosen : (charts,) bool.
+    """
+    others = np.zeros(int(charts.surface.max(initial=-1)) + 1, bool)
+    others[charts.surface[~chosen]] = True
+    return chosen & ~others[charts.surface]
+
+
+def _is_upright_wall(scene: Scene, buildings: Sequence[Building]) -> BoolArray:
+    """Return the charts that are neither gables nor inside passages, (charts,)."""
+    return ~_is_gable(scene, buildings) & ~_is_inside_passage(scene.charts, buildings)
 
 
 def _is_large_wall(scene: Scene) -> BoolArray:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.arrays import BoolArray, Int32Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, ElevationRaster, MappedGround, Pose, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
@@ -31,7 +31,7 @@ from facade_core.plan.core_region import (
     core_viewpoints,
     restrict_to_core_streets,
 )
-from facade_core.plan.facades import Facades, find_facades
+from facade_core.plan.facades import Facades, find_facades, free_wall_mask, whole_surface_mask
 from facade_core.plan.identity import (
     ParallelMap,
     build_scene_objects,
@@ -94,29 +94,42 @@ class BlockInputs:
     panorama_sizes: Sequence[tuple[int, int]] = ()
 
 
-def build_plan(
+@dataclass(frozen=True)
+class SceneLayout:
+    """Scene of a block before any ray is cast.
+
+    Attributes
+    ----------
+    scene : charts, mesh and places in the atlas.
+    streets : centrelines, given or derived.
+    ground : ground fitted between the buildings.
+    terrain : ground heights.
+    viewpoints : viewpoints that a part of a city needs, or all.
+    ids : (charts,) chart ids.
+    free_share : (charts,) share of each chart without a neighbour against it.
+    in_core : (charts,) charts that are textured.
+    rejected_buildings : buildings without usable surfaces as (id, reason).
+    """
+
+    scene: Scene
+    streets: tuple[Street, ...]
+    ground: MappedGround
+    terrain: Terrain
+    viewpoints: list[Viewpoint]
+    ids: UInt64Array
+    free_share: Float64Array
+    in_core: BoolArray
+    rejected_buildings: tuple[tuple[str, str], ...]
+
+
+def build_scene_layout(
     inputs: BlockInputs,
     settings: IngestSettings,
     *,
     previous: PreviousChartPlacements | None = None,
-    parallel_map: ParallelMap = map_in_this_process,
     core: CoreRegion | None = None,
-) -> Plan:
-    """Build the plan of a block: charts, mesh, atlas places, facades, viewpoints and waves of streets.
-
-    Parameters
-    ----------
-    inputs : geometry and panoramas of the block.
-    settings : settings of the block.
-    previous : earlier placement; known charts keep their places in the atlas.
-    parallel_map : runs the ray casts, which are most of the work.
-    core : part that is textured; the halo gets the lowest density. None textures everything.
-
-    Raises
-    ------
-    GeometryError
-        Where the block has no geometry.
-    """
+) -> SceneLayout:
+    """Build the charts and viewpoints of a block and place the charts in the atlas; parameters as of `build_plan`."""
     buildings = inputs.buildings
     footprints = [building.footprint for building in buildings]
     streets = tuple(inputs.streets) or derive_streets(footprints)
@@ -168,16 +181,53 @@ def build_plan(
         names=names,
         finishes=finishes,
     )
+    return SceneLayout(scene, streets, ground, terrain, cameras, ids, free, owned, refused)
 
-    seen, looks = compute_view_digests(
-        scene, build_scene_objects(charts, mesh, names), ids, cameras, ground, settings.panorama_width, parallel_map
-    )
+
+def build_plan(
+    inputs: BlockInputs,
+    settings: IngestSettings,
+    *,
+    previous: PreviousChartPlacements | None = None,
+    parallel_map: ParallelMap = map_in_this_process,
+    core: CoreRegion | None = None,
+) -> Plan:
+    """Build the plan of a block: charts, mesh, atlas places, facades, viewpoints and waves of streets.
+
+    Parameters
+    ----------
+    inputs : geometry and panoramas of the block.
+    settings : settings of the block.
+    previous : earlier placement; known charts keep their places in the atlas.
+    parallel_map : runs the ray casts, which are most of the work.
+    core : part that is textured; the halo gets the lowest density. None textures everything.
+
+    Raises
+    ------
+    GeometryError
+        Where the block has no geometry.
+    """
+    layout = build_scene_layout(inputs, settings, previous=previous, core=core)
+    scene, streets, ground, cameras = layout.scene, layout.streets, layout.ground, layout.viewpoints
+    buildings, charts, mesh, ids, owned = inputs.buildings, scene.charts, scene.mesh, layout.ids, layout.in_core
     around = streets if settings.walls == "exemplar" else ()
-    facades = find_facades(scene, buildings, cameras, seen, settings.floor_height, free, around)
+    walls = free_wall_mask(scene, buildings, layout.free_share) if around else np.zeros(len(charts), bool)
+    looks = compute_view_digests(
+        scene,
+        build_scene_objects(charts, mesh, scene.names),
+        ids,
+        cameras,
+        ground,
+        settings.panorama_width,
+        parallel_map,
+        street_charts=~whole_surface_mask(charts, walls),
+    )
+    facades = find_facades(scene, buildings, cameras, looks.charts, settings.floor_height, layout.free_share, around)
+    rows = list(range(len(cameras)))
     if core is not None:
         facades = core_facades(facades, buildings, core)
         streets, rows, cameras, facades = restrict_to_core_streets(streets, cameras, facades, core)
-        seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
+    seen = [looks.charts[row] for row in rows]
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
@@ -194,7 +244,7 @@ def build_plan(
         ground=ground,
         facades=facades,
         poses=(),
-        rejected_buildings=refused,
+        rejected_buildings=layout.rejected_buildings,
         sightings=_find_sightings(scene, facades, (), ()),
         textured=textured,
         viewpoints=tuple(cameras),
@@ -202,10 +252,11 @@ def build_plan(
         writable=writable,
         wave=_street_waves(scene, cameras, seen, writable, len(streets)),
         ids=ids,
-        view_digests=looks,
+        view_digests=tuple(looks.whole[row] for row in rows),
+        painted_digests=tuple(looks.painted[row] for row in rows),
         in_core=owned,
     )
-    poses = fill_pose_heights(inputs.poses, terrain, settings.viewpoint_height)
+    poses = fill_pose_heights(inputs.poses, layout.terrain, settings.viewpoint_height)
     return replace_panoramas(plan, poses, inputs.panorama_sizes)
 
 

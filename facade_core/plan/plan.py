@@ -72,6 +72,7 @@ class Plan:
     wave : (streets,) wave of each street.
     ids : (charts,) chart ids.
     view_digests : (viewpoints,) digests of everything that a viewpoint sees.
+    painted_digests : (viewpoints,) digests of what it contributes where a material field decides the colours.
     in_core : (charts,) True in the core region, which is textured and published; the halo is only seen.
     """
 
@@ -89,6 +90,7 @@ class Plan:
     wave: Int32Array
     ids: UInt64Array
     view_digests: tuple[str, ...]
+    painted_digests: tuple[str, ...]
     in_core: BoolArray
 
     @cached_property

@@ -117,6 +117,7 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             "position": np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
             "forward": np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2),
             "look": plan.view_digests,
+            "painted": plan.painted_digests,
             "view_viewpoint": plan.views[:, 0],
             "view_chart": plan.views[:, 1],
             "spacing": scene.spacing,
@@ -215,6 +216,7 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         wave=streets["wave"],
         ids=charts["id"],
         view_digests=cameras["look"],
+        painted_digests=cameras.get("painted", cameras["look"]),  # stores of before have one digest
         in_core=charts.get("own", np.ones(len(charts["id"]), bool)),
     )
 

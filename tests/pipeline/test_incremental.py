@@ -13,6 +13,7 @@ import pytest
 import zarr
 from PIL import Image, ImageOps
 
+from catalogs.block.corrections import Correction, append_corrections_to_file
 from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
@@ -24,9 +25,11 @@ from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
+from tasks.stages.streets.panoramas import is_panorama_in_report
 from tasks.stages.surfaces.stage import list_surface_units
 from tests.pipeline.stages import (
     BUILDINGS,
+    EAST,
     STREETS,
     Textured,
     charts_of,
@@ -375,3 +378,21 @@ def _panoramas_that_show(made: Textured, facade: str) -> set[str]:
         for step, viewpoint in enumerate(plan.street_viewpoints(street))
         if chart in plan.charts_of_viewpoint(viewpoint.id) and is_panorama_in_report(plan, viewpoint)
     }
+
+
+def test_a_corrected_height_reaches_only_viewpoints_that_see_it(tmp_path: Path) -> None:
+    """Along a street of houses one grows by a decimetre: far viewpoints see no more than its eaves, above all else."""
+    houses = {f"h{number}": (20.0 * number, 4.0, 14.0, 3.0, 7.0) for number in range(8)}
+    write_block(tmp_path / "in", buildings=houses, streets={"1": [(0, 0), (155, 0)]})
+    texture(tmp_path / "in" / "block.yaml", tmp_path / "out")
+    before = started(tmp_path / "out")
+    append_corrections_to_file(tmp_path / "in" / "block.yaml", [Correction("h7", "height", 8.0)])
+    made = texture(tmp_path / "in" / "block.yaml", tmp_path / "out")
+    done = {unit for stage, unit in redone(before, tmp_path / "out") if stage == "viewpoints"}
+    plan = load_run_plan(made.run)
+    stored = {f"s1/{step}" for step, one in enumerate(plan.street_viewpoints(0)) if is_panorama_in_report(plan, one)}
+    near = {f"s1/{step}" for step, one in enumerate(plan.viewpoints) if one.position[0] - EAST > 100}
+    assert done
+    assert done <= near | stored
+    assert len(done) < len(plan.viewpoints) / 2
+    assert_as_fresh(tmp_path, made)

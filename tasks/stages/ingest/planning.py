@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from catalogs.block.digest import plan_input_digest
@@ -11,6 +12,7 @@ from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.identity import ParallelMap, map_in_this_process
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, fill_pose_heights, replace_panoramas
 from facade_core.plan.plan import Plan
+from facade_core.plan.planned_units import PlannedUnits, count_units
 from tasks.engine.stage_code import stage_code_digest
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
@@ -29,30 +31,43 @@ def make_plan(
     last : places of an earlier ingest: charts keep their place in the atlas.
     each : maps a function over items; it may cast rays on workers.
     """
-    texture = block.texture
     plan = build_plan(
-        BlockInputs(
-            block.buildings,
-            block.streets,
-            ground=block.ground,
-            elevation=block.terrain,
-            poses=[panorama.pose for panorama in block.panoramas],
-            panorama_sizes=_panorama_sizes(block),
-        ),
-        IngestSettings(
-            texels_per_metre=texture.texels_per_metre,
-            viewpoint_spacing=texture.viewpoint_spacing,
-            viewpoint_height=texture.viewpoint_height,
-            visibility_range=texture.visibility_range,
-            panorama_width=texture.panorama_width,
-            floor_height=block.storey,
-            walls=texture.walls,
-        ),
-        previous=last,
-        parallel_map=each,
-        core=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),
+        _plan_inputs(block), _plan_settings(block), previous=last, parallel_map=each, core=_core_region(block)
     )
     return plan if block.aerial is None else mark_aerial_roofs(plan, block.aerial)
+
+
+def count_planned_units(block: Block) -> PlannedUnits:
+    """Count the units of a block's plan without casting a ray."""
+    return count_units(_plan_inputs(replace(block, panoramas=())), _plan_settings(block), _core_region(block))
+
+
+def _plan_inputs(block: Block) -> BlockInputs:
+    return BlockInputs(
+        block.buildings,
+        block.streets,
+        ground=block.ground,
+        elevation=block.terrain,
+        poses=[panorama.pose for panorama in block.panoramas],
+        panorama_sizes=_panorama_sizes(block),
+    )
+
+
+def _plan_settings(block: Block) -> IngestSettings:
+    texture = block.texture
+    return IngestSettings(
+        texels_per_metre=texture.texels_per_metre,
+        viewpoint_spacing=texture.viewpoint_spacing,
+        viewpoint_height=texture.viewpoint_height,
+        visibility_range=texture.visibility_range,
+        panorama_width=texture.panorama_width,
+        floor_height=block.storey,
+        walls=texture.walls,
+    )
+
+
+def _core_region(block: Block) -> CoreRegion | None:
+    return None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets))
 
 
 def plan_reuse_key(block: Block) -> str:

@@ -1,7 +1,8 @@
 """Keys of streets and viewpoints.
 
 Where panoramas are blended, a viewpoint depends on the charts that it sees and on the viewpoint before it. Of a material field,
-only a viewpoint with a stored panorama depends on those charts. A street depends on all its viewpoints.
+only a viewpoint with a stored panorama depends on those charts; others depend on which texels they see of charts that streets
+paint, and on what these texels are made of. A street depends on all its viewpoints.
 """
 
 from __future__ import annotations
@@ -77,15 +78,17 @@ def street_keys(
     key = first = unit_key(code, settings)
     keys: list[str] = []
     views, read, passes = [], [], []
+    digests = plan.view_digests if blends else plan.painted_digests
     for viewpoint, seen in zip(viewpoints, visible, strict=True):
-        views.append([plan.view_digests[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
+        views.append([digests[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
         read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
-        passes.append([[plan.view_digests[v], passed[v]] for v in blended.tolist()])
+        passes.append([[digests[v], passed[v]] for v in blended.tolist()])
         if blends:
             key = unit_key(key, views[-1], read[-1], passes[-1])
         else:
-            key = unit_key(first, views[-1], read[-1] if is_panorama_in_report(plan, viewpoint) else None)
+            shows = [plan.view_digests[viewpoint.id], read[-1]] if is_panorama_in_report(plan, viewpoint) else None
+            key = unit_key(first, views[-1], shows)
         keys.append(key)
     photographed = [one["digests"] for one in shown if one and one.get("digests")]
     return StreetKeys(

@@ -370,10 +370,18 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else changes)
 
     looked = data.draw(st.integers(0, len(own) - 1))
-    looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.view_digests))
-    now = street_keys(run, replace(plan, view_digests=looks), group, street)
-    assert diff_key_parts(before.street, now.street) == ["views"]
-    assert other_viewpoints(before, now) == [k >= looked if blends else k == looked for k in range(len(own))]
+
+    def look_elsewhere(digests: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple("another" if v == own[looked] else look for v, look in enumerate(digests))
+
+    now = street_keys(run, replace(plan, view_digests=look_elsewhere(plan.view_digests)), group, street)
+    assert diff_key_parts(before.street, now.street) == ["views"] * blends
+    assert other_viewpoints(before, now) == [
+        k >= looked if blends else k == looked and stored[k] for k in range(len(own))
+    ]
+    now = street_keys(run, replace(plan, painted_digests=look_elsewhere(plan.painted_digests)), group, street)
+    assert diff_key_parts(before.street, now.street) == ["views"] * (not blends)
+    assert other_viewpoints(before, now) == [k == looked and not blends for k in range(len(own))]
 
     name, value = data.draw(
         st.sampled_from(
