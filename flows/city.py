@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
 import psutil
 from prefect import State, flow
@@ -23,7 +23,8 @@ from catalogs.published.s3 import folder_at
 from facade_core.core.json_types import JsonObject
 from flows.artifacts import publish_block_table
 from flows.city_options import CityOptions, next_time_of_day
-from flows.console import print_status
+from flows.city_progress import PROGRESS_INTERVAL_S, CityProgress
+from flows.console import format_duration, print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
@@ -119,13 +120,14 @@ def _run_city(
         account, files = load_or_partition_city(city_file, out)
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
-        duration = f", about {estimate['hours']:.2g} h" if due else ""
+        duration = f", about {format_duration(3600 * estimate['hours'])}" if due else ""
         print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
         workers = cleanup.enter_context(_start_workers(options, len(due)))
+        progress = CityProgress(out, account, due, options)
         ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]] = SimpleQueue()
-        waiting, running, next_update = deque(due), 0, 0.0
+        waiting, running, next_update = deque(due), progress.running, 0.0
         while waiting or running:
-            while waiting and running < options.at_once and (ends is None or time.time() < ends):
+            while waiting and len(running) < options.at_once and (ends is None or time.time() < ends):
                 name = waiting.popleft()
                 before, digest = account.blocks[name], account.digests[name]
                 future = submit(
@@ -141,16 +143,16 @@ def _run_city(
                     options.tiles,
                 )
                 queue_end(ended, name, future)
-                running += 1
+                running.append(name)
             if not running:
                 break
-            name, future = ended.get()
-            running -= 1
+            name, future = _next_result(ended, progress)
             outcome = future.result()
             account = account.with_result(name, outcome)
             require_lock(out)
             write_block_result(out, name, outcome)
-            print_status(f"block {name}: {_describe_block_outcome(outcome)}; {len(waiting) + running} to go")
+            progress.end_block(name, account)
+            print_status(f"block {name}: {_describe_block_outcome(outcome)}; {len(waiting) + len(running)} to go")
             if time.monotonic() >= next_update:
                 account, took = _write_city_products(out, account, show)
                 next_update = time.monotonic() + took / MAX_PRODUCT_TIME_SHARE
@@ -195,6 +197,17 @@ def _start_workers(options: CityOptions, blocks: int) -> Iterator[_Workers]:
         return
     with start_shared_workers(options.workers) as address:
         yield _Workers(address, tuple(psutil.Process().children(recursive=True)))
+
+
+def _next_result(
+    ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]], progress: CityProgress
+) -> tuple[str, TaskFuture[BlockResult]]:
+    """Wait for the next block that ends, and print the progress of the running ones meanwhile."""
+    while True:
+        try:
+            return ended.get(timeout=PROGRESS_INTERVAL_S)
+        except Empty:
+            print_status(progress.describe())
 
 
 def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog], None]) -> tuple[CityLog, float]:

@@ -90,12 +90,12 @@ class ProgressLines:
         seconds = self.clock() - self._begun[stage]
         # estimate from units of this run only; finished units of earlier runs took no time
         left = seconds * (total - finished) / max(finished - event.earlier, 1)
-        when = f"about {_format_duration(left)} left" if finished < total else f"in {_format_duration(seconds)}"
+        when = f"about {format_duration(left)} left" if finished < total else f"in {format_duration(seconds)}"
         failures = f", {event.failed} failed" if event.failed else ""
         self.tell(f"{stage}: {finished} of {total}{failures}, {when}")
 
 
-def _format_duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Format seconds such as "40 s", "12 min" or "3 h 5 min"."""
     minutes = round(seconds / 60)
     if seconds < 100:

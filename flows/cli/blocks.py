@@ -67,15 +67,16 @@ def new_block(
       streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --imagery panoramax
     """
     from flows.cli.interrupts import unwind_on_signal
-    from flows.console import show_progress
+    from flows.step_reporter import report_steps
     from tasks.examples.new_block import SquareArea
     from tasks.examples.new_block import write_new_block as write
 
     if bbox and around:
         raise click.UsageError("give --bbox or --around, not both")
     area = bbox or (SquareArea(*around, size) if around else size)
-    with unwind_on_signal(), show_progress(quiet=not sys.stderr.isatty()):
-        found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
+    map_files = require_map_files(osm, buildings, streets, crs)
+    with unwind_on_signal(), report_steps() as notify:
+        found = write(block_file, map_files, area, photos, exemplars, poses, notify=notify)
     for line in found.lines():
         print_line(line)
     if imagery is not None:
@@ -83,8 +84,8 @@ def new_block(
     print_line(f"ready: streetloom run {block_file}")
 
 
-def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> MapFiles:
-    """Return the input files of new-block; raise click.UsageError where they are missing or ambiguous."""
+def require_map_files(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> MapFiles:
+    """Return the map that options name; raise click.UsageError where it is missing or ambiguous."""
     from tasks.examples.new_block import MapFiles
 
     if osm is None and buildings is None:

@@ -59,6 +59,7 @@ def city_command(
       streetloom city helsinki.yaml --out s3://bucket/helsinki
       streetloom query out/helsinki --where "floors >= 5"
     """
+    from flows.cli.first_run import note_first_run
     from flows.cli.interrupts import exit_on_signal
     from flows.lock import lock_folder
 
@@ -68,68 +69,14 @@ def city_command(
     with lock_folder(out):
         exit_on_signal()
         _note_default_partition(city_file)
+        if dask is None:
+            note_first_run()
         summary = _run_city_recorded(city_file, out, CityOptions(workers, dask, at_once, until, keep, tiles))
     if as_json:
         click.echo(json.dumps(summary))
     else:
         _print_city_summary(summary)
     sys.exit(_city_exit_code(summary))
-
-
-@click.command("plan")
-@click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
-@click.option(
-    "--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."
-)
-@click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
-def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
-    """Estimate the cost of texturing a city before its first run. Plans the blocks as their runs do.
-
-    \b
-    Example:
-      streetloom plan helsinki.yaml --at-once 4 --workers 8
-    """
-    import tempfile
-
-    from catalogs.block.reader import read_block
-    from tasks.city.block_counts import block_counts_from_plan
-    from tasks.city.blocks import partition_city_file
-    from tasks.city.city_log import CityLog
-
-    with tempfile.TemporaryDirectory() as folder:
-        found = partition_city_file(city_file, Path(folder))
-        planned = {}
-        with click.progressbar(found.blocks, label="planning", file=sys.stderr) as blocks:
-            for block in blocks:  # an unreadable block is skipped here; its run reports the error
-                planned[block.name] = block_counts_from_plan(read_block(block.file)) if block.digest else {}
-    account = CityLog("").adapt_to_city(found, "")
-    estimate = account.estimate(list(account.blocks), workers, at_once, planned)
-    if as_json:
-        click.echo(json.dumps(estimate))
-        return
-    fitted = estimate["fitted"]
-    counts = (
-        f"{estimate['facades']} facades, {estimate['viewpoints']} viewpoints, {estimate['ground']} pieces of ground"
-    )
-    print_line(f"{account.name}: {estimate['blocks']} blocks, {counts}")
-    alone = f"{estimate['processor_hours']:.2g} h of a processor"
-    error = {quantity: f"{share:.0%}" for quantity, share in fitted["error_planned"].items()}
-    print_line(
-        f"  time   {estimate['hours']:.2g} h with {estimate['workers']} workers ({at_once} x {workers}), {alone}"
-    )
-    print_line(f"  kept   {estimate['gigabytes']:.2g} GB, {estimate['commits']} commits")
-    print_line(f"  most   {estimate['bottleneck_share']:.0%} of the time: {estimate['bottleneck']}")
-    densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
-    print_line(
-        f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
-    )
-    print_line(
-        f"  error  of blocks that it was not fitted on at most {error['seconds']} of a processor's time, {error['bytes']} of "
-        f"the bytes, {error['commits']} of the commits; time is of processors that do nothing else"
-    )
 
 
 def _note_default_partition(city_file: Path) -> None:
@@ -166,10 +113,18 @@ def _print_city_summary(summary: JsonObject) -> None:
     if summary["left"]:
         print_line(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
     if (estimate := summary["estimate"])["processor_hours_taken"]:
-        taken, estimated = (f"{estimate[f'processor_hours{suffix}']:.2g} h" for suffix in ("_taken", ""))
-        print_line(f"  took   {taken} of a processor; said were {estimated}")
+        print_line(f"  took   {_describe_estimate_use(estimate)}")
     print_line(f"  model  {summary['out']}/overview.glb")
     print_line(f"  look   streetloom query {summary['out']}")
+
+
+def _describe_estimate_use(estimate: JsonObject) -> str:
+    """Say how much of the estimated time of the processors the run took."""
+    from flows.console import format_duration
+
+    taken, estimated = (3600 * estimate[f"processor_hours{suffix}"] for suffix in ("_taken", ""))
+    share = f", {taken / estimated:.0%} of the {format_duration(estimated)} that were estimated" if estimated else ""
+    return f"{format_duration(taken)} of one processor{share}"
 
 
 def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> JsonObject:

@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, TypeVar, cast
 import click
 
 from flows.cli.blocks import fetch, new_block
-from flows.cli.city import city_command, plan_command
+from flows.cli.city import city_command
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
 from flows.cli.imagery import fetch_imagery, match
 from flows.cli.metrics import metrics
+from flows.cli.new_city import new_city
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, OUT
+from flows.cli.plan import plan_command
 from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
 from flows.cli.training import bench, train
@@ -179,6 +181,7 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: bool = False) -> None:
     import time
 
+    from flows.cli.first_run import note_first_run, note_large_block
     from flows.cli.interrupts import exit_on_signal
     from flows.console import console, print_status, print_summary, show_progress
     from flows.run_entry import open_run
@@ -194,6 +197,9 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
             if entry.run.local != out.resolve():
                 print_notice(f"log and the server's records are in {entry.run.local}")
             exit_on_signal()
+            note_large_block(entry.block, block_file, options.workers)
+            if options.dask is None:
+                note_first_run()
             if options.dask is not None:  # fail before a server starts
                 from tasks.engine.compute.connect import require_scheduler
 
@@ -261,6 +267,7 @@ def _redo_street(run: Run, street: str, only: bool) -> None:
 
 for command in (
     new_block,
+    new_city,
     fetch,
     city_command,
     plan_command,

@@ -19,7 +19,7 @@ from typing import IO
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.published.folders import Folder
+from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.core.json_types import JsonObject
 from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
@@ -34,6 +34,20 @@ MACHINE_EXIT_CODE = 70
 TERMINATION_TIMEOUT_S = 30.0
 # Keys of a block's summary that do not describe its content.
 _OMITTED_KEYS = ("outputs", "failures", "out", "seconds")
+
+
+def block_output_path(out: Folder, name: str) -> Path:
+    """Return the file on this machine that holds what a running block prints on stderr."""
+    return local_run_folder(out) / "running" / f"{name}.txt"
+
+
+def read_newest_line(path: Path) -> str:
+    """Return the last line that a running block printed; empty before the first."""
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    except OSError:
+        return ""
+    return lines[-1].removeprefix("streetloom: ") if lines else ""
 
 
 @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
@@ -64,7 +78,10 @@ def run_block(
     """
     begun = time.time()
     try:
-        ended = _run_and_export(out / BLOCKS_FOLDER / name, block_file, options, previous, deadline, tiles)
+        printed = block_output_path(out, name)
+        printed.parent.mkdir(parents=True, exist_ok=True)
+        ended = _run_and_export(out / BLOCKS_FOLDER / name, block_file, options, previous, deadline, tiles, printed)
+        printed.unlink(missing_ok=True)
     except Exception as error:  # no process or memory left: other blocks continue
         log.debug("block %s could not be run", name, exc_info=True)
         ended = BlockResult(MACHINE_EXIT_CODE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
@@ -72,9 +89,15 @@ def run_block(
 
 
 def _run_and_export(
-    folder: Folder, block_file: Path, options: Sequence[str], before: BlockResult, ends: float | None, tiles: bool
+    folder: Folder,
+    block_file: Path,
+    options: Sequence[str],
+    before: BlockResult,
+    ends: float | None,
+    tiles: bool,
+    printed: Path,
 ) -> BlockResult:
-    command = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
+    command = _run_command(["run", str(block_file), "--out", str(folder), *options, "--json"], ends, printed)
     code, processor = command.code, command.processor_s
     try:
         summary: JsonObject = json.loads(command.output.strip().splitlines()[-1])
@@ -88,7 +111,7 @@ def _run_and_export(
         before.tiles if snapshot and before.tiles == snapshot and block_tileset_path(folder, snapshot).is_file() else ""
     )
     if code in (0, 1) and tiles and snapshot and not tiled:
-        exported = _run_command(["export", str(folder), "--format", "3dtiles"], ends)
+        exported = _run_command(["export", str(folder), "--format", "3dtiles"], ends, printed)
         processor += exported.processor_s
         if exported.code:
             code = DEADLINE_EXIT_CODE if exported.code == DEADLINE_EXIT_CODE else MACHINE_EXIT_CODE
@@ -119,9 +142,9 @@ class CommandResult:
     processor_s: float
 
 
-def _run_command(arguments: Sequence[str], ends: float | None) -> CommandResult:
-    """Run the command line with some arguments until it ends or its deadline passes."""
-    with tempfile.TemporaryFile() as printed, tempfile.TemporaryFile() as said:
+def _run_command(arguments: Sequence[str], ends: float | None, errors: Path) -> CommandResult:
+    """Run the command line with some arguments until it ends or its deadline passes; its stderr goes to a file."""
+    with tempfile.TemporaryFile() as printed, errors.open("w+b") as said:
         process = subprocess.Popen(
             [sys.executable, "-m", "flows", *arguments],
             stdin=subprocess.DEVNULL,

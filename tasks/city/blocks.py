@@ -82,7 +82,7 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
     BlockFileError : the city file or a file that it names cannot be used.
     InputError : the folder of block files holds none.
     """
-    values, city_keys = _read_city_keys(path)
+    values, city_keys = read_city_keys(path)
     if isinstance(city_keys, str):
         return _city_from_files(path, values, city_keys, before or {})
     keys = city_keys.block_keys
@@ -144,7 +144,8 @@ def select_city_part_ids(whole: CityIndex, cuts: Sequence[CityBlockIds]) -> Iter
         yield CityPartIds(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
-def _read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:
+def read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:
+    """Read a city file: its values, and its settings or the folder of its block files; raises BlockFileError."""
     try:
         values = read_yaml(path)
         # check_city refuses documents that are no mapping
@@ -154,6 +155,19 @@ def _read_city_keys(path: Path) -> tuple[JsonObject, CityFileSettings | str]:
 
 
 def _city_from_files(path: Path, values: JsonObject, named: str, before: Mapping[str, CityBlock]) -> City:
+    files = list_block_files(path, named)
+    name = str(values.get("name", path.stem))
+    return City(name, tuple(_read_user_block(file, before.get(file.stem)) for file in files), ())
+
+
+def list_block_files(path: Path, named: str) -> list[Path]:
+    """List the block files of the folder that a city file names.
+
+    Raises
+    ------
+    BlockFileError : the folder's name cannot be used.
+    InputError : the folder holds no block file.
+    """
     try:
         folder = resolve_path("blocks.path", named, path, is_folder=True, file_kind="city file")
     except ValueError as error:
@@ -161,8 +175,7 @@ def _city_from_files(path: Path, values: JsonObject, named: str, before: Mapping
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
     if not files:
         raise InputError(f"{path}: blocks.path: {folder} holds no block file (*.yaml); name a folder that does")
-    name = str(values.get("name", path.stem))
-    return City(name, tuple(_read_user_block(file, before.get(file.stem)) for file in files), ())
+    return files
 
 
 def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:

@@ -131,22 +131,18 @@ class CityLog:
         sources = {block.name: block.source for block in city.blocks if block.source}
         return CityLog(city.name, source, kept, digests, city.set_aside, told, sources, self.over)
 
-    def estimate(
-        self, names: Sequence[str], workers: int, at_once: int, planned: Mapping[str, Mapping[str, float]] | None = None
-    ) -> JsonObject:
-        """Predict the cost of some blocks.
+    def estimate(self, names: Sequence[str], workers: int, at_once: int) -> JsonObject:
+        """Predict the cost of some blocks from their maps.
 
         Parameters
         ----------
         names : names of the blocks.
         workers : workers of one block.
         at_once : blocks that run at the same time.
-        planned : counts from the plan by block name; see `CostModel.estimate`.
         """
-        counts = [BlockCounts(**self.told[name]) for name in names]
-        return load_cost_model().estimate(
-            counts, workers, at_once, [planned[name] for name in names] if planned else ()
-        )
+        model = load_cost_model()
+        counts = [model.correct_map_counts(BlockCounts(**self.told[name])) for name in names]
+        return model.estimate(counts, workers, at_once)
 
     def with_result(self, name: str, result: BlockResult) -> CityLog:
         """Return a copy with the result of one block replaced."""

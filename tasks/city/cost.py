@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from facade_core.core.json_types import JsonObject
-from tasks.city.block_counts import NO_COUNTS, BlockCounts
+from tasks.city.block_counts import NO_COUNTS, BlockCounts, share_exemplars
 
 COEFFICIENTS = Path(__file__).with_name("cost.json")
 COUNT_NAMES = tuple(field.name for field in fields(BlockCounts))
@@ -19,7 +21,11 @@ BOTTLENECK_TEXTS = {
     "ground": "ground",
     "megatexels": "texels: half as many a metre are a quarter",
     "megapixels": "pixels of panoramas: half as wide are a quarter",
-    "exemplars": "exemplars, prepared by each block",
+    "exemplars": "exemplars",
+    "photos": "photos of facades",
+    "panoramas": "panoramas with a pose",
+    "exemplar_megapixels": "pixels of exemplars without a label map: half as wide are a quarter",
+    "photo_megapixels": "pixels of photos: half as wide are a quarter",
     "blocks": "starting blocks and publishing them, which workers wait for",
 }
 
@@ -55,45 +61,57 @@ class CostModel:
         workers : workers of one block.
         """
         spent = counts.multiply(self.seconds)
-        total: float = sum(asdict(spent).values())
-        return spent.blocks + (total - spent.blocks) / workers
+        return spent.blocks + (self.processor_seconds(counts) - spent.blocks) / workers
+
+    def correct_map_counts(self, counts_of_map: BlockCounts) -> BlockCounts:
+        """Predict the actual counts of a block from those of its map."""
+        return counts_of_map.multiply(self.counted)
+
+    def processor_seconds(self, counts: BlockCounts) -> float:
+        """Predict the processor seconds of blocks with these counts."""
+        total: float = sum(asdict(counts.multiply(self.seconds)).values())
+        return total
 
     def estimate(
-        self,
-        counts_by_block: Sequence[BlockCounts],
-        workers: int,
-        at_once: int = 1,
-        planned: Sequence[Mapping[str, float]] = (),
+        self, blocks: Sequence[BlockCounts], workers: int, at_once: int = 1, margin_s: float = 0.0
     ) -> JsonObject:
-        """Predict counts, hours, gigabytes, commits and the bottleneck of some blocks.
+        """Predict hours with their interval, gigabytes, commits and the bottleneck of some blocks.
 
         Parameters
         ----------
-        counts_by_block : counts of each block from the map.
+        blocks : counts of each block of a city, or of one block; exemplars count once.
         workers : workers of one block.
         at_once : blocks that run at the same time.
-        planned : counts of each block from its plan, which replace those of the map; empty without a plan.
+        margin_s : half width of the interval that the counts leave, in processor seconds.
         """
-        blocks = [counts_of_block.multiply(self.counted) for counts_of_block in counts_by_block]
-        if planned:
-            blocks = [replace(counts_of_block, **known) for counts_of_block, known in zip(blocks, planned, strict=True)]
+        blocks = share_exemplars(blocks)
         counts = sum(blocks, NO_COUNTS)
         spent = counts.multiply(self.seconds)
         shares = asdict(spent) | {name: getattr(spent, name) / workers for name in COUNT_NAMES if name != "blocks"}
         longest = max((self.clock_seconds(counts_of_block, workers) for counts_of_block in blocks), default=0.0)
-        hours = max(self.clock_seconds(counts, workers) / max(1, min(at_once, len(counts_by_block))), longest) / 3600
+        hours = max(self.clock_seconds(counts, workers) / max(1, min(at_once, len(blocks))), longest) / 3600
         most = max(shares, key=lambda name: shares[name])
+        processor = self.processor_seconds(counts)
+        margin = float(
+            np.hypot(margin_s / max(processor, 1e-9), self.fitted.get("error_planned", {}).get("seconds", 0.0))
+        )
         return {
             **{name: round(getattr(counts, name)) for name in COUNT_NAMES},
             "workers": workers * at_once,
-            "hours": float(f"{hours:.3g}"),
-            "processor_hours": float(f"{sum(asdict(spent).values()) / 3600:.3g}"),
+            **_with_interval("hours", hours, margin),
+            **_with_interval("processor_hours", processor / 3600, margin),
             "gigabytes": float(f"{sum(asdict(counts.multiply(self.bytes)).values()) / 1e9:.3g}"),
             "commits": round(sum(asdict(counts.multiply(self.commits)).values())),
             "bottleneck": BOTTLENECK_TEXTS[most],
             "bottleneck_share": round(shares[most] / max(sum(shares.values()), 1e-9), 2),
             "fitted": dict(self.fitted),
         }
+
+
+def _with_interval(name: str, value: float, margin: float) -> dict[str, float]:
+    """Return a value with the ends of its interval: a factor of 1 + margin to both sides."""
+    ends = {name: value, f"{name}_low": value / (1 + margin), f"{name}_high": value * (1 + margin)}
+    return {key: float(f"{one:.3g}") for key, one in ends.items()}
 
 
 @cache

@@ -172,6 +172,7 @@ def write_new_block(
     poses: Path | None = None,
     seed: int = 0,
     write_library: Callable[[Path], None] = copy_painted_exemplars,
+    notify: Callable[[str], None] = lambda step: None,
 ) -> NewBlock:
     """Write the block file `path` for a part of a city's geometry.
 
@@ -185,6 +186,7 @@ def write_new_block(
     poses : file of the panoramas' poses.
     seed : random seed of the block.
     write_library : writes the painted style library into a folder.
+    notify : receives each step.
 
     Raises
     ------
@@ -198,13 +200,13 @@ def write_new_block(
     own = False
     try:
         if not library.exists():
-            own = _write_library(library, write_library)
+            own = write_style_library(library, write_library)
         options = _OPTIONS | map_files.option_by_key()
         if exemplars is None:  # the option was not given
             options = {key: option for key, option in options.items() if option != "--exemplars"}
         if isinstance(area, SquareArea):
             options["area"] = "--around"
-        return _write_block_file(path, map_files, area, photos, library, poses, seed, options)
+        return _write_block_file(path, map_files, area, photos, library, poses, seed, options, notify)
     except BaseException:
         if own:
             shutil.rmtree(library, ignore_errors=True)
@@ -214,7 +216,7 @@ def write_new_block(
         raise
 
 
-def _write_library(library: Path, write: Callable[[Path], None]) -> bool:
+def write_style_library(library: Path, write: Callable[[Path], None] = copy_painted_exemplars) -> bool:
     """Write a style library atomically; return False if another process created it first."""
     draft = library.with_name(f".{library.name}.{os.getpid()}.draft")
     try:
@@ -239,18 +241,20 @@ def _write_block_file(
     poses: Path | None,
     seed: int,
     options: Mapping[str, str],
+    notify: Callable[[str], None],
 ) -> NewBlock:
+    notify(f"reading {geometry.buildings}")
     bounds = _bounds(geometry, area)
-    imagery = {"exemplars": {"path": _path_in_block_file(library, path)}}
+    imagery = {"exemplars": {"path": path_in_block_file(library, path)}}
     frame = {} if geometry.crs is None else {"crs": geometry.crs}
     keys = {
         "name": path.stem,
         "area": [round(float(value), 6) for value in bounds],
-        "buildings": {"path": _path_in_block_file(geometry.buildings, path)} | frame,
+        "buildings": {"path": path_in_block_file(geometry.buildings, path)} | frame,
         **(
             {}
             if geometry.streets is None
-            else {"streets": {"path": _path_in_block_file(geometry.streets, path)} | frame}
+            else {"streets": {"path": path_in_block_file(geometry.streets, path)} | frame}
         ),
         "imagery": imagery,
         "seed": seed,
@@ -263,6 +267,7 @@ def _write_block_file(
             if isinstance(area, SquareArea) and SWAPPED_AXES_NOTE in str(error):
                 raise InputError(area.axis_order_message("no buildings are there")) from error
             raise
+        notify(f"planning {len(block.buildings)} buildings and {len(block.streets)} streets")
         plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
@@ -270,12 +275,14 @@ def _write_block_file(
             _classify_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
         )
         if photos and panoramas:
-            imagery["panoramas"] = {"path": _path_in_block_file(photos, path)}
+            imagery["panoramas"] = {"path": path_in_block_file(photos, path)}
             if poses:
-                imagery["panoramas"]["poses"] = _path_in_block_file(poses, path)
+                imagery["panoramas"]["poses"] = path_in_block_file(poses, path)
         elif photos and named:
-            imagery["photos"] = {"path": _path_in_block_file(photos, path)}
-        block = _read_draft(draft, keys, options)
+            imagery["photos"] = {"path": path_in_block_file(photos, path)}
+        if photos:
+            notify("reading the block with its pictures")
+            block = _read_draft(draft, keys, options)
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
@@ -342,7 +349,7 @@ def _classify_pictures(
     return tuple(sorted(posed)), named, tuple(unused + [(fault.id, fault.reason) for fault in broken]), unplaced
 
 
-def _path_in_block_file(target: Path, block: Path) -> str:
+def path_in_block_file(target: Path, block: Path) -> str:
     """Format a path for the block file: relative if that is short."""
     relative = os.path.relpath(target.resolve(), block.parent.resolve())
     return str(target.resolve()) if relative.startswith(os.path.join("..", "..", "..")) else relative

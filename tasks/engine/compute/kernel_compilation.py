@@ -14,18 +14,32 @@ log = logging.getLogger(__name__)
 MAX_WAIT_S = 120.0
 
 
+def has_compiled_kernels() -> bool:
+    """Report whether this machine has compiled all kernels of the present code; True where nothing can be kept."""
+    from facade_core.core.numba_cache import CACHE_FOLDER
+
+    return CACHE_FOLDER is None or _compiled_mark(CACHE_FOLDER).exists()
+
+
+def _compiled_mark(folder: Path) -> Path:
+    """Return the file that exists once all kernels of the present code are in a cache folder."""
+    from facade_core.core.numba_cache import code_digest
+
+    return folder / f"compiled-{code_digest('facade_core.kernel_warmup')}"
+
+
 def compile_kernels_once() -> None:
     """Compile all kernels that units call into numba's cache; returns at once if that was done before.
 
     A part that another process compiles is waited for at the end, for a bounded time: a stopped process must not block others.
     """
-    from facade_core.core.numba_cache import CACHE_FOLDER, code_digest
+    from facade_core.core.numba_cache import CACHE_FOLDER
     from facade_core.kernel_warmup import WARMUPS
 
     if CACHE_FOLDER is None:  # nothing can be shared
         return
     try:
-        done = CACHE_FOLDER / f"compiled-{code_digest('facade_core.kernel_warmup')}"
+        done = _compiled_mark(CACHE_FOLDER)
         if done.exists():
             return
         left = [part for part in WARMUPS if not _compile_part(CACHE_FOLDER / f"{part.__name__}.lock", part, wait=False)]

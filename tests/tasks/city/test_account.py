@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -91,7 +92,9 @@ def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> 
     assert told["facades"] == sum(len(make_plan(read_block(one)).facades) for one in files.values())
     off = told["fitted"]["error_planned"]
     printed = CliRunner().invoke(command_line, ["plan", str(file)], catch_exceptions=False).stdout
-    assert f"at most {off['seconds']:.0%} of a processor's time, {off['bytes']:.0%} of the bytes" in printed
+    assert f"at most {off['seconds']:.0%} of the seconds" in printed
+    assert re.search(r"time +\d+ (s|min) \(\d+ (s|min) to \d+ (s|min)\) with 2 workers", printed)
+    assert f"{told['exemplars']} exemplars" in printed
 
 
 def test_a_block_file_is_cut_as_usual(tmp_path: Path) -> None:

@@ -1,0 +1,86 @@
+"""Command that estimates the cost of a city or block."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from flows.cli.output import print_line
+from flows.cli.paths import EXISTING_FILE
+
+if TYPE_CHECKING:
+    from facade_core.core.json_types import JsonObject
+    from tasks.city.estimated_counts import EstimatedCounts
+
+
+@click.command("plan")
+@click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
+@click.option(
+    "--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."
+)
+@click.option(
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
+def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
+    """Estimate the cost of a city, of a city of block files, or of a block file, before its first run.
+
+    Counts the whole map, and corrects the counts by a sample of parts that are planned as a run plans them.
+
+    \b
+    Examples:
+      streetloom plan helsinki.yaml --at-once 4 --workers 8
+      streetloom plan block.yaml
+    """
+    from flows.step_reporter import report_steps
+    from tasks.city.cost import load_cost_model
+    from tasks.city.estimated_counts import estimate_counts
+
+    with report_steps() as notify:
+        counts = estimate_counts(city_file, notify)
+    estimate = load_cost_model().estimate(counts.blocks, workers, at_once, margin_s=counts.margin_s)
+    estimate |= {"planned_parts": counts.planned, "parts": counts.parts}
+    if as_json:
+        click.echo(json.dumps(estimate))
+        return
+    for line in _describe_estimate(counts, estimate, workers, at_once):
+        print_line(line)
+
+
+def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: int, at_once: int) -> list[str]:
+    """Return the lines of an estimate, one for each fact."""
+    from flows.console import format_duration
+
+    def describe_time(quantity: str) -> str:
+        middle, low, high = (format_duration(3600 * estimate[f"{quantity}{end}"]) for end in ("", "_low", "_high"))
+        return f"{middle} ({low} to {high})"
+
+    names = {
+        "facades": "facades",
+        "viewpoints": "viewpoints",
+        "ground": "pieces of ground",
+        "exemplars": "exemplars",
+        "photos": "photos",
+        "panoramas": "panoramas",
+    }
+    found = ", ".join(f"{estimate[name]:,} {text}" for name, text in names.items() if estimate[name])
+    where = f"{workers} workers"
+    if counts.is_city:
+        where = f"{estimate['workers']} workers ({at_once} blocks at a time, {workers} workers each)"
+    fitted = estimate["fitted"]
+    densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
+    size = f"{estimate['blocks']} blocks" if counts.is_city else "one block"
+    return [
+        f"{counts.name}: {size}, about {found}",
+        f"  time       {describe_time('hours')} with {where}",
+        f"  processor  {describe_time('processor_hours')} of one processor",
+        f"  kept       {estimate['gigabytes']:.2g} GB, {estimate['commits']:,} commits",
+        f"  most       {estimate['bottleneck_share']:.0%} of the time: {estimate['bottleneck']}",
+        f"  sample     {counts.planned} of {counts.parts} {'block files' if counts.parts_are_files else 'parts'} planned",
+        f"  model      fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre",
+        f"  interval   of the sample and of the model, off by at most {fitted['error_planned']['seconds']:.0%} of the "
+        "seconds of blocks outside its fit; times are of processors that do nothing else",
+    ]
