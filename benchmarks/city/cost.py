@@ -123,6 +123,10 @@ def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mappin
         ground=count("surfaces", "ground-"),
         exemplars=count("exemplars"),
         megatexels=texels / 1e6,
+        photos=told.photos,
+        panoramas=told.panoramas,
+        exemplar_megapixels=told.exemplar_megapixels,
+        photo_megapixels=told.photo_megapixels,
     )
     had = replace(had, megapixels=told.megapixels * had.viewpoints / max(told.viewpoints, 1.0))
     sizes = {part: float(bytes_in(out / part)) for part in OF_BYTES}

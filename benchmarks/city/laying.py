@@ -16,8 +16,8 @@ from tasks.city.cost import COUNT_NAMES, CostModel, parse_cost_model
 # What a stage's seconds are laid to; COURSE is what is beside units in this process, COMMAND what the command takes beside it.
 COURSE, EXPORT, COMMAND = "course", "export", "command"
 OF_SECONDS = {
-    "exemplars": ("exemplars",),
-    "facades": ("facades", "megatexels"),
+    "exemplars": ("exemplars", "exemplar_megapixels"),
+    "facades": ("facades", "megatexels", "photos", "photo_megapixels"),
     "viewpoints": ("viewpoints", "megapixels", "megatexels"),
     "surfaces": ("ground", "facades", "megatexels"),
     "pages": ("blocks", "megatexels"),
@@ -73,7 +73,10 @@ def fit(
                 "error": dict(error or {}),
                 "error_planned": dict(error_planned or {}),
             },
-            "counted": {name: figures(getattr(had, name) / max(getattr(told, name), 1e-9)) for name in COUNT_NAMES},
+            "counted": {
+                name: figures(getattr(had, name) / getattr(told, name)) if getattr(told, name) else 1.0
+                for name in COUNT_NAMES
+            },
             "seconds": _laid(blocks, "seconds", OF_SECONDS),
             "bytes": _laid(blocks, "bytes", OF_BYTES),
             "commits": _laid(blocks, "commits", OF_COMMITS),

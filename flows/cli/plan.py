@@ -19,11 +19,9 @@ if TYPE_CHECKING:
 @click.command("plan")
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
 @click.option(
-    "--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."
+    "--at-once", default=2, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."
 )
-@click.option(
-    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes per block."
-)
+@click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     """Estimate the cost of a city, of a city of block files, or of a block file, before its first run.
@@ -69,7 +67,7 @@ def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: i
     found = ", ".join(f"{estimate[name]:,} {text}" for name, text in names.items() if estimate[name])
     where = f"{workers} workers"
     if counts.is_city:
-        where = f"{estimate['workers']} workers ({at_once} blocks at a time, {workers} workers each)"
+        where = f"{estimate['workers']} workers, {at_once} blocks at a time"
     fitted = estimate["fitted"]
     densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
     size = f"{estimate['blocks']} blocks" if counts.is_city else "one block"

@@ -137,7 +137,7 @@ class CityLog:
         Parameters
         ----------
         names : names of the blocks.
-        workers : workers of one block.
+        workers : workers that the blocks share.
         at_once : blocks that run at the same time.
         """
         model = load_cost_model()

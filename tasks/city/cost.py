@@ -80,7 +80,7 @@ class CostModel:
         Parameters
         ----------
         blocks : counts of each block of a city, or of one block; exemplars count once.
-        workers : workers of one block.
+        workers : workers that the blocks share.
         at_once : blocks that run at the same time.
         margin_s : half width of the interval that the counts leave, in processor seconds.
         """
@@ -89,7 +89,11 @@ class CostModel:
         spent = counts.multiply(self.seconds)
         shares = asdict(spent) | {name: getattr(spent, name) / workers for name in COUNT_NAMES if name != "blocks"}
         longest = max((self.clock_seconds(counts_of_block, workers) for counts_of_block in blocks), default=0.0)
-        hours = max(self.clock_seconds(counts, workers) / max(1, min(at_once, len(blocks))), longest) / 3600
+        at_once = max(1, min(at_once, len(blocks)))
+        # blocks share the workers of a city, unless each has a single one
+        processes = workers if workers > 1 else at_once
+        unit_seconds = self.processor_seconds(counts) - spent.blocks
+        hours = max(spent.blocks / at_once + unit_seconds / processes, longest) / 3600
         most = max(shares, key=lambda name: shares[name])
         processor = self.processor_seconds(counts)
         margin = float(
@@ -97,7 +101,7 @@ class CostModel:
         )
         return {
             **{name: round(getattr(counts, name)) for name in COUNT_NAMES},
-            "workers": workers * at_once,
+            "workers": processes,
             **_with_interval("hours", hours, margin),
             **_with_interval("processor_hours", processor / 3600, margin),
             "gigabytes": float(f"{sum(asdict(counts.multiply(self.bytes)).values()) / 1e9:.3g}"),

@@ -58,7 +58,7 @@ def test_progress_names_what_runs_and_what_is_left(tmp_path: Path) -> None:
     line = progress.describe()
     assert "1 of 4 blocks, 101 of about 40" in line
     assert "running b (viewpoints: 10 of 69, about 20 s left)" in line
-    assert "about 14 min left" in line, "three more blocks at the pace of the first"
+    assert "about 15 min left" in line, "three more blocks at the pace of the first"
 
 
 def test_a_city_tells_its_progress_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

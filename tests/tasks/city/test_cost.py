@@ -81,7 +81,9 @@ def test_more_workers_leave_what_they_wait_for() -> None:
 
 def test_no_more_blocks_than_there_are_go_at_a_time() -> None:
     one, four, many = (MODEL.estimate(TOLD, 2, at_once)["hours"] for at_once in (1, 4, 10_000))
-    assert one / 4 == pytest.approx(four, rel=0.01)
+    waits = sum(asdict(MODEL.seconds)["blocks"] * told.blocks for told in TOLD) / 3600
+    assert one - four == pytest.approx(waits * 3 / 4, rel=0.01), "blocks start side by side, and share the workers"
+    assert MODEL.estimate(TOLD, 1, 4)["hours"] == pytest.approx(MODEL.estimate(TOLD, 1)["hours"] / 4, rel=0.01)
     assert many >= max(MODEL.clock_seconds(told, 2) for told in share_exemplars(TOLD)) / 3600 * 0.99
 
 
