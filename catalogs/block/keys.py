@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from catalogs.printable_text import short_repr
@@ -36,16 +36,6 @@ def _check_area(area: list[float]) -> list[float]:
 def _float_range(low: float, high: float) -> FieldInfo:
     bounds: FieldInfo = Field(strict=True, ge=low, le=high, allow_inf_nan=False)
     return bounds
-
-
-def _reject_automatic_geoid(value: object) -> object:
-    """Raise ValueError for "auto": no package with a geoid grid installs on every supported Python."""
-    if value == "auto":
-        raise ValueError(
-            "no geoid model is installed; write the metres of the geoid above the ellipsoid at the block, which the national "
-            "survey or GeoidEval of GeographicLib states"
-        )
-    return value
 
 
 def _int_range(low: int, high: int) -> FieldInfo:
@@ -205,7 +195,7 @@ class BlockFileSettings(_Keys):
     texture: TextureSettings = TextureSettings()
     models: ModelsSection = ModelsSection()
     storey: Annotated[float, _float_range(2, 8)] = 3.2
-    geoid_separation: Annotated[float, _float_range(-120, 120), BeforeValidator(_reject_automatic_geoid)] | None = None
+    geoid_separation: Annotated[float, _float_range(-120, 120)] | Literal["auto"] | None = None
     failed_limit: Annotated[float, _float_range(0, 1)] = 0.2
     part: PartSection | None = None
     seed: Annotated[int, _int_range(0, 2**32 - 1)] = 0

@@ -14,6 +14,7 @@ from catalogs.block.building_corrections import apply_corrections_to_block
 from catalogs.block.camera_heights import correct_camera_heights
 from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from catalogs.block.digest import block_digest
+from catalogs.block.geoid import resolve_geoid_separation
 from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
 from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
 from catalogs.block.part import CityPart
@@ -164,6 +165,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
+    separation, geoid_notes = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), extent)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
     far: tuple[str, ...] = ()
@@ -190,10 +192,10 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         panoramas=panoramas,
         textures=built.textures,
         aerial=_read_aerial(keys, files, frame, built.items, file),
-        notes=geometry.notes + built.notes + far + _flat_terrain_notes(built.items, terrain),
+        notes=geometry.notes + built.notes + far + _flat_terrain_notes(built.items, terrain) + geoid_notes,
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
-        **_read_settings(keys, files, file),
+        **_read_settings(keys, files, file, separation),
     )
 
 
@@ -213,6 +215,7 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
     values = file.call_reader("part.path", read_city_part, files["part.path"][0])
     frame = file.call_reader("part.path", parse_crs, values.crs)
     terrain = _read_terrain(files, frame, values.extent, file)
+    separation, _ = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), values.extent)
     return Block(
         crs=frame,
         shops=None,
@@ -220,11 +223,13 @@ def _read_part(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorC
         notes=(),
         digest="",
         **values.contents,
-        **_read_settings(keys, files, file),
+        **_read_settings(keys, files, file, separation),
     )
 
 
-def _read_settings(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> _BlockSettings:
+def _read_settings(
+    keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext, separation: float | None
+) -> _BlockSettings:
     """Return the attributes of a block that its file states, whether it is a part of a city or not."""
     return {
         "name": keys.name,
@@ -234,7 +239,7 @@ def _read_settings(keys: BlockFileSettings, files: NamedFiles, file: BlockFileEr
         "privacy": keys.imagery.privacy,
         "photos_rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "storey": keys.storey,
-        "geoid_separation": keys.geoid_separation,
+        "geoid_separation": separation,
         "failed_limit": keys.failed_limit,
         "seed": keys.seed,
         "models": _model_files(files),

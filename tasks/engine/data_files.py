@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 # By module, paths from the root of the packages.
 DATA_FILES: Mapping[str, tuple[str, ...]] = {
+    "catalogs.block.geoid": ("catalogs/block/egm96.npz",),
     "catalogs.published.report": (
         "catalogs/published/counted.j2",
         "catalogs/published/report.css",

@@ -37,7 +37,7 @@ def georeference_tiles(
         )
         notes = [
             "heights are the block's own, and 3D Tiles count them from the ellipsoid: the model may stand tens of metres too "
-            "high or too low; write the geoid's height there as geoid_separation (metres) in the block file and run it again"
+            "high or too low; write geoid_separation: auto, or its metres, in the block file and run it again"
         ]
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"

@@ -9,7 +9,6 @@ import pytest
 import shapely
 
 from catalogs.block.camera_heights import correct_camera_heights
-from catalogs.block.keys import validate_block_settings
 from catalogs.block.reader import read_block
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.types import Building, ElevationRaster, Pose
@@ -142,12 +141,3 @@ def test_sea_level_heights_over_flat_ground(data: Path) -> None:
     assert [one.pose for one in above_sea.panoramas] == [one.pose for one in plain.panoramas]
     assert any("of another datum" in note for note in above_sea.notes)
     assert not any("of another datum" in note for note in plain.notes)
-
-
-def test_an_automatic_geoid_names_the_remedy() -> None:
-    keys = {"name": "a", "buildings": {"path": "a.geojson"}}
-    with pytest.raises(
-        ValueError, match=r"geoid_separation: no geoid model is installed; write the metres of the geoid"
-    ):
-        validate_block_settings({**keys, "geoid_separation": "auto"})
-    assert validate_block_settings({**keys, "geoid_separation": 17.5}).geoid_separation == 17.5

@@ -1,0 +1,48 @@
+"""Height of the geoid, and the key that asks for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from catalogs.block.geoid import geoid_height
+from catalogs.block.keys import validate_block_settings
+from catalogs.block.reader import read_block
+from tests.pipeline.stages import write_block
+
+KEYS = {"name": "a", "buildings": {"path": "a.geojson"}}
+
+
+@pytest.mark.parametrize(
+    ("longitude", "latitude", "metres"),
+    [
+        (11.58, 48.14, 45.48),
+        (24.9456, 60.1675, 17.87),
+        (-73.9857, 40.7484, -32.66),
+        (80.0, 4.0, -105.7),
+        (180.0, -16.0, 51.59),
+        (-180.0, -16.0, 51.59),
+        (0.0, 90.0, 13.61),
+    ],
+)
+def test_heights_of_the_geoid(longitude: float, latitude: float, metres: float) -> None:
+    assert geoid_height(longitude, latitude) == pytest.approx(metres, abs=0.1)
+
+
+def test_an_automatic_separation_is_that_of_the_model_with_a_note(tmp_path: Path) -> None:
+    texture = {"walls": "translate"}
+    found = read_block(write_block(tmp_path / "auto", texture=texture, geoid_separation="auto"))
+    assert found.geoid_separation == pytest.approx(17.9, abs=0.2)
+    assert any(
+        note.startswith(f"geoid_separation: {found.geoid_separation:.2f} m, that of EGM96") for note in found.notes
+    )
+    stated = read_block(write_block(tmp_path / "stated", texture=texture, geoid_separation=found.geoid_separation))
+    assert stated.geoid_separation == found.geoid_separation
+    assert not any("EGM96" in note for note in stated.notes)
+
+
+def test_other_words_are_refused() -> None:
+    assert validate_block_settings({**KEYS, "geoid_separation": 17.5}).geoid_separation == 17.5
+    with pytest.raises(ValueError, match="geoid_separation"):
+        validate_block_settings({**KEYS, "geoid_separation": "automatic"})
