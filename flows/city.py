@@ -28,8 +28,9 @@ from flows.console import format_duration, print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
-from tasks.city.block_process import DEADLINE_EXIT_CODE, run_block
+from tasks.city.block_process import run_block
 from tasks.city.city_log import (
+    DEADLINE_EXIT_CODE,
     BlockResult,
     CityLog,
     load_or_partition_city,

@@ -11,6 +11,7 @@ import click
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalOutputPath
 from flows.cli.usage import BboxCommand, current_user
+from flows.cli.viewed import find_viewed_folder
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 if TYPE_CHECKING:
@@ -245,9 +246,10 @@ def catalog(folder: Folder, to: str | None) -> None:
     help="With --edit: photos to assign to walls, after `streetloom match`.",
 )
 def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str | None, photos: Path | None) -> None:
-    """Serve a web page of the run in folder OUT: map, facades by stage, streets, and the block in 3D. Ctrl-C ends it.
+    """Serve a web page of a run or of a city in folder OUT: map, facades by stage, streets, and 3D. Ctrl-C ends it.
 
-    A finished run opens in 3D.
+    A finished run opens in 3D, a city on its map, also while it is running: a click on a facade, there or in 3D, opens its
+    page.
 
     With --edit, the page can draw, move and delete boxes on facade pictures and set heights, roofs and materials of
     buildings. It stores corrections as `streetloom import` does; a button runs the pending units. With --photos too, the
@@ -261,10 +263,12 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/mine --port 0 --no-open      while a run is in progress
       streetloom view out/mine --edit --who anna
       streetloom view out/mine --edit --photos my-photos/
-      streetloom view out/town --edit                  a page with a link to each block of the city
+      streetloom view out/helsinki                     a city: all of its blocks on one map and in one model
+      streetloom view s3://bucket/helsinki
     """
     from facade_core.core.errors import InputError
     from flows.cli.interrupts import exit_on_signal
+    from flows.lock import is_locked
 
     if not host.strip():  # an empty host would listen on every address
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
@@ -272,24 +276,22 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         raise click.UsageError("--who needs --edit")
     if photos is not None and not edit:
         raise click.UsageError("--photos needs --edit")
-    runs = _find_runs(out) if edit and photos is None else {}
-    out = out if len(runs) > 1 else _find_single_run(out)
+    target = find_viewed_folder(out, several=photos is None)
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import EditorUser
         from tasks.corrections.correction_import import find_run_block_file
         from tasks.matching.match_table import TABLE
+        from tasks.viewing.city_view import CityReader
+        from tasks.viewing.run_view import RunReader
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
-    for run in runs.values():
-        find_run_block_file(run)  # corrections are stored next to the block file
-    if edit and len(runs) < 2:
-        folder = find_run_block_file(out).parent
+    if edit and target.first_run is not None:  # corrections are stored next to the block file
+        folder = find_run_block_file(target.first_run).parent
         if photos is not None and not (folder / TABLE).is_file():
-            raise InputError(
-                f"{folder / TABLE}: there is no such table; write it: streetloom match {find_run_block_file(out)} {photos}"
-            )
+            block = find_run_block_file(target.first_run)
+            raise InputError(f"{folder / TABLE}: there is no such table; write it: streetloom match {block} {photos}")
 
     def ready(address: str, seen_by: str | None) -> None:
         if seen_by:
@@ -298,54 +300,12 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         if opened and not edit:
             import webbrowser
 
-            # a published run opens in 3D; before that the map shows the progress
-            webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
+            # a published run opens in 3D; before that, and of a city, the map shows the progress
+            published = not target.is_city and (target.folder / "current").is_file()
+            webbrowser.open(f"{address}/#/model" if published else address)
 
     exit_on_signal(
         "the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was"
     )
-    serve(
-        runs if len(runs) > 1 else out, host, port, ready, EditorUser(who or current_user(), photos) if edit else None
-    )
-
-
-def _find_runs(folder: Folder) -> dict[str, Folder]:
-    """Return the runs in a folder by name."""
-    from catalogs.published.runs import find_runs_with_store
-
-    return find_runs_with_store(folder)
-
-
-def _find_single_run(folder: Folder) -> Folder:
-    """Return the folder of the single run in `folder`, at most two levels down, finished or in progress.
-
-    Raises
-    ------
-    InputError
-        There are several runs, which the message names, or none.
-    """
-    from catalogs.published.runs import find_runs_with_store
-    from catalogs.published.s3 import S3Path
-    from facade_core.core.errors import InputError
-    from flows.lock import is_locked
-
-    found = list(find_runs_with_store(folder).items())
-    if not found:
-        if isinstance(folder, S3Path):
-            raise InputError(
-                f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
-            )
-        locks = [folder / ".lock", *(lock for pattern in ("*/.lock", "*/*/.lock") for lock in folder.glob(pattern))]
-        for begun in (lock.parent for lock in locks if is_locked(lock.parent)):
-            raise InputError(
-                f"{begun}: a run has just begun here and has no store yet; wait until it has ingested its block, then: "
-                f"streetloom view {begun}"
-            )
-        raise InputError(
-            f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
-        )
-    if len(found) > 1:
-        names = ", ".join(name for name, _ in found[:MAX_LISTED_FILES])
-        more = f" and {len(found) - MAX_LISTED_FILES} more" if len(found) > MAX_LISTED_FILES else ""
-        raise InputError(f"{folder}: holds {len(found)} runs ({names}{more}); open one: streetloom view {found[0][1]}")
-    return found[0][1]
+    reader = CityReader(target.folder, is_locked) if target.is_city else RunReader(target.folder)
+    serve(reader, host, port, ready, EditorUser(who or current_user(), photos) if edit else None)

@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from ipaddress import ip_address
 from pathlib import Path
-from typing import cast
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from catalogs.published.folders import Folder
-from facade_core.core.errors import FacadeError, InputError, StoreError
-from flows.lock import is_locked
-from flows.viewer.editing import EditorUser, correction_routes
+from facade_core.core.errors import InputError
+from flows.viewer.city_pages import city_routes, single_run_routes
+from flows.viewer.editing import EditorUser
 from flows.viewer.guard import HostGuard, bracket_ipv6, create_guard
-from flows.viewer.matching import photo_match_routes
-from flows.viewer.model import find_model_file, viewer_model_index
-from tasks.stages.facades.record import FacadeRecord
-from tasks.viewing import draw_stage_picture, list_stage_pictures, read_previous_capture_picture
-from tasks.viewing.pictures import encode_picture
+from tasks.viewing.city_view import CityReader
 from tasks.viewing.run_view import RunReader
-from tasks.viewing.street_replay import StreetReplay
 
 PAGE_FOLDER = Path(__file__).parent / "page"
-# The address of a picture names its snapshot, and a snapshot never changes.
-IMMUTABLE = {"Cache-Control": "private, max-age=31536000, immutable"}
 # Scripts, styles, pictures and the model come from this server only.
 CONTENT_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -50,125 +40,29 @@ HEADERS = {
 
 
 def create_application(
-    out: Folder | Mapping[str, Folder], host: str, bound: str, editor: EditorUser | None = None
+    out: RunReader | CityReader, host: str, bound: str, editor: EditorUser | None = None
 ) -> Starlette:
-    """Create the viewer of one run, or of several runs by name, each below its own address.
+    """Create the viewer of one run, or of the blocks of a city.
 
     Parameters
     ----------
-    out : folder of the run, or folders by name.
+    out : reader of the run or of the city.
     host : the host that the user named.
     bound : address that the server listens on.
     editor : person who may correct facades; None for a viewer without editing.
     """
-    routes = _city_routes(out, editor) if isinstance(out, Mapping) else _run_routes(out, editor)
+    answers = single_run_routes(out, editor) if isinstance(out, RunReader) else city_routes(out, editor)
+    page = (PAGE_FOLDER / "index.html").read_text("utf-8")
+    routes: list[BaseRoute] = [
+        Route("/", lambda request: Response(page, media_type="text/html")),
+        Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+        *answers,
+    ]
     middleware = [
         Middleware(_GuardMiddleware, guard=create_guard(host, bound)),
-        Middleware(GZipMiddleware, minimum_size=2000),
+        Middleware(GZipMiddleware, minimum_size=2000, compresslevel=5),
     ]
     return Starlette(routes=routes, middleware=middleware)
-
-
-def _city_routes(runs: Mapping[str, Folder], editor: EditorUser | None) -> list[BaseRoute]:
-    return [
-        Route("/", lambda request: Response((PAGE_FOLDER / "city.html").read_text("utf-8"), media_type="text/html")),
-        Route("/api/blocks", lambda request: JSONResponse({"blocks": list(runs)})),
-        Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
-        *(Mount(f"/blocks/{number}", routes=_run_routes(out, editor)) for number, out in enumerate(runs.values())),
-    ]
-
-
-def _run_routes(out: Folder, editor: EditorUser | None) -> list[BaseRoute]:
-    reader, replay = RunReader(out), StreetReplay()
-
-    def answer(respond: Callable[[Request], Response]) -> Callable[[Request], Response]:
-        def endpoint(request: Request) -> Response:
-            try:
-                return respond(request)
-            except StoreError as error:  # no data yet: the run has just begun
-                return JSONResponse({"reason": str(error)}, status_code=503)
-            except KeyError as error:
-                return JSONResponse({"reason": f"the address lacks {error}"}, status_code=404)
-            except (FacadeError, IndexError, ValueError) as error:
-                return JSONResponse({"reason": str(error)}, status_code=404)
-
-        return endpoint
-
-    def overview(request: Request) -> Response:
-        return JSONResponse(reader.open_newest().block_map())
-
-    def progress(request: Request) -> Response:
-        return JSONResponse(reader.open_newest().run_progress() | {"under_way": is_locked(out)})
-
-    def facade(request: Request) -> Response:
-        view = reader.open_newest()
-        index = view.find_facade_index(request.query_params["id"])
-        record = view.records[index] or cast(FacadeRecord, {})
-        return JSONResponse(
-            {
-                "stages": [{"stage": stage.name, "title": stage.title} for stage in list_stage_pictures(view, index)],
-                "elements": record.get("elements", []),
-                "change": {"map": record.get("change_map", []), "before": "before_file" in record},
-                "seconds": record.get("seconds", {}),
-                "reason": record.get("reason"),
-                "snapshot": view.snapshot,
-            }
-        )
-
-    def stage(request: Request) -> Response:
-        view = reader.open_newest()
-        image = draw_stage_picture(
-            view, view.find_facade_index(request.query_params["id"]), request.query_params["stage"]
-        )
-        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
-
-    def earlier(request: Request) -> Response:
-        view = reader.open_newest()
-        return Response(
-            read_previous_capture_picture(view, view.find_facade_index(request.query_params["id"])),
-            media_type="image/webp",
-            headers=IMMUTABLE,
-        )
-
-    def panorama(request: Request) -> Response:
-        view = reader.open_newest()
-        rgb = replay.draw_panorama(view, _parse_index(request, "viewpoint", len(view.tables.street)))
-        return Response(encode_picture(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
-
-    def grown(request: Request) -> Response:
-        view = reader.open_newest()
-        image = replay.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
-        return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
-
-    def in_3d(request: Request) -> Response:
-        return JSONResponse(viewer_model_index(out, reader.open_newest()))
-
-    def tile(request: Request) -> Response:
-        file = find_model_file(out, request.query_params["of"], request.query_params.get("tile"))
-        # its textures are JPEGs, which compression would not shrink
-        headers = IMMUTABLE | {"Content-Encoding": "identity"}
-        if isinstance(file, Path):
-            return FileResponse(file, media_type="model/gltf-binary", headers=headers)
-        return Response(file.read_bytes(), media_type="model/gltf-binary", headers=headers)
-
-    routes: list[BaseRoute] = [
-        Route("/", lambda request: Response((PAGE_FOLDER / "index.html").read_text("utf-8"), media_type="text/html")),
-        Route("/api/block", answer(overview)),
-        Route("/api/progress", answer(progress)),
-        Route("/api/facade", answer(facade)),
-        Route("/api/model", answer(in_3d)),
-        Route("/model", answer(tile)),
-        Route("/picture/facade", answer(stage)),
-        Route("/picture/before", answer(earlier)),
-        Route("/picture/panorama", answer(panorama)),
-        Route("/picture/grown", answer(grown)),
-        Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
-    ]
-    if editor is not None:
-        routes += correction_routes(reader, editor)
-        if editor.photos is not None:
-            routes += photo_match_routes(reader, editor, editor.photos)
-    return routes
 
 
 class _GuardMiddleware:
@@ -195,16 +89,8 @@ class _GuardMiddleware:
         await app(scope, receive, with_headers)
 
 
-def _parse_index(request: Request, name: str, count: int) -> int:
-    """Parse a number from 0 to count - 1 from the address. Raises InputError."""
-    text = request.query_params.get(name, "")
-    if not text.isascii() or not text.isdigit() or int(text) >= count:
-        raise InputError(f"{name}: give a whole number from 0 to {count - 1}")
-    return int(text)
-
-
 def serve(
-    out: Folder | Mapping[str, Folder],
+    out: RunReader | CityReader,
     host: str,
     port: int,
     ready: Callable[[str, str | None], None],

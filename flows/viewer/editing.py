@@ -53,9 +53,9 @@ class EditorUser:
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
 
-def correction_routes(reader: RunReader, editor: EditorUser) -> list[Route]:
-    """Return the HTTP routes for corrections of facades."""
-    redo, taker = BackgroundRun(reader.out), CorrectionImporter(reader.out)
+def correction_routes(reader: RunReader, editor: EditorUser, redo: BackgroundRun) -> list[Route]:
+    """Return the HTTP routes for corrections of facades; `redo` runs the pending units of the same run."""
+    taker = CorrectionImporter(reader.out)
 
     def state(request: Request) -> JsonObject:
         block = read_run_block_file(reader.out)

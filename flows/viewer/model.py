@@ -1,11 +1,11 @@
-"""Model files of the newest published snapshot for the 3D view, and its first camera position."""
+"""Model files of the newest published snapshot for the 3D view, and the start of a walk."""
 
 from __future__ import annotations
 
 import json
 from urllib.parse import urlencode
 
-from catalogs.published.folders import Folder
+from catalogs.published.folders import Folder, file_size
 from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
@@ -13,13 +13,12 @@ from tasks.viewing.run_view import RunView
 from tasks.viewing.start_view import choose_start_view
 
 
-def viewer_model_index(out: Folder, view: RunView) -> JsonObject:
-    """Return the addresses and boxes of the newest model's tiles, of its overview, and the start of a walk.
+def viewer_model_index(out: Folder) -> JsonObject:
+    """Return the addresses and boxes of the newest model's tiles and of its overview.
 
     Returns
     -------
-    index : `tiles` with boxes in world metres, `overview`, `anchor` (start in world metres) and `heading` (degrees
-        clockwise from north, None without a street).
+    index : `tiles` with boxes in world metres and sizes in bytes, and `overview`.
 
     Raises
     ------
@@ -32,20 +31,27 @@ def viewer_model_index(out: Folder, view: RunView) -> JsonObject:
     listed = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
     if not listed:
         raise StoreError("the model has no tiles: nothing was textured; the page Run says why")
-    start = choose_start_view(view)
     return {
-        "anchor": start.position if start else listed[0]["origin"],
-        "heading": start.heading if start else None,
-        "overview": f"model?{urlencode({'of': snapshot.id})}",
+        "overview": {"address": f"model?{urlencode({'of': snapshot.id})}", "bytes": file_size(snapshot.overview) or 0},
         "tiles": [
             {
                 "address": f"model?{urlencode({'of': snapshot.id, 'tile': tile['path']})}",
                 "box": tile["box"],
                 "origin": tile["origin"],
+                "bytes": tile["bytes"],
             }
             for tile in listed
         ],
     }
+
+
+def viewer_start(view: RunView) -> JsonObject:
+    """Return the start of a walk: `anchor` in world metres and `heading` in degrees clockwise from north.
+
+    Both are None where no street sees a facade.
+    """
+    start = choose_start_view(view)
+    return {"anchor": start.position if start else None, "heading": start.heading if start else None}
 
 
 def find_model_file(out: Folder, snapshot_id: str, tile: str | None) -> Folder:

@@ -22,13 +22,12 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.core.json_types import JsonObject
-from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
+from tasks.city.city_log import BLOCKS_FOLDER, DEADLINE_EXIT_CODE, BlockResult, block_tileset_path
 from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
 
-# Exit codes of sysexits.h; a block with either of them is run again.
-DEADLINE_EXIT_CODE = 75
+# Exit code of sysexits.h for failures of the machine; a block with it is run again, as one with DEADLINE_EXIT_CODE is.
 MACHINE_EXIT_CODE = 70
 # Seconds between SIGTERM and SIGKILL; commits are atomic, so a block ends quickly.
 TERMINATION_TIMEOUT_S = 30.0

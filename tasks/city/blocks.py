@@ -29,6 +29,7 @@ from facade_core.core.name_hash import hash_name
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from facade_core.plan.exemplar_style import exemplar_choice_order
 from tasks.city.block_counts import NO_COUNTS, BlockCounts, block_counts_from_map
+from tasks.city.places import BlockPlace, place_block
 from tasks.city.source_digests import block_source_digest
 
 # Dotted keys of a block file whose values are paths.
@@ -41,7 +42,7 @@ _PATHS = (
 
 @dataclass(frozen=True)
 class CityBlock:
-    """Block of a city: its name, block file, input digest and counts.
+    """Block of a city: its name, block file, input digest, counts and place.
 
     Attributes
     ----------
@@ -50,6 +51,7 @@ class CityBlock:
     digest : digest of its input; empty if it cannot be used.
     counts : counts from its map.
     source : digest of the sources of a block file that the user wrote; empty if it cannot be used.
+    place : its place; None if its file cannot be used.
     """
 
     name: str
@@ -57,6 +59,7 @@ class CityBlock:
     digest: str
     counts: BlockCounts = NO_COUNTS
     source: str = ""
+    place: BlockPlace | None = None
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
         write_city_part_file(folder / extract, city_part_file_values(part, whole.block))
         _write_if_changed(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
         block = set_digest(apply_corrections_to_block(replace(part, name=named["name"]), corrections), file)
-        blocks.append(CityBlock(cut.name, block_file, block.digest, block_counts_from_map(block)))
+        counts, place = block_counts_from_map(block), place_block(block)
+        blocks.append(CityBlock(cut.name, block_file, block.digest, counts, place=place))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
     return City(keys.name, tuple(blocks), faults + tuple(_unused_corrections(whole, corrections)))
 
@@ -187,7 +191,9 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
         block = read_block(block_file)
     except BlockFileError:
         return CityBlock(block_file.stem, block_file, "")
-    return CityBlock(block_file.stem, block_file, block.digest, block_counts_from_map(block), source)
+    return CityBlock(
+        block_file.stem, block_file, block.digest, block_counts_from_map(block), source, place_block(block)
+    )
 
 
 def _rebase_paths(values: Mapping[str, object], before_: Path, now: Path) -> JsonObject:

@@ -25,6 +25,7 @@ from facade_core.core.json_types import JsonObject
 from tasks.city.block_counts import BlockCounts
 from tasks.city.blocks import City, CityBlock, partition_city_file
 from tasks.city.cost import COUNT_NAMES, load_cost_model
+from tasks.city.places import BlockPlace
 from tasks.city.source_digests import block_code_version, city_source_digest
 
 # Folder of the runs of blocks, in the city's folder.
@@ -38,6 +39,8 @@ SUMMARY_FILE = "summary.json"
 RESULT_FILE = "ended.json"
 # Folder of removed blocks, which a search for runs skips.
 REMOVED_BLOCKS = ".gone"
+# Exit code (sysexits.h) of a block whose time was up.
+DEADLINE_EXIT_CODE = 75
 # Keys of the blocks' summaries that the city's summary adds up.
 SUMMED_KEYS = ("facades_done", "facades_failed", "viewpoints", "units_done", "units_skipped")
 
@@ -111,6 +114,7 @@ class CityLog:
     set_aside : rejected objects as (kind, id, reason).
     told : counts of each block from the map, the fields of `BlockCounts`.
     sources : source digest of each block file that the user wrote.
+    places : place of each block by name, as `BlockPlace.to_json` returns it; empty where its file cannot be used.
     over : digest of the snapshots that the city's products show.
     """
 
@@ -121,6 +125,7 @@ class CityLog:
     set_aside: Sequence[Sequence[str]] = ()
     told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, JsonObject] = field(default_factory=dict)
     over: str = ""
 
     def adapt_to_city(self, city: City, source: str) -> CityLog:
@@ -129,7 +134,8 @@ class CityLog:
         digests = {block.name: block.digest for block in city.blocks}
         told = {block.name: asdict(block.counts) for block in city.blocks}
         sources = {block.name: block.source for block in city.blocks if block.source}
-        return CityLog(city.name, source, kept, digests, city.set_aside, told, sources, self.over)
+        places = {block.name: block.place.to_json() if block.place else {} for block in city.blocks}
+        return CityLog(city.name, source, kept, digests, city.set_aside, told, sources, places, self.over)
 
     def estimate(self, names: Sequence[str], workers: int, at_once: int) -> JsonObject:
         """Predict the cost of some blocks from their maps.
@@ -213,14 +219,14 @@ def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[
         raise InputError(f"{out}: holds city {log.name}; give city {name} a folder of its own with --out")
     local = local_run_folder(out)
     files = {name: local / "input" / f"{name}.yaml" for name in log.blocks}
-    counted = all(one.keys() == set(COUNT_NAMES) for one in log.told.values())
+    counted = all(one.keys() == set(COUNT_NAMES) for one in log.told.values()) and log.places.keys() == log.told.keys()
     whole = log.told.keys() == log.blocks.keys() and all(
         file.is_file() and file.with_suffix(".npz").is_file() for file in files.values()
     )
     if source and counted and whole and log.source == f"{source} {block_code_version()}":
         return log, files
     before = {
-        one: CityBlock(one, Path(), log.digests[one], BlockCounts(**log.told[one]), of)
+        one: CityBlock(one, Path(), log.digests[one], BlockCounts(**log.told[one]), of, _logged_place(log, one))
         for one, of in log.sources.items()
         if counted
     }
@@ -229,6 +235,10 @@ def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[
     _hide_removed_blocks(out, log.blocks)  # before the log is written: after a kill the city is partitioned again
     write_city_log(out, log)
     return log, {block.name: block.file for block in city.blocks}
+
+
+def _logged_place(log: CityLog, name: str) -> BlockPlace | None:
+    return BlockPlace.from_json(log.places[name]) if log.places[name] else None
 
 
 def _hide_removed_blocks(out: Folder, names: Collection[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,7 @@ from tasks.publish.item_rows import facade_item_columns
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
+from tasks.viewing.outlines import BuildingOutline, outline_buildings
 
 # Columns by which a facade cannot be coloured: names and positions.
 _HIDDEN_COLUMNS = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
@@ -57,6 +59,7 @@ class _PlanTables:
     ----------
     line : (facades, 2, 2) ends of foot lines, metres.
     appearance : columns of roof and materials by building.
+    outlines : outlines of the buildings, those around the block too.
     position, forward, street : columns of the viewpoints.
     views : (n, 2) pairs of viewpoint and visible chart.
     """
@@ -69,6 +72,7 @@ class _PlanTables:
     height: FloatArray
     height_source: tuple[str, ...]
     appearance: Mapping[str, Sequence[object]]
+    outlines: Sequence[BuildingOutline]
     streets: tuple[_StreetLine, ...]
     position: Float64Array
     forward: Float64Array
@@ -144,7 +148,7 @@ class RunView:
         return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
 
     def block_map(self) -> JsonObject:
-        """Return the block as a map: facades with catalogue columns, streets, viewpoints and review hints.
+        """Return the block as a map: facades with catalogue columns, buildings, streets, viewpoints and review hints.
 
         Lines are in metres from `origin`, y up.
         """
@@ -158,7 +162,6 @@ class RunView:
             "crs": self.group.attrs["crs"],
             "notes": self.group.attrs.get("notes", []),
             "snapshot": self.snapshot,
-            "published": self.newest_publication,
             "changed_from": MIN_CHANGE,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
@@ -166,6 +169,14 @@ class RunView:
             "facades": facades,
             "to_look_at": [row["id"] for row in facades_to_review(facades)],
             "parse_colours": [[colour, name] for name, colour in PARSE_COLOURS.items()],
+            "buildings": [
+                {
+                    "id": tables.buildings[outline.building],
+                    "own": outline.is_own,
+                    "rings": [np.round(np.array(ring) - corner, 1).tolist() for ring in outline.rings],
+                }
+                for outline in tables.outlines
+            ],
             "streets": [
                 {"id": s["id"], "name": s["name"] or s["id"], "line": _round_to_list(np.array(s["line"]) - corner)}
                 for s in tables.streets
@@ -176,6 +187,11 @@ class RunView:
             ],
             "seen": self._visible_facades(),
         }
+
+    @cached_property
+    def block_map_json(self) -> bytes:
+        """Return `block_map` as JSON; computed once for a snapshot."""
+        return json.dumps(self.block_map(), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
     def _facade_row(self, index: int, corner: Float64Array) -> JsonObject:
         tables, facades = self.tables, self.tables.facades
@@ -292,6 +308,7 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
         buildings["height"],
         buildings["height_source"],
         {name: buildings[name] for name in APPEARANCE_COLUMNS if name in buildings},
+        outline_buildings(charts, read_table(session, "mesh")),
         tuple(
             {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}
             for i, (id_, name) in enumerate(zip(streets["id"], streets["name"], strict=True))

@@ -222,19 +222,24 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
     copied(once, tmp_path / "another")
     block = folder / "in" / "block.yaml"
     with viewing(tmp_path, "--edit", "--who", "anna") as address:
-        # of a folder with several blocks one is opened, and there is a way back
+        # of a folder with several runs one is opened, and there is a way back
         page.goto(address)
+        wait(page, "location.hash === '#/map'")
+        page.click("nav >> text=Blocks")
         page.wait_for_selector("text=2 blocks")
-        assert page.locator("main li").all_inner_texts() == ["another/out", "block/out"]
-        page.click("text=block/out")
-        wait(page, "location.hash === '#/review'")
-        page.click("text=All blocks")
+        assert [name.split()[-1] for name in page.locator(".block-list td:first-child").all_inner_texts()] == [
+            "another/out",
+            "block/out",
+        ]
+        page.click("tr:has-text('another/out') a")
+        wait(page, "location.hash.endsWith('/review')")
+        page.click("nav >> text=Blocks")
         page.wait_for_selector("text=2 blocks")
         assert "token" not in page.url
-        page.click("text=block/out")
-        wait(page, "location.hash === '#/review'")
+        page.click("tr:has-text('block/out') a")
+        wait(page, "location.hash === '#/block/1/review'")
         page.wait_for_selector("#redo-now")
-        page.evaluate("location.hash = '#/edit/a-0'")
+        page.evaluate("location.hash = '#/block/1/edit/a-0'")
         page.click("#not-a-facade")
         page.fill("#storeys", "400")
         page.click("#save")
@@ -266,7 +271,7 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         assert not read_corrections(block), "of its building too"
         base = page.url.partition("#")[0]
         page.evaluate("sessionStorage.setItem('token', 'another')")
-        page.goto(f"{base}?again#/facade/a-0")
+        page.goto(f"{base}?again#/block/1/facade/a-0")
         page.wait_for_selector("text=Nothing can be corrected: the token is missing")
         page.wait_for_selector(".stages img")
         assert page.locator("text=Correct it").count() == 0

@@ -36,11 +36,11 @@ def page(browser: Any) -> Iterator[Any]:
 
 def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
     page.goto(address)
-    page.wait_for_selector("line.facade")
+    page.wait_for_selector("line.facade", state="attached")
     count = page.locator("line.facade").count()
     assert count == page.locator("tbody tr").count() > 3
-    page.select_option("#coloured-by", "floors")
-    assert "from" in page.locator(".legend").inner_text()
+    page.select_option("#coloured-by", "occluded")
+    assert "%" in page.locator(".legend").inner_text()
     page.fill("#filter", "Kasarmikatu")
     assert 0 < page.locator("tbody tr").count() < count
 
@@ -82,7 +82,7 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
         "run": "progress",
     }.items():
         opened.goto(f"{address}/#/{place}")
-        opened.wait_for_selector(there)
+        opened.wait_for_selector(there, state="attached")
         found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
         assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == [], place
         assert opened.evaluate("document.documentElement.scrollWidth") <= 390, place

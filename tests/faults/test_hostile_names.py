@@ -29,6 +29,7 @@ from flows.cli import commands as cli
 from flows.markdown import escape_markdown, markdown_code
 from tasks.engine.outcome import log_units
 from tasks.export.formats import export_run
+from tasks.viewing.run_view import RunReader
 from tests.exports import EACH
 from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 
@@ -208,7 +209,7 @@ def test_the_viewer_serves_names_as_data(made: SimpleNamespace) -> None:
 
     from flows.viewer.app import create_application
 
-    client = TestClient(create_application(made.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1")
+    client = TestClient(create_application(RunReader(made.out), "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1")
     block = client.get("/api/block").json()
     assert {facade["building"] for facade in block["facades"]} == set(made.names)
     for facade in block["facades"]:

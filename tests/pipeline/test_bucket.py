@@ -36,6 +36,7 @@ from tasks.engine.compute.worker_setup import inspect_worker
 from tasks.engine.store.commits import fork_store, read_newest_journal
 from tasks.publish.prune import prune_snapshots
 from tasks.stages.order import STAGE_NAMES
+from tasks.viewing.run_view import RunReader
 from tests.bucket import SECRET, served
 from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.stages import VIEW_SIZE, write_block
@@ -197,7 +198,9 @@ def test_the_page_shows_it(runs: Runs) -> None:
 
     from flows.viewer.app import create_application
 
-    with TestClient(create_application(runs.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
+    with TestClient(
+        create_application(RunReader(runs.out), "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1"
+    ) as page:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
         assert page.get("/api/progress").json()["ended"]

@@ -29,9 +29,13 @@ from flows.block import run_block_without_server
 from flows.city import run_city_without_server
 from flows.city_options import CityOptions
 from flows.cli.commands import command_line
+from flows.lock import is_locked
 from tasks.city import block_process
-from tasks.city.block_process import DEADLINE_EXIT_CODE
+from tasks.city.city_log import DEADLINE_EXIT_CODE
 from tasks.export.formats import export_run
+from tasks.viewing.city_view import CityReader
+from tasks.viewing.find import find_in_city
+from tasks.viewing.run_view import RunReader
 from tests.bucket import KEY, SECRET, served
 from tests.pipeline.runs import ROOT, environment, working_in
 from tests.pipeline.stages import VIEW_SIZE, write_block
@@ -101,9 +105,11 @@ def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Path, Pat
 def test_commands_know_it(cities: tuple[Path, S3Path, Path, dict[str, Any]]) -> None:
     out, call = cities[1], CliRunner().invoke
     one, other = sorted(query(out)["run"].unique())
-    refused = call(command_line, ["view", str(out), "--no-open"])
-    assert refused.exit_code == 2
-    assert f"holds 2 runs ({one}, {other}); open one: streetloom view {out}/{one}" in refused.output
+    reader = CityReader(out, is_locked)
+    blocks = reader.describe()["blocks"]
+    assert [f"blocks/{block['name']}" for block in blocks] == [one, other]
+    assert all(block["published"] and block["outline"] and block["facades"] for block in blocks)
+    assert [hit["id"] for hit in find_in_city(reader, "street 1")["found"] if hit["kind"] == "street"] == ["street 1"]
     told = call(command_line, ["metrics", str(out)]).stdout
     assert f'streetloom_units{{run="{other}",stage="facades",state="failed"}} 0.0' in told
     assert call(command_line, ["prune", str(out), "--keep", "1"]).stdout.count("removed 0 published snapshots") == 2
@@ -137,7 +143,9 @@ def test_a_block_of_it_is_seen_and_exported(cities: tuple[Path, S3Path, Path, di
 
     out, call = cities[1], CliRunner().invoke
     name = sorted(query(out)["run"].unique())[0]
-    with TestClient(create_application(out / name, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
+    with TestClient(
+        create_application(RunReader(out / name), "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1"
+    ) as page:
         block = page.get("/api/block").json()
         assert {facade["status"] for facade in block["facades"]} == {"done"}
         tile = page.get("/api/model").json()["tiles"][0]["address"]

@@ -1,8 +1,9 @@
-// Correcting facades, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page; and
-// #/photos where it was given photos.
+// Correcting facades of a block, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page
+// of the block; and #/photos where it was given photos.
 
 import { Editor, MASKS } from "./editor.js";
-import { ask, element, facadeAddress, picture, said } from "./elements.js";
+import { said } from "./columns.js";
+import { ask, blockPage, element, facadeAddress, openBase, picture } from "./elements.js";
 import { Photos } from "./photos.js";
 
 const LOOK_AGAIN_MS = 1000;
@@ -14,12 +15,13 @@ const NUMBERS = [["levels", "storeys", "storeys", 1, 300, 1], ["height", "height
   ["roof_height", "roof_height", "from there to the ridge, m", 0.1, 100, "any"]];
 // Stages that have the wall's own size: what elements are drawn on.
 const UNDER = ["rectified", "texture", "street", "parse"];
-export const editAddress = (id) => `#/edit/${encodeURIComponent(id)}`;
+export const editAddress = (id) => blockPage(`edit/${encodeURIComponent(id)}`);
 
 // Null where this viewer lets nobody correct; raises with the reason where the token is not its own. again: looks for news.
 export async function begin(token, again) {
+  const base = openBase();
   const told = async (path, body) => {
-    const answer = await fetch(path, {
+    const answer = await fetch(base + path, {
       method: body === undefined ? "GET" : "POST",
       headers: { "X-Streetloom-Token": token, "Content-Type": "application/json" },
       body: body === undefined ? undefined : JSON.stringify(body),
@@ -40,10 +42,15 @@ class Correcting {
     this.open = new Map(); // facade -> what is being done there; kept while other pages are looked at
     this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
     this.running = element("p", { role: "status", id: "redo-said" });
-    document.getElementById("editing").replaceChildren(this.run, this.running);
+    this.attach();
     this.photos = state.photos ? new Photos(told) : null;
     addEventListener("beforeunload", (event) => ([...this.open.values()].some((one) => one.dirty()) || this.photos?.dirty()) && event.preventDefault());
     this.follow(state.redo);
+  }
+
+  // Show on the page that its block can be corrected.
+  attach() {
+    document.getElementById("editing").replaceChildren(this.run, this.running);
   }
 
   async redo() {
@@ -216,7 +223,7 @@ class Page {
     const next = at < 0 ? others[0] : this.block.to_look_at[at + 1];
     const page = element("section", { class: "correcting", onkeydown: (event) => this.key(event) },
       element("h2", {}, `Correct facade ${this.id}`),
-      element("p", { class: "ways" }, element("a", { href: facadeAddress(this.id) }, "Its stages"), element("a", { href: "#/review" }, "All to look at"),
+      element("p", { class: "ways" }, element("a", { href: facadeAddress(this.id) }, "Its stages"), element("a", { href: blockPage("review") }, "All to look at"),
         next ? element("a", { href: editAddress(next) }, "Next to look at") : null, element("span", {}, `${this.facade.street}; ${said(this.facade.quality)}`)),
       element("div", { class: "controls" }, labelled("Label", this.label), button("add", "Add a box", () => { editor.add(); editor.svg.focus(); }), this.remove,
         this.undo, this.again, element("span", { class: "field" }, this.snap, element("label", { for: "snap" }, "Snap to lattice")),

@@ -3,7 +3,7 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 export function element(name, attributes = {}, ...children) {
-  const made = ["svg", "g", "path", "line", "circle", "rect", "image", "title", "text"].includes(name)
+  const made = ["svg", "g", "path", "line", "circle", "rect", "image", "title", "text", "polygon"].includes(name)
     ? document.createElementNS(SVG, name)
     : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -22,23 +22,30 @@ export function visible(text) {
   });
 }
 
-export async function ask(path) {
-  const answer = await fetch(path);
+// The block that pages show: where the server answers for it, and how addresses of its pages begin. One run is block 0 alone.
+const open = { number: 0, base: "", prefix: "" };
+
+export function openBlock(number, single) {
+  Object.assign(open, { number, base: blockBase(number, single), prefix: single ? "" : `block/${number}/` });
+}
+
+export const blockBase = (number, single) => (single ? "" : `blocks/${number}/`);
+export const openBase = () => open.base;
+export const openNumber = () => open.number;
+export const blockPage = (page) => `#/${open.prefix}${page}`;
+
+// What the server says: of the open block, or of the city where `base` is empty.
+export async function ask(path, base = open.base) {
+  const answer = await fetch(base + path);
   const said = await answer.json();
   if (!answer.ok) throw new Error(said.reason || answer.statusText);
   return said;
 }
 
 export const picture = (facade, stage, snapshot) =>
-  `picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
-export const pictureBefore = (facade, snapshot) => `picture/before?id=${encodeURIComponent(facade)}&of=${snapshot}`;
-export const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
-
-export function said(value, unit = "") {
-  if (value === undefined || value === null) return "–";
-  const text = typeof value === "number" && !Number.isInteger(value) ? value.toFixed(Math.abs(value) < 1 ? 3 : 2) : String(value);
-  return unit && unit !== "0 to 1" ? `${text} ${unit}` : text;
-}
+  `${open.base}picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
+export const pictureBefore = (facade, snapshot) => `${open.base}picture/before?id=${encodeURIComponent(facade)}&of=${snapshot}`;
+export const facadeAddress = (id) => blockPage(`facade/${encodeURIComponent(id)}`);
 
 export function legend(entries) {
   const swatch = (colour) => element("svg", { viewBox: "0 0 12 8", "aria-hidden": "true" }, element("rect", { width: 12, height: 8, fill: colour }));

@@ -4,7 +4,8 @@ const JSON_CHUNK_AT = 12;
 const FLOAT = 5126;
 const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3 };
 
-// {origin: [east, north, up] or null, parts: [{position, uv, triangles, picture}], pictures: [Blob]}; positions x east, y up, z south.
+// {origin: [east, north, up] or null, parts: [{position, uv, triangles, picture}], pictures: [{blob, size: [w, h]}]}; positions x east,
+// y up, z south.
 export function readGlb(buffer) {
   const view = new DataView(buffer);
   const length = view.getUint32(JSON_CHUNK_AT, true);
@@ -22,7 +23,19 @@ export function readGlb(buffer) {
     triangles: values(primitive.indices),
     picture: said.textures[said.materials[primitive.material].pbrMetallicRoughness.baseColorTexture.index].source,
   })));
-  const pictures = (said.images || []).map((image) =>
-    new Blob([new Uint8Array(buffer, place(image), said.bufferViews[image.bufferView].byteLength)], { type: image.mimeType }));
+  const pictures = (said.images || []).map((image) => {
+    const bytes = new Uint8Array(buffer, place(image), said.bufferViews[image.bufferView].byteLength);
+    return { blob: new Blob([bytes], { type: image.mimeType }), size: jpegSize(bytes) };
+  });
   return { origin: said.scenes[0].extras?.origin || null, parts, pictures };
+}
+
+// Width and height of a JPEG, from its frame header.
+function jpegSize(bytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  for (let at = 2; at < bytes.length - 9; at += 2 + view.getUint16(at + 2)) {
+    const marker = view.getUint8(at + 1);
+    if (marker >= 0xc0 && marker <= 0xcf && ![0xc4, 0xc8, 0xcc].includes(marker)) return [view.getUint16(at + 7), view.getUint16(at + 5)];
+  }
+  throw new Error("a texture is no JPEG");
 }

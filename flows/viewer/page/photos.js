@@ -1,8 +1,8 @@
 // Deciding which walls photos show, those that `streetloom match` left to a person first: #/photos/NAME.
 
 import { Steps } from "./boxes.js";
-import { ask, element, facadeAddress, picture } from "./elements.js";
-import { map } from "./map.js";
+import { ask, blockPage, element, facadeAddress, picture } from "./elements.js";
+import { smallMap } from "./map.js";
 
 // Metres around a photo's place that its map shows, and walls near it that it may show though they are no candidates.
 const AROUND_M = 35;
@@ -12,7 +12,7 @@ const QUIET = "#8b949c";
 // What a wall is shown by, the first that it has.
 const BY = [["rectified", "as photographed"], ["texture", "as textured: made up where no picture showed it"]];
 const NONE = { facade: "", decided: true };
-export const photoAddress = (name) => `#/photos/${encodeURIComponent(name)}`;
+export const photoAddress = (name) => blockPage(`photos/${encodeURIComponent(name)}`);
 
 export class Photos {
   constructor(told) {
@@ -141,7 +141,7 @@ export class Photos {
     const points = [...(at ? [at] : []), ...this.block.facades.filter(({ id }) => numbers.has(id) || id === chosen).flatMap(({ line }) => line)];
     const corner = (pick, by) => [0, 1].map((axis) => pick(...points.map((point) => point[axis])) + by);
     const within = points.length ? [corner(Math.min, -AROUND_M / 2), corner(Math.max, AROUND_M / 2)] : null;
-    this.map.replaceChildren(map(this.block, {
+    this.map.replaceChildren(smallMap(this.block, {
       colour: ({ id }) => (id === chosen ? "#1c7a43" : COLOURS[numbers.get(id)] || QUIET), here: at, heading: row.heading, within,
       called: ({ id }) => (numbers.has(id) ? String(numbers.get(id) + 1) : id === chosen ? "✓" : null),
       choose: (facade) => this.decide({ facade, decided: true }),

@@ -13,32 +13,48 @@ const key = (x, z) => (Math.floor(x / CELL_M) + FAR) * 2 * FAR + Math.floor(z / 
 
 export class Surroundings {
   constructor() {
-    this.cells = new Map();
+    this.models = new Map(); // key -> {corners: nine numbers a triangle, cells: cell -> triangles}
   }
 
   // Triangles of a model's parts, moved by `at` [x, y, z].
-  add(parts, at) {
+  add(name, parts, at) {
+    const corners = new Float32Array(3 * parts.reduce((sum, { triangles }) => sum + triangles.length, 0));
+    const cells = new Map();
+    let end = 0;
     for (const { position, triangles } of parts) {
       for (let t = 0; t < triangles.length; t += 3) {
-        const corners = new Float32Array(9);
-        for (let k = 0; k < 9; k++) corners[k] = position[3 * triangles[t + Math.floor(k / 3)] + (k % 3)] + at[k % 3];
-        const [west, east] = [Math.min(corners[0], corners[3], corners[6]), Math.max(corners[0], corners[3], corners[6])];
-        const [north, south] = [Math.min(corners[2], corners[5], corners[8]), Math.max(corners[2], corners[5], corners[8])];
+        for (let k = 0; k < 9; k++) corners[end + k] = position[3 * triangles[t + Math.floor(k / 3)] + (k % 3)] + at[k % 3];
+        const side = (pick, axis) => pick(corners[end + axis], corners[end + 3 + axis], corners[end + 6 + axis]);
+        const [west, east, north, south] = [side(Math.min, 0), side(Math.max, 0), side(Math.min, 2), side(Math.max, 2)];
         for (let x = west - RADIUS_M; x < east + RADIUS_M + CELL_M; x += CELL_M) {
           for (let z = north - RADIUS_M; z < south + RADIUS_M + CELL_M; z += CELL_M) {
             const cell = key(x, z);
-            if (!this.cells.has(cell)) this.cells.set(cell, []);
-            this.cells.get(cell).push(corners);
+            if (!cells.has(cell)) cells.set(cell, []);
+            cells.get(cell).push(end);
           }
         }
+        end += 9;
       }
+    }
+    this.models.set(name, { corners, cells });
+  }
+
+  remove(name) {
+    this.models.delete(name);
+  }
+
+  // Corners of the triangles in the cell of a place.
+  *near(x, z) {
+    const cell = key(x, z);
+    for (const { corners, cells } of this.models.values()) {
+      for (const start of cells.get(cell) || []) yield corners.subarray(start, start + 9);
     }
   }
 
   // Height of the highest surface below `from` at a place; null where there is none.
   ground(x, z, from = Infinity) {
     let found = null;
-    for (const t of this.cells.get(key(x, z)) || []) {
+    for (const t of this.near(x, z)) {
       const [ax, az, bx, bz] = [t[3] - t[0], t[5] - t[2], t[6] - t[0], t[8] - t[2]];
       const area = ax * bz - az * bx;
       if (Math.abs(area) < 1e-6) continue;
@@ -83,7 +99,7 @@ export class Surroundings {
   // The nearest place of a wall at the heights at which it is met.
   nearest(x, y, z) {
     let best = null;
-    for (const t of this.cells.get(key(x, z)) || []) {
+    for (const t of this.near(x, z)) {
       for (const height of MET_AT_M) {
         const cut = crossing(t, y + height);
         if (!cut) continue;

@@ -85,10 +85,10 @@ def test_benchmarks_are_listed_with_what_they_measure() -> None:
     assert not any("prints" in said for said in about.values())
 
 
-def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
+def test_view_names_the_runs_of_a_folder_where_one_is_needed(tmp_path: Path) -> None:
     for name in ("b", "north/a", "b/store/inner"):
         (tmp_path / name / "store").mkdir(parents=True)
-    message = one_line_and_code_2(streetloom("view", str(tmp_path)))
+    message = one_line_and_code_2(streetloom("view", str(tmp_path), "--edit", "--photos", str(tmp_path)))
     assert f"holds 2 runs (b, north/a); open one: streetloom view {tmp_path / 'b'}" in message
     message = one_line_and_code_2(streetloom("view", str(tmp_path / "north" / "a" / "store")))
     assert "no run has written here" in message

@@ -15,6 +15,7 @@ from facade_core.core.errors import InputError
 from flows.viewer.app import create_application, serve
 from flows.viewer.background_run import describe_outcome
 from flows.viewer.editing import MAX_BODY_BYTES, TOKEN_HEADER, EditorUser
+from tasks.viewing.run_view import RunReader
 
 HERE = "http://127.0.0.1:PORT"
 ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
@@ -27,7 +28,7 @@ def served(out: Path, editor: EditorUser | None) -> Iterator[int]:
 
     listening = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(
-        uvicorn.Config(create_application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning")
+        uvicorn.Config(create_application(RunReader(out), "127.0.0.1", "127.0.0.1", editor), log_level="warning")
     )
     thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
     thread.start()
@@ -110,7 +111,7 @@ def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
 
 def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^--host 0\.0\.0\.0: what --edit writes is for this machine") as refused:
-        serve(tmp_path, "0.0.0.0", 0, print, EditorUser("anna"))
+        serve(RunReader(tmp_path), "0.0.0.0", 0, print, EditorUser("anna"))
     assert "\n" not in str(refused.value)
     said: list[Any] = []
 
@@ -120,7 +121,7 @@ def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path
 
     editor = EditorUser("anna")
     with pytest.raises(KeyboardInterrupt):
-        serve(tmp_path, "localhost", 0, ready, editor)
+        serve(RunReader(tmp_path), "localhost", 0, ready, editor)
     assert said[0].endswith(f"/#/token/{editor.token}")
     assert editor.token != EditorUser("anna").token
     assert len(editor.token) >= 32

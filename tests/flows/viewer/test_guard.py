@@ -13,6 +13,7 @@ import pytest
 from facade_core.core.errors import InputError
 from flows.viewer.app import HEADERS, create_application, serve
 from flows.viewer.guard import HostGuard, create_guard
+from tasks.viewing.run_view import RunReader
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     import uvicorn
 
     listening = socket.create_server(("127.0.0.1", 0))
-    app = create_application(tmp_path_factory.mktemp("out"), "127.0.0.1", "127.0.0.1")
+    app = create_application(RunReader(tmp_path_factory.mktemp("out")), "127.0.0.1", "127.0.0.1")
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
     thread = threading.Thread(target=server.run, args=([listening],))
     thread.start()
@@ -100,7 +101,7 @@ def test_what_a_host_needs_is_said(host: str, address: str, told: str | None, tm
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        serve(tmp_path, host, 0, ready)
+        serve(RunReader(tmp_path), host, 0, ready)
     assert said[0].startswith(address)
     assert (told in said[1] and f"--host {host}" in said[1]) if told else said[1] is None
 
@@ -108,5 +109,5 @@ def test_what_a_host_needs_is_said(host: str, address: str, told: str | None, tm
 def test_a_host_that_is_not_here_is_refused(tmp_path: Path) -> None:
     for host in ("no.such.host.invalid", "192.0.2.7"):
         with pytest.raises(InputError, match=f"^--host {host}") as refused:
-            serve(tmp_path, host, 0, print)
+            serve(RunReader(tmp_path), host, 0, print)
         assert "\n" not in str(refused.value)

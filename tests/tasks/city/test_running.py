@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tasks.city import block_process
-from tasks.city.block_process import DEADLINE_EXIT_CODE, MACHINE_EXIT_CODE, run_block
-from tasks.city.city_log import BlockResult
+from tasks.city.block_process import MACHINE_EXIT_CODE, run_block
+from tasks.city.city_log import DEADLINE_EXIT_CODE, BlockResult
 
 
 def ended(folder: Path, ends: float | None = None) -> BlockResult:

@@ -1,0 +1,94 @@
+// What is known of facades, as people call it: names, units, classes with round limits and their colours.
+
+// Columns that colour the map, as people call them; further columns are below "more".
+const COMMON = {
+  status: "State", floors: "Floors", height_m: "Height", photo: "Shown by pictures", occluded: "Hidden by things in front", quality: "To look at",
+  role: "Side of the street", street: "Street", windows: "Windows", window_to_wall: "Windows' share of the wall", shops: "Shops", balconies: "Balconies",
+  roof_shape: "Roof shape", changed: "Changed since before", capture_date: "Date of the picture", corrected: "Corrected by hand",
+};
+const FURTHER = {
+  id: "Facade", building: "Building", part_of: "Part of building", roof_height_m: "Height of the roof", roof_confidence: "Certainty of the roof", width_m: "Width",
+  azimuth_deg: "Faces, from north", floors_low: "Floors, at least", floors_high: "Floors, at most", levels: "Floors by the map",
+  columns: "Columns of windows", windows_low: "Windows, at least", windows_high: "Windows, at most", doors: "Doors", shop_width: "Shops' share of the width",
+  windows_seen: "Windows in pictures", doors_seen: "Doors in pictures", balconies_seen: "Balconies in pictures", shops_seen: "Shops in pictures",
+  window_to_wall_low: "Windows' share, at least", window_to_wall_high: "Windows' share, at most", masked: "Made anew behind things in front",
+  privacy: "People and vehicles", shop_names: "Names of shops", inpainted: "Inpainted", synthesised: "From an exemplar", translated: "By the translator",
+  source: "Source of the texture", compared: "Compared with before", capture_date_before: "Date of the picture before",
+  pose_residual_deg: "Lines off their axes", pose_apart_m: "Panoramas apart", pose_raised_m: "Panorama raised", variation_types: "Types of elements",
+  variation_levels: "Levels of variation", variation_bytes: "Size of the variation", lattice_rows: "Lines of the lattice, across",
+  lattice_columns: "Lines of the lattice, upright", layout_score: "Score of the layout", seconds: "Time spent", updated: "Made", look_first: "To look at first",
+};
+const UNITS = { metres: "m", seconds: "s", degrees: "°", bytes: "bytes" };
+const WORDS = {
+  role: { street: "at a street", side: "at the side", back: "at the back" },
+  corrected: { 0: "no", 1: "yes" },
+};
+// From low to high, readable with any colour vision.
+const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
+const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5b3a8c", "#a03030"];
+export const STATUS = { done: "#1c7a43", failed: "#b3261e", stale: "#a9600a", waiting: "#8b949c" };
+const UNKNOWN = "#b9bfc4";
+
+export const columnName = (name) => COMMON[name] || FURTHER[name] || name.replaceAll("_", " ");
+
+// Columns by which facades may be coloured: [those that are common, the others].
+export function choices(columns) {
+  const names = new Set(["status", "street", ...columns.map(({ name }) => name)]);
+  return [Object.keys(COMMON).filter((name) => names.has(name)), [...names].filter((name) => !(name in COMMON))];
+}
+
+// A value in words, with its unit.
+export function said(value, unit = "", name = "") {
+  if (value === undefined || value === null) return "–";
+  if (WORDS[name]?.[value]) return WORDS[name][value];
+  if (unit === "0 to 1" && typeof value === "number") return `${short(100 * value)}\u00a0%`;
+  const text = typeof value === "number" ? short(value) : String(value);
+  return unit ? `${text}${unit === "degrees" ? "" : "\u00a0"}${UNITS[unit] || unit}` : text;
+}
+
+const short = (value) => (Number.isInteger(value) ? String(value) : Math.abs(value) >= 100 ? value.toFixed(0) : String(Number(value.toPrecision(3))));
+
+// Limits of at most `most` classes from low to high: multiples of 1, 2 or 5 times a power of ten.
+export function classLimits(low, high, whole, most = SCALE.length) {
+  if (!(high > low)) return [low];
+  for (let power = Math.floor(Math.log10((high - low) / most)); ; power++) {
+    for (const digit of [1, 2, 5]) {
+      const step = digit * 10 ** power;
+      if (whole && step < 1) continue;
+      const first = Math.floor(low / step + 1e-9);
+      const count = Math.floor(high / step + 1e-9) - first + (whole || high / step - Math.floor(high / step) > 1e-9 ? 1 : 0);
+      if (count <= most) return Array.from({ length: Math.max(count, 1) }, (_, i) => Number(((first + i) * step).toPrecision(12)));
+    }
+  }
+}
+
+// How a column colours facades: {of(facade) -> colour, legend: [[colour, text]]}.
+export function colouring(name, facades, columns) {
+  if (name === "status") {
+    const there = new Set(facades.map(({ status }) => status));
+    return { of: (facade) => STATUS[facade.status] || UNKNOWN, legend: Object.entries(STATUS).filter(([text]) => there.has(text)).map(([text, colour]) => [colour, text]) };
+  }
+  const column = columns.find((one) => one.name === name) || { type: "string", unit: "" };
+  const values = facades.map((facade) => facade[name]).filter((value) => value !== undefined);
+  const unknown = values.length < facades.length ? [[UNKNOWN, "unknown"]] : [];
+  if (values.length && values.every((value) => typeof value === "number") && !WORDS[name]) {
+    const whole = column.type.startsWith("int");
+    const share = column.unit === "0 to 1" ? 100 : 1;
+    const [low, high] = values.reduce(([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
+    const limits = classLimits(share * low, share * high, whole);
+    const colours = limits.map((_, i) => SCALE[limits.length > 1 ? Math.round((i * (SCALE.length - 1)) / (limits.length - 1)) : 2]);
+    const number = (value) => Math.max(0, limits.findLastIndex((limit) => share * value >= limit - 1e-9));
+    const unit = share === 100 ? " %" : column.unit ? ` ${UNITS[column.unit] || column.unit}` : "";
+    const step = limits.length > 1 ? limits[1] - limits[0] : 0;
+    const text = (from) => (!step ? `${short(from)}${unit}` : whole ? `${from}${step > 1 ? ` to ${from + step - 1}` : ""}${unit}` : `${short(from)} to ${short(from + step)}${unit}`);
+    return { of: (facade) => (facade[name] === undefined ? UNKNOWN : colours[number(facade[name])]), legend: [...limits.map((limit, i) => [colours[i], text(limit)]), ...unknown] };
+  }
+  const counts = new Map();
+  for (const value of values) counts.set(value, (counts.get(value) || 0) + 1);
+  const common = [...counts.entries()].sort((a, b) => b[1] - a[1]).slice(0, GROUPS.length).map(([value]) => value);
+  const others = counts.size > common.length ? [[UNKNOWN, unknown.length ? "other or unknown" : "other"]] : unknown;
+  return {
+    of: (facade) => (common.includes(facade[name]) ? GROUPS[common.indexOf(facade[name])] : UNKNOWN),
+    legend: [...common.map((value, i) => [GROUPS[i], said(value, "", name)]), ...others],
+  };
+}

@@ -1,0 +1,79 @@
+// The page with the blocks in 3D.
+
+import { ask, blockBase, element } from "./elements.js";
+import { distance } from "./map.js";
+import { show } from "./model.js";
+
+// How far from a facade's foot line a place on its wall may be, metres; balconies project.
+const REACH_M = 2;
+// Blocks that are asked for a street where a walk may begin.
+const TRIED = 5;
+
+// Put the page into `fill`; open: called with (block, facade id) of what was clicked.
+export async function modelPage(city, near, fill, open) {
+  const start = await findStart(city, near);
+  const canvas = element("canvas", { id: "model", tabindex: 0, role: "img", "aria-label": "The textured blocks in 3D; keys are told below" });
+  const note = element("p", { class: "note", role: "status" });
+  const figures = element("p", { class: "figures" });
+  let view = null;
+  const act = (change) => () => { change(); view.dirty = true; canvas.focus(); };
+  const bird = element("button", { type: "button", id: "bird", onclick: act(() => view.viewer.fly()) }, "Bird's view / street");
+  const held = (key, text, label) => element("button", { type: "button", "data-key": key, "aria-label": label }, text);
+  const full = element("button", { type: "button", onclick: () => { canvas.parentElement.requestFullscreen?.(); canvas.focus(); } }, "Full screen");
+  fill(
+    element("div", { class: "model" }, canvas, note, figures,
+      element("div", { class: "pad" }, held("KeyW", "\u25b2", "Walk ahead"), held("KeyA", "\u25c0", "Walk to the left"),
+        held("KeyS", "\u25bc", "Walk back"), held("KeyD", "\u25b6", "Walk to the right"))),
+    element("div", { class: "controls" }, bird, full,
+      element("span", {}, "W A S D or arrows walk, Shift faster, Q E or drag look, wheel nearer, B bird's view and back; a click, or Enter in the middle, opens a facade")),
+  );
+  let said = "";
+  view = show(canvas, city, start, {
+    told: (text, numbers) => {
+      if (!said && note.textContent !== text) note.textContent = text;
+      if (figures.textContent !== numbers) figures.textContent = numbers;
+    },
+    found: async (number, at) => {
+      const id = facadeAt(await city.load(number), at);
+      if (id) open(number, id);
+      else {
+        said = note.textContent = "That is no facade: a roof, a back wall without one, or the ground.";
+        setTimeout(() => { said = ""; }, 3000);
+      }
+    },
+  });
+  canvas.view = view; // for tests and for who looks for a fault
+  canvas.focus({ preventScroll: true });
+  return view;
+}
+
+// The facade whose wall is nearest to a place in world metres; null where none is near.
+function facadeAt(block, [east, north]) {
+  const place = [east - block.origin[0], north - block.origin[1]];
+  let [best, least] = [null, REACH_M];
+  for (const facade of block.facades) {
+    const away = distance(place, facade.line);
+    if (away < least) [best, least] = [facade.id, away];
+  }
+  return best;
+}
+
+// Where a walk begins: on a street of the block that is nearest to what the map shows; else a place to fly over.
+async function findStart(city, near) {
+  const published = city.blocks.filter((block) => block.published && (block.outline.length || city.single));
+  if (!published.length) throw new Error("Nothing is published yet: the model appears when the first block is finished.");
+  const middle = ({ outline }) => [0, 1].map((axis) => outline.reduce((sum, point) => sum + point[axis], 0) / Math.max(1, outline.length));
+  const far = (block) => { const [x, y] = middle(block); return Math.hypot(x - near[0], y - near[1]); };
+  const [first, ...others] = [...published].sort((a, b) => far(a) - far(b));
+  let failure = null;
+  for (const { number } of [first, ...others].slice(0, TRIED)) {
+    try {
+      const start = await ask("api/start", blockBase(number, city.single));
+      if (start.anchor) return start;
+    } catch (error) {
+      failure = error;
+    }
+  }
+  const { tiles } = await ask("api/model", blockBase(first.number, city.single)).catch((error) => { throw failure || error; });
+  return { anchor: tiles[0].origin, heading: null };
+}

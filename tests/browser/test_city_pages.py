@@ -1,0 +1,193 @@
+"""A city in the viewer: one map and one model of all of its blocks, in Chromium."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from facade_core.core.json_types import JsonObject
+from flows.lock import lock_folder
+from tests.chromium import tab, wait
+from tests.pipeline.small_city import textured_city
+from tests.pipeline.viewed import get, viewing
+
+STATE = "document.getElementById('model').dataset"
+STREAM = "document.getElementById('model').view.stream"
+
+
+@pytest.fixture(scope="module")
+def city(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    return textured_city(tmp_path_factory.mktemp("town"))
+
+
+@pytest.fixture(scope="module")
+def address(city: tuple[Path, list[str]]) -> Iterator[str]:
+    with viewing(city[0]) as place:
+        yield place
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    with tab(browser, {"width": 1280, "height": 720}) as opened:
+        yield opened
+
+
+def box(page: Any) -> list[float]:
+    return [float(value) for value in page.get_attribute(".map svg", "viewBox").split()]
+
+
+def test_the_map_zooms_and_pans_by_pointer_wheel_keys_and_buttons(page: Any, address: str) -> None:
+    page.goto(address)
+    page.wait_for_selector("path.block")
+    assert page.locator("path.block").count() == 3
+    assert page.locator("path.block[data-state='waiting']").count() == 1
+    wait(page, "document.querySelectorAll('line.facade').length > 3")
+    whole = box(page)
+    place = page.locator(".map svg").bounding_box()
+    middle = (place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+    page.mouse.move(*middle)
+    page.mouse.wheel(0, -300)
+    wait(page, f"document.querySelector('.map svg').viewBox.baseVal.width < {0.8 * whole[2]}")
+    near = box(page)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 100, middle[1], steps=4)
+    page.mouse.up()
+    assert box(page)[0] < near[0]
+    page.focus(".map svg")
+    before = box(page)
+    page.keyboard.press("ArrowRight")
+    assert box(page)[0] > before[0]
+    page.keyboard.press("+")
+    assert box(page)[2] < before[2]
+    page.keyboard.press("0")
+    assert box(page)[2] == pytest.approx(whole[2], rel=0.01)
+    page.click("[aria-label='Zoom in']")
+    assert box(page)[2] < whole[2]
+    page.click("[aria-label='Show all']")
+    # the bar is as long as it says
+    metres = float(page.inner_text(".scale-bar").split()[0])
+    wide = page.locator(".scale-bar").bounding_box()["width"]
+    assert wide / metres == pytest.approx(place["width"] / box(page)[2], rel=0.1)
+    wait(
+        page,
+        "document.querySelector('.street-name') && document.querySelector('.street-name').textContent === 'street 1'",
+    )
+    assert page.locator("path.building").count() >= 2
+
+
+def test_what_is_found_is_gone_to_and_marked_and_a_facade_opens(page: Any, address: str) -> None:
+    page.goto(address)
+    page.wait_for_selector("line.facade", state="attached")
+    whole = box(page)
+    page.fill("#filter", "b")
+    wait(page, f"document.querySelector('.map svg').viewBox.baseVal.width < {0.8 * whole[2]}")
+    wait(page, "document.querySelectorAll('.mark').length > 0")
+    assert "b (building" in page.inner_text(".hits")
+    page.select_option("#coloured-by", "height_m")
+    wait(page, "document.querySelector('.legend-row:last-child').innerText.includes('height')")
+    assert " m" in page.inner_text(".legend-row:last-child")
+    options = page.locator("#coloured-by > option").all_inner_texts()
+    assert "Floors" in options
+    assert "variation_bytes" not in options
+    # by the map
+    page.wait_for_timeout(400)
+    line = page.locator("line.facade[data-facade^='b-']").first
+    facade, at = line.get_attribute("data-facade"), line.bounding_box()
+    page.mouse.click(at["x"] + at["width"] / 2, at["y"] + at["height"] / 2)
+    wait(page, "location.hash.includes('/facade/')")
+    page.wait_for_selector(".stages img")
+    assert page.inner_text("h2").startswith("Facade b-")
+    wait(page, "document.querySelector('.stages img').naturalWidth > 0")
+    page.click("text=On the map")
+    page.wait_for_selector(".mark", state="attached")
+    assert facade
+
+
+def test_the_model_streams_within_its_limit_and_a_click_opens_a_facade(page: Any, address: str) -> None:
+    page.goto(f"{address}/#/model")
+    page.wait_for_selector("#model[data-mode='street']")
+    wait(page, f"{STATE}.stands === 'true' && {STATE}.missing === '0' && {STATE}.coming === '0'")
+    assert float(page.evaluate(f"{STATE}.overGround")) == pytest.approx(1.7, abs=0.01)
+    assert 0 < int(page.evaluate(f"{STATE}.bytes")) <= int(page.evaluate(f"{STATE}.limit"))
+    page.keyboard.down("q")
+    wait(page, f"Number({STATE}.fps) > 0")
+    page.keyboard.up("q")
+    assert "frames a second" in page.inner_text(".figures")
+    # at rest nothing is drawn
+    page.wait_for_timeout(1500)
+    drawn = page.evaluate(f"{STATE}.drawn")
+    page.wait_for_timeout(1000)
+    assert page.evaluate(f"{STATE}.drawn") == drawn
+
+    page.keyboard.press("b")
+    wait(page, f"{STATE}.mode === 'bird' && Number({STATE}.y) > 20")
+    page.wait_for_timeout(1500)
+    models = page.evaluate(f"new Set({STREAM}.shown.map(m => m.block)).size")
+    assert models == 2, "both blocks are in the picture"
+
+    # with half the bytes, less is on the card, and never more
+    held = int(page.evaluate(f"{STATE}.bytes"))
+    page.evaluate(f"{STREAM}.limit = {held // 2}")
+    page.keyboard.press("b")
+    wait(page, f"Number({STATE}.bytes) <= {held // 2}")
+    page.wait_for_timeout(1000)
+    assert int(page.evaluate(f"{STATE}.bytes")) <= held // 2
+    page.evaluate(f"{STREAM}.limit = 1e9")
+    wait(page, f"{STATE}.missing === '0' && {STATE}.coming === '0'")
+
+    # before a wall, Enter opens its facade
+    page.evaluate("""(() => {
+      const view = document.getElementById('model').view, [east, north] = view.stream.anchor;
+      view.viewer.place([385010 - east, view.viewer.feet[1], north - 6671000], 0); view.viewer.pitch = 0.05; view.dirty = true;
+    })()""")
+    wait(page, f"{STATE}.stands === 'true' && {STATE}.missing === '0' && Math.abs(Number({STATE}.yaw)) < 0.01")
+    page.wait_for_timeout(500)
+    page.keyboard.press("Enter")
+    wait(page, "location.hash.includes('/facade/a-')")
+    page.wait_for_selector(".stages img")
+
+
+def test_a_city_that_is_running_is_followed(page: Any, address: str, city: tuple[Path, list[str]]) -> None:
+    out, names = city
+    page.goto(f"{address}/#/blocks")
+    page.wait_for_selector(".block-list")
+    assert "waiting" in page.inner_text(".block-list")
+    with lock_folder(out), lock_folder(out / "blocks" / names[-1]):
+        page.wait_for_selector("text=1 running")
+        page.wait_for_selector("text=the city's run is going on")
+        page.click("text=Map")
+        page.wait_for_selector("path.block[data-state='running']")
+    page.wait_for_selector("path.block[data-state='waiting']")
+    page.click("text=Blocks")
+    page.click(".block-list tbody tr:last-child a")
+    page.wait_for_selector("progress")
+    page.click("#block-pages >> text=To look at")
+    wait(page, "document.querySelector('h2').innerText.endsWith('facades to look at')")
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1280, 720)])
+def test_pages_of_a_city_are_accessible(browser: Any, address: str, size: tuple[int, int]) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    described: JsonObject = json.loads(get(f"{address}/api/city"))
+    facade = json.loads(get(f"{address}/blocks/0/api/block"))["facades"][0]["id"]
+    assert [block["number"] for block in described["blocks"]] == [0, 1, 2]
+    with tab(browser, {"width": size[0], "height": size[1]}) as opened:
+        for place, there in {
+            "map": "path.block",
+            "map/0": "line.facade",
+            f"block/0/facade/{facade}": ".stages img",
+            "blocks": ".block-list",
+            "model": "#model[data-mode]",
+            "block/0/run": "progress",
+        }.items():
+            opened.goto(f"{address}/#/{place}")
+            opened.wait_for_selector(there, state="attached")
+            opened.wait_for_timeout(500)
+            found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
+            assert [(v["id"], v["nodes"][0]["html"]) for v in found] == [], place
+            assert opened.evaluate("document.documentElement.scrollWidth") <= size[0], place
