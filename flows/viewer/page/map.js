@@ -68,6 +68,8 @@ export class BlockMap {
       this.kinds[kind].append(group);
       return group;
     });
+    // what helps people who do not see clicks without a pointer
+    groups.at(-1).addEventListener("click", (event) => event.detail === 0 && event.target.dataset.facade && this.choose(number, event.target.dataset.facade));
     this.details.set(number, { block, groups, lines, offset: [dx, -dy] });
     this.settle();
     if (!this.shapes.size) this.plane.extend(unite([...this.details.keys()].map((key) => this.extent(key))));
