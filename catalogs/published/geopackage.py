@@ -1,92 +1,85 @@
-"""Catalogue as a GeoPackage, for QGIS."""
+"""Layers of a map as a GeoPackage with QGIS styles."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalogs.gdal_paths import gdal_write_path
-from catalogs.published.folders import Folder
-from catalogs.readers.annotations import IS_FACADE_COLUMN
-from facade_core.core.errors import InputError
+from catalogs.published.qgis_styles import STYLE_NAME, build_qml
 
 if TYPE_CHECKING:
-    from shapely import Polygon
-
-
-@dataclass(frozen=True)
-class GeoPackageContent:
-    """Content of the layers; buildings, roofs, ground and streets are rows with a geometry.
-
-    Attributes
-    ----------
-    items : the catalogue.
-    crs : frame of all geometries, the block's.
-    walls : facade -> its polygon.
-    chosen : buildings whose facades are written.
-    no_facades : walls that a correction declares no facade.
-    attribution : metadata that names the sources, for the file and each layer.
-    """
-
-    items: Folder
-    crs: str
-    walls: Mapping[str, Polygon]
-    buildings: Sequence[Mapping[str, object]]
-    roofs: Sequence[Mapping[str, object]]
-    ground: Sequence[Mapping[str, object]]
-    streets: Sequence[Mapping[str, object]]
-    chosen: Collection[str]
-    no_facades: Collection[str]
-    attribution: Mapping[str, str]
-
-
-def write_geopackage_layers(path: Path, content: GeoPackageContent) -> None:
-    """Write the layers of a block into a GeoPackage; a layer without rows is left out.
-
-    The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the
-    same as upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets,
-    and set_aside (units without geometry, and why).
-
-    Raises
-    ------
-    InputError : the catalogue cannot be read.
-    """
     import geopandas as gpd
-    import pyarrow as pa
-    import pyogrio
+    import pandas as pd
 
-    try:
-        rows = gpd.read_parquet(io.BytesIO(content.items.read_bytes()))
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{content.items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
-    facades = rows[(rows.kind == "facade") & rows.building.isin(content.chosen)]
-    layers = {
-        "facades": facades.to_crs(content.crs).assign(**{IS_FACADE_COLUMN: ~facades.id.isin(content.no_facades)}),
-        "walls": facades.set_geometry([content.walls.get(id) for id in facades.id], crs=content.crs),
-        **{
-            name: gpd.GeoDataFrame(list(layer_rows), geometry="geometry", crs=content.crs) if layer_rows else None
-            for name, layer_rows in (
-                ("buildings", content.buildings),
-                ("roofs", content.roofs),
-                ("ground", content.ground),
-                ("streets", content.streets),
+# Table in which QGIS looks for the styles of a GeoPackage's layers.
+STYLES_TABLE = "layer_styles"
+_CREATE_STYLES = f"""
+    CREATE TABLE {STYLES_TABLE} (
+        id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
+        f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
+        useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30),
+        update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now'))
+    )
+"""
+
+
+class GeoPackageWriter:
+    """Writes layers into a new GeoPackage, one block after the other.
+
+    Parameters
+    ----------
+    path : file to write.
+    metadata : metadata of the file and of each layer.
+    updated : time that the file states for its content, so that its bytes are reproducible; None without rows.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, str], updated: datetime | None) -> None:
+        self._path = path
+        self._metadata = dict(metadata)
+        self._time = updated.strftime("%Y-%m-%dT%H:%M:%S.000Z") if updated else None
+        self._written: list[str] = []
+
+    def append_layer(self, name: str, layer: gpd.GeoDataFrame | pd.DataFrame) -> None:
+        """Append rows to a layer, which the first call creates."""
+        import pyogrio
+
+        is_new = name not in self._written
+        options = {"dataset_metadata": self._metadata, "layer_metadata": self._metadata} if is_new else {}
+        with self._fixed_time(), gdal_write_path(self._path) as target:
+            pyogrio.write_dataframe(layer, target, layer=name, driver="GPKG", append=not is_new, **options)
+        if is_new:
+            self._written.append(name)
+
+    def write_styles(self) -> None:
+        """Write a style for each layer with a geometry."""
+        styled = [(name, qml) for name in self._written if (qml := build_qml(name)) is not None]
+        if not styled:
+            return
+        with closing(sqlite3.connect(self._path)) as file, file:
+            file.execute(_CREATE_STYLES)
+            file.execute(
+                "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change)"
+                " VALUES (?, 'attributes', ?, '', coalesce(?, strftime('%Y-%m-%dT%H:%M:%fZ','now')))",
+                (STYLES_TABLE, STYLES_TABLE, self._time),
             )
-        },
-        "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
-    }
-    # the time of the newest row makes the file reproducible
-    about = dict(content.attribution)
-    changed = rows.updated.max().strftime("%Y-%m-%dT%H:%M:%S.000Z") if len(rows) else None
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": changed})
-    try:
-        with gdal_write_path(path) as target:
-            for name, layer in layers.items():
-                if layer is not None and not layer.empty:
-                    pyogrio.write_dataframe(
-                        layer, target, layer=name, driver="GPKG", dataset_metadata=about, layer_metadata=about
-                    )
-    finally:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})
+            file.executemany(
+                f"INSERT INTO {STYLES_TABLE} (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, styleName,"
+                " styleQML, styleSLD, useAsDefault, description, owner, update_time)"
+                " VALUES ('', '', ?, 'geom', ?, ?, '', 1, '', '', ?)",
+                [(name, STYLE_NAME, qml, self._time) for name, qml in styled],
+            )
+
+    @contextmanager
+    def _fixed_time(self) -> Iterator[None]:
+        import pyogrio
+
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": self._time})
+        try:
+            yield
+        finally:
+            pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})

@@ -33,7 +33,7 @@ def check_geopackage_tables(path: Path) -> tuple[str, ...]:
     """
     remedy = "write its layers as tables, e.g. with ogr2ogr"
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{_open_mode(path)}", uri=True)) as file:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{sqlite_open_mode(path)}", uri=True)) as file:
             file.execute("PRAGMA trusted_schema = OFF")
             found = file.execute("SELECT name, type, coalesce(sql, '') FROM sqlite_master").fetchall()
             stored = {str(name).lower(): str(kind) for name, kind, _ in found}
@@ -56,7 +56,7 @@ def check_geopackage_tables(path: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _open_mode(path: Path) -> str:
+def sqlite_open_mode(path: Path) -> str:
     """Return how a file is opened: as it is, or with the changes that another program has not written into it yet."""
     pending = [path.with_name(path.name + suffix) for suffix in ("-wal", "-journal")]
     return "mode=ro" if any(file.is_file() and file.stat().st_size for file in pending) else "mode=ro&immutable=1"

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from facade_core.core.json_types import JsonObject
 
 PRODUCER = "textured by Streetloom"
+# Licence of a source whose licence is not stated, in JSON.
+NOT_STATED = "not stated"
 _EXTENT = ("startDate", "endDate")
 
 
@@ -65,7 +67,7 @@ class Attribution:
         return {
             "line": self.line,
             "sources": [
-                {"key": source.key, "name": source.name, "licence": source.licence or "not stated"}
+                {"key": source.key, "name": source.name, "licence": source.licence or NOT_STATED}
                 for source in self.sources
             ],
             **({"made": self.production_date} if self.production_date else {}),
@@ -95,6 +97,23 @@ class Attribution:
                 else {}
             ),
         }
+
+
+def merge_attributions(values: Iterable[JsonObject]) -> Attribution:
+    """Merge the attributions of several models, each as `Attribution.to_json` gives it; every source appears once."""
+    sources: dict[tuple[str, str, str], None] = {}
+    made: list[str] = []
+    captured: list[str] = []
+    for value in values:
+        sources |= dict.fromkeys((one["key"], one["name"], one["licence"]) for one in value["sources"])
+        made = [max([*made, value["made"]])] if "made" in value else made
+        days = [*captured, *value.get("captured", ())]
+        captured = [min(days), max(days)] if days else []
+    return Attribution(
+        tuple(DataSource(key, name, None if licence == NOT_STATED else licence) for key, name, licence in sources),
+        made[0] if made else None,
+        (captured[0], captured[1]) if captured else None,
+    )
 
 
 def _unique_names(values: Iterable[str]) -> list[str]:

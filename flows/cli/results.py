@@ -104,9 +104,23 @@ def query(
     "style",
     required=True,
     type=click.Choice(
-        ["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd"]
+        [
+            "glb",
+            "3dtiles",
+            "cityjson",
+            "cityjsonseq",
+            "lod3",
+            "citygml",
+            "coco",
+            "labelme",
+            "gpkg",
+            "geoparquet",
+            "cog",
+            "usd",
+        ]
     ),
-    help="glb, 3dtiles, cityjson(seq), lod3, citygml, usd: models; coco, labelme: elements of the facades; gpkg, cog: for GIS.",
+    help="glb, 3dtiles, cityjson(seq), lod3, citygml, usd: models; coco, labelme: elements of the facades; gpkg, "
+    "geoparquet, cog: for GIS.",
 )
 @click.option(
     "--to",
@@ -148,7 +162,9 @@ def export(
     lit: bool | None,
     night: bool,
 ) -> None:
-    """Export the products of a run for other programs. Replaces an earlier export in the same place unless it was edited.
+    """Export the products of a run, or of all blocks of a city, for other programs.
+
+    Replaces an earlier export in the same place unless it was edited.
 
     \b
     glb           block and buildings, in metres around an origin that its extras state with the CRS; y up
@@ -156,12 +172,17 @@ def export(
     cityjson(seq) LoD2, in the block's CRS; a Solid for each building with a closed surface
     lod3          as cityjson, with windows and doors recessed in the walls, balconies and ledges projecting from them
     citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
-    gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS
+    gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS, with QGIS styles
+    geoparquet    the same layers, a file each
     usd           z up, in metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)
-    cog           an orthophoto of each facade: metres along and up its wall; its tags and STAC Item have the wall's pose
+    cog           an orthophoto of each facade: metres along and up its wall; its tags and STAC Item have the wall's pose;
+                  facades.vrt shows all side by side
     coco,labelme  elements of the facades on their rectified pictures, in pixels
 
     The block's CRS is metric; heights are metres, as the sources state them or above the ground assumed there.
+
+    A city is exported as 3dtiles, cityjsonseq, lod3 (as CityJSONSeq), gpkg, geoparquet, cog or usd: one block after the
+    other, in the memory of one. A killed export resumes, and one of which nothing changed is kept.
 
     \b
     Examples:
@@ -173,6 +194,8 @@ def export(
       streetloom export out/demo --format 3dtiles --night --to night/
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
+      streetloom export out/helsinki --format 3dtiles --to tiles/           of the whole city, usable without it
+      streetloom export out/helsinki --format gpkg --to helsinki.gpkg
     """
     from flows.console import show_progress
     from tasks.export.formats import export_run as write

@@ -7,8 +7,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from catalogs.published import object_store
 from catalogs.published.folders import Folder, file_size, local_run_folder, map_concurrently, write_atomically
 from catalogs.published.merged_items import ITEMS_FOLDER as JOINED
@@ -16,10 +14,10 @@ from catalogs.published.merged_items import merge_run_items
 from catalogs.published.runs import PublishedRun
 from catalogs.published.snapshot import SnapshotFolder, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
-from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file_header
+from facade_core.export.tiles.city_tileset import build_city_tileset, refer_to_tileset
 from tasks.city.city_log import BLOCKS_FOLDER, block_tileset_path
 
 TILESET = "tileset.json"
@@ -67,32 +65,13 @@ def write_city_products(out: Folder, names: Sequence[str], note: Callable[[str],
 
 def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
     """Write a root tileset that refers to the blocks' tilesets, which clients load when in view."""
-    children, spheres = [], []
-    for path, tileset in zip(paths, map_concurrently(_read_tileset, paths, out), strict=True):
-        if tileset is None:
-            continue
-        sphere = _bounding_sphere(tileset["root"])
-        spheres.append(sphere)
-        children.append(
-            {
-                "boundingVolume": {"sphere": sphere.tolist()},
-                "geometricError": tileset["geometricError"],
-                "content": {"uri": str(path)[len(str(out)) :].strip("/")},
-            }
-        )
-    if not children:
-        return
-    all_spheres = np.array(spheres)
-    centre = (all_spheres[:, :3].min(axis=0) + all_spheres[:, :3].max(axis=0)) / 2
-    radius = float((np.linalg.norm(all_spheres[:, :3] - centre, axis=1) + all_spheres[:, 3]).max())
-    root = {
-        "boundingVolume": {"sphere": [*centre.tolist(), radius]},
-        "geometricError": 2 * radius,
-        "refine": "ADD",
-        "children": children,
-    }
-    tileset = {"asset": {"version": "1.1"}, "geometricError": 4 * radius, "root": root}
-    write_atomically(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
+    references = [
+        refer_to_tileset(str(path)[len(str(out)) :].strip("/"), tileset)
+        for path, tileset in zip(paths, map_concurrently(_read_tileset, paths, out), strict=True)
+        if tileset is not None
+    ]
+    if references:
+        write_atomically(out / TILESET, (json.dumps(build_city_tileset(references), indent=1) + "\n").encode())
 
 
 def _read_tileset(path: Folder) -> JsonObject | None:
@@ -102,19 +81,6 @@ def _read_tileset(path: Folder) -> JsonObject | None:
         return tileset
     except FileNotFoundError:
         return None
-
-
-def _bounding_sphere(root: JsonObject) -> Float64Array:
-    """Compute the sphere around a tileset's root from its box and its transform.
-
-    Returns
-    -------
-    (x, y, z, radius) : earth-centred metres.
-    """
-    box = np.array(root["boundingVolume"]["box"], float)
-    transform = np.array(root.get("transform", np.eye(4).reshape(-1)), float).reshape(4, 4).T
-    centre = (transform @ np.append(box[:3], 1.0))[:3]
-    return np.append(centre, np.linalg.norm(box[3:].reshape(3, 3).sum(axis=0)))
 
 
 def _write_overview(out: Folder, snapshots: Sequence[SnapshotFolder[Folder]], note: Callable[[str], None]) -> None:

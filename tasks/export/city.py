@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -84,20 +84,56 @@ def write_cityjsonseq(results: PublishedBlock, buildings: IntArray, folder: Path
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.city_models.cityjson import VertexPool, empty_document
+    from facade_core.export.city_models.cityjson import empty_document
 
-    url, notes = _reference_system(results)
+    url, notes = reference_system(results.crs)
     origin = model_origin(results)
-    images, objects = _list_features(results, buildings, folder, openings=False)
     name = f"{results.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
-        file.write(_json_line(empty_document(results.block, origin, url, results.attribution)))
-        for id, make in objects:
-            pool = VertexPool(origin)
-            made = make(pool)
-            feature = {"type": "CityJSONFeature", "id": id, "CityObjects": made} | pool.tables(images)
-            file.write(_json_line(feature))
+        file.write(json_line(empty_document(results.block, origin, url, results.attribution)))
+        write_features(results, buildings, folder, file, origin)
     return [name], notes
+
+
+def write_features(
+    results: PublishedBlock,
+    buildings: IntArray,
+    folder: Path,
+    file: TextIO,
+    origin: Float64Array,
+    *,
+    openings: bool = False,
+    folder_name: str = "",
+    rename: Callable[[str, bool], str] = lambda id, is_building: id,
+) -> None:
+    """Write a CityJSONFeature a line, and the textures into a folder.
+
+    Parameters
+    ----------
+    results : published results of a block.
+    buildings : (n,) indices of buildings.
+    folder : folder of the textures.
+    file : file of the lines.
+    origin : (3,) origin of the vertex grid, world metres.
+    openings : with the openings, balconies and ledges of `lod3`.
+    folder_name : path of the folder relative to the file, ending in a slash; empty if the file is in it.
+    rename : returns the id of an object in the file, by its id and whether it is a building.
+    """
+    from facade_core.export.city_models.cityjson import VertexPool
+
+    images, objects = _list_features(results, buildings, folder, origin, openings=openings)
+    images = [f"{folder_name}{image}" for image in images]
+    for id, make in objects:
+        pool = VertexPool(origin)
+        made = make(pool)
+        names = {one: rename(one, thing["type"] == "Building") for one, thing in made.items()}
+        for thing in made.values():
+            for relation in ("parents", "children"):
+                if relation in thing:
+                    thing[relation] = [names[one] for one in thing[relation]]
+        named = {names[one]: thing for one, thing in made.items()}
+        feature = {"type": "CityJSONFeature", "id": names[id], "CityObjects": named} | pool.tables(images)
+        file.write(json_line(feature))
 
 
 def _write_document(
@@ -105,23 +141,24 @@ def _write_document(
 ) -> tuple[list[str], list[str]]:
     from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
-    url, notes = _reference_system(results)
+    url, notes = reference_system(results.crs)
     pool = VertexPool(model_origin(results))
-    images, objects = _list_features(results, buildings, folder, openings=openings)
+    images, objects = _list_features(results, buildings, folder, pool.origin, openings=openings)
     city = empty_document(results.block, pool.origin, url, results.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()
-    (folder / name).write_text(_json_line(city), encoding="utf-8")
+    (folder / name).write_text(json_line(city), encoding="utf-8")
     return [name], notes
 
 
-def _json_line(value: JsonObject) -> str:
+def json_line(value: JsonObject) -> str:
+    """Return a value as one line of JSON."""
     return escape_invisible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _list_features(
-    results: PublishedBlock, buildings: IntArray, folder: Path, *, openings: bool
+    results: PublishedBlock, buildings: IntArray, folder: Path, origin: Float64Array, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[VertexPool], JsonObject]]]]:
     """Write the texture pages; return their files, and each feature as (id, builder of its city objects)."""
     from facade_core.core.grouping import group_rows
@@ -155,7 +192,7 @@ def _list_features(
         for index in buildings.tolist():
             yield results.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
-            for number, faces in enumerate(ground_faces(drawn, triangles[-1], model_origin(results))):
+            for number, faces in enumerate(ground_faces(drawn, triangles[-1], origin)):
                 id = _unused_id(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
                 yield id, partial(terrain, id, faces)
             report_progress("export", 1)
@@ -334,11 +371,11 @@ def model_origin(results: PublishedBlock) -> Float64Array:
     return origin
 
 
-def _reference_system(results: PublishedBlock) -> tuple[str | None, list[str]]:
-    """Return the URL of the block's CRS; None and a note if it has no authority code."""
+def reference_system(crs: str) -> tuple[str | None, list[str]]:
+    """Return the URL of a CRS; None and a note if it has no authority code."""
     from pyproj import CRS
 
-    authority = CRS.from_user_input(results.crs).to_authority()
+    authority = CRS.from_user_input(crs).to_authority()
     if authority is None:
-        return None, [f"{results.crs} has no code: the file states no referenceSystem; give it to whoever opens it"]
+        return None, [f"{crs} has no code: the file states no referenceSystem; give it to whoever opens it"]
     return "https://www.opengis.net/def/crs/{}/0/{}".format(*authority), []

@@ -4,43 +4,30 @@ from __future__ import annotations
 
 import fcntl
 import glob
-import hashlib
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.published import object_store
 from catalogs.published.folders import Folder, join_path, local_run_folder, map_concurrently, remove_path
+from catalogs.published.geopackage_digest import write_geopackage_stamp
+from catalogs.published.runs import CITY_FILE_NAME
 from catalogs.published.s3 import S3Path, folder_at
 from facade_core.core.errors import InputError
+from tasks.export.code_digest import export_key
 from tasks.export.models import FACTORED
+from tasks.export.targets import (
+    HIDDEN_MARKER,
+    MARKER,
+    ExportResult,
+    check_target,
+    marker_name,
+    replace_file,
+    write_block_marker,
+)
 from tasks.publish.published_run import PublishedBlock, open_published_run
-
-# Sources of an export and digests of its files: a new export may replace an unchanged one.
-MARKER = "export.json"
-# Name of the marker in formats whose tools read every .json file.
-HIDDEN_MARKER = ".export.json"
-
-
-@dataclass(frozen=True)
-class ExportResult:
-    """Finished export.
-
-    Attributes
-    ----------
-    path : its folder, or its single file.
-    files : files to open first.
-    notes : remarks for the user, one line each.
-    """
-
-    path: Folder
-    files: tuple[Folder, ...]
-    notes: tuple[str, ...]
-
 
 # Writes an export: (results, buildings, folder, **options) -> (files to open first, notes).
 Writer = Callable[..., tuple[list[str], list[str]]]
@@ -49,7 +36,8 @@ Writer = Callable[..., tuple[list[str], list[str]]]
 def _writers() -> dict[str, Writer]:
     from tasks.export.city import write_cityjson, write_cityjson_lod3, write_cityjsonseq
     from tasks.export.citygml import write_citygml
-    from tasks.export.facades import write_coco, write_geopackage, write_labelme
+    from tasks.export.facades import write_coco, write_labelme
+    from tasks.export.maps import write_geopackage, write_geoparquet
     from tasks.export.models import write_3dtiles, write_glb_models
     from tasks.export.orthophotos import write_cogs
     from tasks.export.usd import write_usd
@@ -64,12 +52,15 @@ def _writers() -> dict[str, Writer]:
         "coco": write_coco,
         "labelme": write_labelme,
         "gpkg": write_geopackage,
+        "geoparquet": write_geoparquet,
         "cog": write_cogs,
         "usd": write_usd,
     }
 
 
-FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd")
+FORMATS = (
+    "glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "geoparquet", "cog", "usd",
+)  # fmt: skip
 
 # Formats that accept an option; factored ones are listed separately.
 FORMATS_BY_OPTION = {
@@ -91,7 +82,7 @@ def export_run(
     lit: bool | None = None,
     night: bool = False,
 ) -> ExportResult:
-    """Export the published results of a run.
+    """Export the published results of a run, or of all blocks of a city.
 
     The target appears whole or not at all. An earlier export of the format is replaced unless a file in it was added or
     changed since.
@@ -101,8 +92,8 @@ def export_run(
 
     Parameters
     ----------
-    out : folder of the run.
-    format : one of FORMATS.
+    out : folder of the run, or of the city.
+    format : one of FORMATS; of a city, one of `tasks.export.whole_city.formats.CITY_FORMATS`.
     to : target folder; None: OUT/exports/FORMAT. A path that ends in .gpkg is one new file.
     buildings : ids of buildings; empty: all.
     textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED, for glb too: an unlit model of few
@@ -126,19 +117,18 @@ def export_run(
             raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {made}")
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
-        _check_target(Path(to).resolve(), format, as_file)
+        check_target(Path(to).resolve(), format, as_file)
     place = folder_at(out)
+    if (place / CITY_FILE_NAME).is_file():
+        from tasks.export.whole_city.city_export import export_city
+
+        return export_city(place, format, None if to is None else Path(to), buildings, as_file, options)
     if to is None and isinstance(place, S3Path):
         if buildings:
             raise InputError(f"{place}: only a whole block is exported into its bucket; name a folder here with --to")
         return _export_in_bucket(place, format, options)
     with open_published_run(place) as results:
         return _export(results, format, None if to is None else Path(to), buildings, as_file, options)
-
-
-def marker_name(format: str) -> str:
-    """Return the name of an export's marker file, which lists its sources and digests."""
-    return HIDDEN_MARKER if format == "labelme" else MARKER
 
 
 def _export(
@@ -152,26 +142,17 @@ def _export(
     chosen = results.select_buildings(buildings)
     target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
-        _check_target(target, format, as_file)
+        check_target(target, format, as_file)
     try:
         with _hold_temporary_folder(target) as temporary:
             main, notes = _writers()[format](results, chosen, temporary, **options)
+            key = export_key(format, results.snapshot.id, buildings, options)
             if as_file:
-                os.replace(temporary / main[0], target)
+                write_geopackage_stamp(temporary / main[0], key)
+                replace_file(temporary / main[0], target)
                 return ExportResult(target, (target,), tuple(notes))
-            about: dict[str, object] = {
-                "format": format,
-                "block": results.block,
-                "snapshot": results.snapshot.id,
-                "crs": results.crs,
-            }
-            about |= {"notes": notes, "files": main, "digests": _file_digests(temporary)}
-            (temporary / marker_name(format)).write_text(json.dumps(about, indent=1) + "\n")
-            replaced = temporary.with_suffix(".old.tmp")  # a kill never leaves half of the earlier export in its place
-            if target.exists():
-                os.replace(target, replaced)
-            os.replace(temporary, target)
-            shutil.rmtree(replaced, ignore_errors=True)
+            write_block_marker(temporary, results, format, key, main, notes)
+            replace_folder(temporary, target)
     except OSError as error:
         raise InputError(f"{target}: cannot be written ({error.strerror}); name another place with --to") from error
     return ExportResult(target, tuple(target / name for name in main), tuple(notes))
@@ -241,57 +222,3 @@ def _remove_old_exports(newest: S3Path) -> None:
     before = max(whole.keys() - {newest.name}, key=lambda name: whole[name], default=None)
     for name in {name.partition("/")[0] for name in beside} - {newest.name, before}:
         remove_path(newest.parent / name)
-
-
-def _check_target(target: Path, format: str, as_file: bool) -> None:
-    if as_file:
-        if target.exists() or target.is_symlink():
-            raise InputError(f"{target}: is there already; remove it, or name a new file with --to")
-    elif target.is_dir():
-        if any(target.iterdir()) and (why := _foreign_content(target, format)):
-            raise InputError(f"{target}: {why}; name a new or empty folder with --to")
-    elif target.exists():
-        raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
-    elif target.suffix.lower() in (
-        ".glb",
-        ".json",
-        ".jsonl",
-        ".gml",
-        ".gpkg",
-        ".tif",
-        ".usda",
-        ".usdz",
-        ".zip",
-        ".txt",
-    ):
-        if format == "gpkg":
-            raise InputError(f"--to {target.name}: gpkg goes into a file, such as --to {target.stem}.gpkg, or a folder")
-        raise InputError(
-            f"--to {target.name}: an export of {format} is a folder (only gpkg can be one file); name one, without "
-            f"{target.suffix}"
-        )
-
-
-def _foreign_content(folder: Path, format: str) -> str | None:
-    """Explain why a folder must not be replaced; None if it is an unchanged export of the format."""
-    try:
-        hidden = folder / HIDDEN_MARKER
-        about = json.loads((hidden if hidden.is_file() else folder / MARKER).read_text())
-        digests = about["digests"]
-        if about["format"] != format:
-            return f"holds an export of {about['format']}"
-    except (OSError, ValueError, KeyError, TypeError):
-        return "holds other files than an export"
-    now = _file_digests(folder)
-    touched = sorted(name for name in digests.keys() | now.keys() if digests.get(name) != now.get(name))
-    return f"{touched[0]} was added or changed since the export" if touched else None
-
-
-def _file_digests(folder: Path) -> dict[str, str]:
-    """Compute a digest of every file below a folder except the marker."""
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and path not in (folder / MARKER, folder / HIDDEN_MARKER):
-            with path.open("rb") as file:
-                found[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
-    return found

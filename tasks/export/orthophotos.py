@@ -14,6 +14,14 @@ from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.arrays import IntArray, UInt8Array
 from facade_core.core.errors import InputError
 from tasks.engine.progress import begin_stage, report_progress
+from tasks.export.orthophoto_index import (
+    COLLECTION,
+    SHEET,
+    SheetPicture,
+    add_to_collection,
+    write_orthophoto_collection,
+    write_row_sheet,
+)
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
@@ -41,7 +49,9 @@ class _FacadeRow(TypedDict):
 
 
 def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tuple[list[str], list[str]]:
-    """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not.
+    """Write ID.tif and its STAC Item ID.json for every facade with surfaces, textured or not, and what lists them.
+
+    facades.vrt shows all side by side; collection.json is their STAC Collection.
 
     Parameters
     ----------
@@ -54,7 +64,7 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     files : files to open first.
     notes : remarks for the user.
     """
-    from facade_core.export.bodies.wall_plane import wall_plane
+    from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_plane
     from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades, source = results.plan.facades, results.textured_mesh
@@ -62,7 +72,9 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
     rows = _read_facade_rows(results)
     begin_stage("export", len(chosen))
-    names = []
+    names: list[str] = []
+    items: list[Item] = []
+    pictures: list[SheetPicture] = []
     for index in chosen:
         name, chart = facades.id[index], int(facades.chart[index])
         plane = wall_plane(source, chart)
@@ -71,9 +83,15 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
         row = rows[name]
         _write_cog(results, folder / names[-1], texels, plane, chart, name)
         item = _item(results, name, row, plane, texels.shape[:2], names[-1])
+        add_to_collection(item, results.block)
+        items.append(item)
+        pictures.append(SheetPicture(names[-1], (texels.shape[1], texels.shape[0]), plane.texel_size, plane.height))
         text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
         (folder / f"{safe_file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
         report_progress("export", 1)
+    write_orthophoto_collection(folder / COLLECTION, results.block, items, results.attribution)
+    if pictures:
+        write_row_sheet(folder / SHEET, pictures, PLANE_WKT)
     return names, []
 
 

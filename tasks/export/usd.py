@@ -20,7 +20,13 @@ TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emi
 
 
 def write_usd(
-    results: PublishedBlock, buildings: IntArray, folder: Path, *, lit: bool | None = None, night: bool = False
+    results: PublishedBlock,
+    buildings: IntArray,
+    folder: Path,
+    *,
+    lit: bool | None = None,
+    night: bool = False,
+    package: bool = True,
 ) -> tuple[list[str], list[str]]:
     """Write BLOCK.usda, its buildings/ID.usdc and textures/, and all of them packed as BLOCK.usdz.
 
@@ -31,6 +37,7 @@ def write_usd(
     folder : target folder.
     lit : relight materials; see `mesh_with_requested_lighting`.
     night : night emission.
+    package : write the package too.
 
     Returns
     -------
@@ -60,7 +67,7 @@ def write_usd(
     drawn = pack_charts_on_pages(source, source.select_charts(append_ground_index(results, buildings)))
     frame = ZUpFrame(mesh_y_up_frame(results.plan.scene.mesh).origin)
     nodes, _ = build_nodes([drawn], results.names, frame)
-    begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
+    begin_stage("export", len(drawn.layout.pages) + len(nodes) + package)
     for name in ("textures", "buildings"):
         (folder / name).mkdir()
     packed: list[str] = []
@@ -91,6 +98,8 @@ def write_usd(
         **results.attribution.tags(),
     }
     write_usd_block(folder / f"{stem}.usda", parts, metadata, results.attribution.line, time)
+    if not package:
+        return [f"{stem}.usda"], notes
     packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
     for name in packed:  # a package stores modification times: a constant keeps its bytes reproducible
         os.utime(folder / name, (PACKAGE_TIME_S, PACKAGE_TIME_S))

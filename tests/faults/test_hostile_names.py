@@ -146,7 +146,11 @@ def names_in(format: str, folder: Path) -> set[str]:
         assert all((folder / one["imagePath"]).is_file() for one in found)
         return {one["imagePath"] for one in found}
     if format == "cog":
-        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("*.json") if path.name != "export.json"]
+        found = [
+            json.loads(path.read_text("utf-8"))
+            for path in folder.glob("*.json")
+            if path.name not in ("export.json", "collection.json")
+        ]
         assert {path.name for path in folder.glob("*.tif")} == {
             one["assets"]["orthophoto"]["href"].removeprefix("./") for one in found
         }
@@ -161,6 +165,8 @@ def names_in(format: str, folder: Path) -> set[str]:
         [path] = folder.glob("*.usda")
         stage = Usd.Stage.Open(str(path))
         return {prim.GetDisplayName() for prim in stage.GetDefaultPrim().GetChildren()} - {"ground"}
+    if format == "geoparquet":
+        return set(pd.read_parquet(folder / "buildings.parquet", columns=["id"]).id)
     import pyogrio
 
     [path] = folder.glob("*.gpkg")

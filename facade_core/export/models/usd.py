@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from pxr.Usd import Prim, Stage
     from pxr.UsdShade import Material, Output, Shader
 
-# Name of the block's prim.
+# Name of the prim of a block, and of a city.
 ROOT_PRIM = "Block"
+CITY_PRIM = "City"
 # Prefix of our keys in customData.
 NAMESPACE = "streetloom"
 # Roughness of charts without maps: plaster, stone and brick scatter light.
@@ -171,6 +172,44 @@ def write_usd_block(
                 prim.GetVariantSets().SetSelection(TIME_VARIANT_SET, one)
 
         _add_time_variants(block, time, {one: partial(choose, one) for one in (DAY, NIGHT)})
+    layer.Save()
+
+
+def write_usd_city(
+    path: Path,
+    parts: Iterable[tuple[str, str, Sequence[float]]],
+    custom_data: Mapping[str, object],
+    comment: str,
+) -> None:
+    """Write a stage with the stage of each block as a payload, which programs load on demand.
+
+    Parameters
+    ----------
+    path : file to write.
+    parts : name, asset path relative to the folder of the stage, and offset (x, y, z) in metres of each block.
+    custom_data : customLayerData of the layer.
+    comment : attribution, as the comment of the layer.
+    """
+    import_usd_library()
+    from pxr import Gf, Kind, Sdf, Usd, UsdGeom
+
+    stage = _create_stage(path)
+    city = UsdGeom.Xform.Define(stage, f"/{CITY_PRIM}")
+    stage.SetDefaultPrim(city.GetPrim())
+    Usd.ModelAPI(city.GetPrim()).SetKind(Kind.Tokens.assembly)
+    layer = stage.GetRootLayer()
+    layer.comment = comment
+    layer.customLayerData = {NAMESPACE: dict(custom_data)}
+    for name, asset, offset in parts:
+        # declared in this layer alone: composing a payload here would load every block
+        block = Sdf.CreatePrimInLayer(layer, f"/{CITY_PRIM}/{prim_identifier(name)}")
+        block.specifier, block.typeName, block.kind = Sdf.SpecifierDef, "Xform", Kind.Tokens.group
+        block.SetInfo("displayName", name)
+        block.payloadList.Prepend(Sdf.Payload(asset))
+        place = Sdf.AttributeSpec(block, "xformOp:translate", Sdf.ValueTypeNames.Double3)
+        place.default = Gf.Vec3d(*map(float, offset))
+        order = Sdf.AttributeSpec(block, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+        order.default = ["xformOp:translate"]
     layer.Save()
 
 

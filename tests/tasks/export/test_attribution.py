@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pyogrio
 import pytest
 import rasterio
@@ -71,11 +72,18 @@ def of_png(file: Path) -> str:
 
 def of_geopackage(folder: Path) -> Iterable[str]:
     (file,) = folder.glob("*.gpkg")
-    for layer, _ in pyogrio.list_layers(file):
+    for layer in {name for name, _ in pyogrio.list_layers(file)} - {"layer_styles"}:
         info = pyogrio.read_info(file, layer=layer)
         for said in (info["dataset_metadata"], info["layer_metadata"]):
             assert json.loads(said["sources"])["made"]
             yield said["attribution"]
+
+
+def of_geoparquet(folder: Path) -> Iterable[str]:
+    for file in folder.glob("*.parquet"):
+        said = pq.read_schema(file).metadata
+        assert json.loads(said[b"sources"])["made"]
+        yield said[b"attribution"].decode()
 
 
 def of_cog(folder: Path) -> Iterable[str]:
@@ -117,6 +125,7 @@ NAMED: dict[str, Callable[[Path], Iterable[str]]] = {
     "coco": of_coco,
     "labelme": of_labelme,
     "gpkg": of_geopackage,
+    "geoparquet": of_geoparquet,
     "cog": of_cog,
     "usd": of_usd,
 }

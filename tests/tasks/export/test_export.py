@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from glob import glob
 from pathlib import Path
@@ -13,6 +16,7 @@ from typing import Any
 import click.testing
 import geopandas as gpd
 import numpy as np
+import pyarrow.parquet as pq
 import pyogrio
 import pytest
 import trimesh
@@ -23,8 +27,9 @@ from catalogs.published.items import COLUMNS
 from facade_core.core.errors import InputError, StoreError
 from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line
-from tasks.export.formats import FORMATS, _writers, export_run, marker_name
+from tasks.export.formats import FORMATS, _writers, export_run
 from tasks.export.models import write_3dtiles
+from tasks.export.targets import marker_name
 from tasks.publish.published_run import PublishedBlock
 from tests.exports import HERE
 
@@ -266,6 +271,62 @@ def test_an_export_is_replaced_and_other_folders_are_not(undisturbed: Run, tmp_p
         export_run(undisturbed[0], "gpkg", tmp_path / "layers.gpkg")
     assert (tmp_path / "layers.gpkg").read_text() == "not yours"
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+
+
+def change_geopackage(path: Path, *statements: str) -> None:
+    with closing(sqlite3.connect(path)) as file, file:
+        for statement in statements:
+            file.execute(statement)
+
+
+@pytest.mark.parametrize("as_file", [False, True])
+def test_a_geopackage_is_replaced_where_its_rows_are_as_exported(
+    as_file: bool, undisturbed: Run, found: PublishedBlock, tmp_path: Path
+) -> None:
+    target = tmp_path / ("layers.gpkg" if as_file else "layers")
+    building = [found.names[int(found.select_buildings(())[0])]]
+    (path,) = export_run(undisturbed[0], "gpkg", target, building).files
+    one = path.read_bytes()
+    pyogrio.read_info(path, layer="buildings")  # GDAL writes what it found beside the file
+    with closing(sqlite3.connect(path)) as file:  # as QGIS does with a file that it shows
+        file.execute("PRAGMA journal_mode = WAL")
+        file.execute("PRAGMA journal_mode = DELETE")
+    assert path.read_bytes() != one
+    export_run(undisturbed[0], "gpkg", target, building)
+    assert path.read_bytes() == one
+    assert {file.name for file in path.parent.iterdir()} <= {path.name, "export.json"}
+    change_geopackage(path, "CREATE TABLE notes (text TEXT)")
+    with pytest.raises(InputError, match="changed since the export"):
+        export_run(undisturbed[0], "gpkg", target, building)
+    change_geopackage(path, "DROP TABLE notes")
+    export_run(undisturbed[0], "gpkg", target, building)
+    change_geopackage(path, "UPDATE gpkg_contents SET description = 'mine' WHERE table_name = 'buildings'")
+    with pytest.raises(InputError, match="changed since the export"):
+        export_run(undisturbed[0], "gpkg", target, building)
+
+
+def test_a_geopackage_of_somebody_else_is_not_replaced(undisturbed: Run, tmp_path: Path) -> None:
+    path = tmp_path / "mine.gpkg"
+    gpd.GeoDataFrame({"id": ["a"]}, geometry=gpd.points_from_xy([0], [0]), crs=3067).to_file(path, layer="x")
+    with pytest.raises(InputError, match="no GeoPackage that this program exported"):
+        export_run(undisturbed[0], "gpkg", path)
+    os.mkfifo(tmp_path / "pipe.gpkg")
+    with pytest.raises(InputError, match="no GeoPackage that this program exported"):
+        export_run(undisturbed[0], "gpkg", tmp_path / "pipe.gpkg")
+
+
+def test_columns_have_the_same_types_whatever_their_values(undisturbed: Run, tmp_path: Path) -> None:
+    """Else blocks of a city could not be joined: a column of integers without one value would be of doubles."""
+    folder = export_run(undisturbed[0], "geoparquet", tmp_path / "tables").path
+    facades = pq.read_schema(folder / "facades.parquet")
+    for column in COLUMNS:
+        if column.type.startswith("int"):
+            assert facades.field(column.name).type == column.type, column.name
+    assert pq.read_schema(folder / "buildings.parquet").field("levels").type == "int32"
+    (package,) = export_run(undisturbed[0], "gpkg", tmp_path / "package").files
+    info = pyogrio.read_info(package, layer="facades")
+    types = dict(zip(info["fields"], info["dtypes"], strict=True))
+    assert {types[column.name] for column in COLUMNS if column.type == "int32"} == {"int32"}
 
 
 def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path: Path) -> None:

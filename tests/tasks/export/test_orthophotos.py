@@ -79,6 +79,8 @@ def test_each_is_a_cloud_optimised_geotiff(folder: Path) -> None:
 
 
 def test_items_are_stac(folder: Path) -> None:
+    collection = pystac.Collection.from_file(folder / "collection.json")
+    assert {item.id for item in collection.get_items()} == {file.stem for file in folder.glob("*.tif")}
     for file in folder.glob("*.tif"):
         value = json.loads(file.with_suffix(".json").read_text())
         item = pystac.Item.from_dict(value)

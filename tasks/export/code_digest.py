@@ -1,0 +1,34 @@
+"""Key of an export: two exports with one key have the same files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+from tasks.engine.stage_code import EXCLUDED_MODULES, ROOT, VERSION, collect_modules
+
+
+def export_key(format: str, snapshot: str, buildings: Sequence[str], options: Mapping[str, object]) -> str:
+    """Compute the key of an export from what it is made of, and from the code.
+
+    Parameters
+    ----------
+    format : format of the export.
+    snapshot : published snapshot.
+    buildings : selected buildings; empty: all.
+    options : options of the format, with values of JSON.
+    """
+    values = [format, snapshot, sorted(buildings), dict(sorted(options.items())), VERSION, _code_digest()]
+    return hashlib.sha256(json.dumps(values, default=str).encode(errors="surrogatepass")).hexdigest()[:32]
+
+
+@cache
+def _code_digest() -> str:
+    """Compute the digest of all modules that an export imports."""
+    found = collect_modules(["tasks.export.formats"], EXCLUDED_MODULES, ROOT)
+    digest = hashlib.sha256()
+    for name in sorted(found):
+        digest.update(f"{name} {found[name].digest}\n".encode())
+    return digest.hexdigest()

@@ -1,0 +1,71 @@
+"""Formats that can hold a city: how a block's part is written, and how the parts are joined."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from facade_core.core.arrays import IntArray
+from facade_core.core.json_types import JsonObject
+from facade_core.export.attribution import Attribution
+from tasks.export.whole_city.features import join_features, write_feature_piece
+from tasks.export.whole_city.models import join_tilesets, join_usd, write_tiles_part, write_usd_part
+from tasks.export.whole_city.orthophotos import join_orthophotos, write_orthophoto_part
+from tasks.export.whole_city.parts import CityFacts, Part
+from tasks.export.whole_city.tables import join_geopackage, join_geoparquet, write_map_pieces
+from tasks.publish.published_run import PublishedBlock
+
+
+@dataclass(frozen=True)
+class CityFormat:
+    """Format that can hold a city.
+
+    Attributes
+    ----------
+    write_part : writes the part of a block; returns its files to open first, notes, and facts for `join`.
+    join : writes what joins the parts, from the parts and their markers, into the folder; returns files to open first.
+    keeps_folders : each block has a folder in the export.
+    shares_crs : all blocks must have one coordinate reference system.
+    is_block_export : a part has the files of the export of the block alone.
+    """
+
+    write_part: Callable[
+        [PublishedBlock, IntArray, Part, CityFacts, JsonObject], tuple[list[str], list[str], JsonObject]
+    ]
+    join: Callable[[Path, Sequence[Part], Iterator[JsonObject], CityFacts, Attribution], list[str]]
+    keeps_folders: bool
+    shares_crs: bool
+    is_block_export: bool = False
+
+
+CITY_FORMATS = {
+    "3dtiles": CityFormat(write_tiles_part, join_tilesets, keeps_folders=True, shares_crs=False, is_block_export=True),
+    "cityjsonseq": CityFormat(
+        partial(write_feature_piece, openings=False),
+        partial(join_features, suffix=".city.jsonl"),
+        keeps_folders=True,
+        shares_crs=True,
+    ),
+    "lod3": CityFormat(
+        partial(write_feature_piece, openings=True),
+        partial(join_features, suffix=".lod3.city.jsonl"),
+        keeps_folders=True,
+        shares_crs=True,
+    ),
+    "gpkg": CityFormat(write_map_pieces, join_geopackage, keeps_folders=False, shares_crs=True),
+    "geoparquet": CityFormat(write_map_pieces, join_geoparquet, keeps_folders=False, shares_crs=True),
+    "cog": CityFormat(
+        write_orthophoto_part, join_orthophotos, keeps_folders=True, shares_crs=False, is_block_export=True
+    ),
+    "usd": CityFormat(write_usd_part, join_usd, keeps_folders=True, shares_crs=True),
+}
+# What to use in place of a format that holds one block.
+ALTERNATIVES = {
+    "glb": "3dtiles or usd",
+    "cityjson": "cityjsonseq",
+    "citygml": "lod3 or cityjsonseq",
+    "coco": "gpkg or geoparquet",
+    "labelme": "gpkg or geoparquet",
+}
