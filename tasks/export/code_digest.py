@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cache
 
-from tasks.engine.stage_code import EXCLUDED_MODULES, ROOT, VERSION, collect_modules
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT, VERSION
 
 
 def export_key(format: str, snapshot: str, buildings: Sequence[str], options: Mapping[str, object]) -> str:
@@ -21,14 +21,15 @@ def export_key(format: str, snapshot: str, buildings: Sequence[str], options: Ma
     options : options of the format, with values of JSON.
     """
     values = [format, snapshot, sorted(buildings), dict(sorted(options.items())), VERSION, _code_digest()]
-    return hashlib.sha256(json.dumps(values, default=str).encode(errors="surrogatepass")).hexdigest()[:32]
+    return hashlib.sha256(json.dumps(values).encode(errors="surrogatepass")).hexdigest()[:32]
 
 
 @cache
 def _code_digest() -> str:
-    """Compute the digest of all modules that an export imports."""
-    found = collect_modules(["tasks.export.formats"], EXCLUDED_MODULES, ROOT)
+    """Compute the digest of all modules; which of them an export imports is not worth the seconds to find out."""
     digest = hashlib.sha256()
-    for name in sorted(found):
-        digest.update(f"{name} {found[name].digest}\n".encode())
+    for package in CODE_PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            digest.update(f"{path.relative_to(ROOT)}\n".encode())
+            digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -14,7 +14,10 @@ import pyogrio
 import pytest
 
 from benchmarks.clients.validators import gltf_issues
+from benchmarks.programs import package
+from tasks.export.formats import export_run
 from tests.clients.conftest import Exported, first, present
+from tests.tasks.export.cities import write_city
 
 # What the validator has no list of yet: the two are of an extension that it does not know.
 KTX2 = {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
@@ -38,6 +41,16 @@ def test_every_tile_is_valid(textures: str, exported: Exported) -> None:
     assert found <= (KTX2 if textures == "ktx2" else set())
 
 
+def test_every_tile_of_a_city_is_valid(undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    with present():
+        package("gltf-validator")
+    city = write_city(tmp_path / "city", undisturbed[0], ["a", "b"])
+    folder = export_run(city, "3dtiles", tmp_path / "tiles").path
+    tiles = list(folder.rglob("*.glb"))  # type: ignore[union-attr]
+    assert {tile.relative_to(folder).parts[:2] for tile in tiles} == {("blocks", "a"), ("blocks", "b")}
+    assert said(*tiles) == set()
+
+
 def test_what_is_published_is_valid(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     out = undisturbed[0]
     folder = out / "published" / (out / "current").read_text().strip()
@@ -48,7 +61,7 @@ def test_gdal_reads_every_layer_of_a_geopackage(exported: Exported, undisturbed:
     path = first(exported("gpkg"))
     items = gpd.read_parquet(undisturbed[1]["outputs"]["items"])
     crs = json.loads((path.parent / "export.json").read_text())["crs"]
-    layers = [name for name, _ in pyogrio.list_layers(path)]
+    layers = [name for name, geometry in pyogrio.list_layers(path) if geometry is not None]
     assert {"facades", "buildings"} <= set(layers)
     for layer in layers:
         read = pyogrio.read_dataframe(path, layer=layer)

@@ -16,6 +16,7 @@ from catalogs.query.execution import query
 from flows.city import city as flow
 from flows.city_options import next_time_of_day
 from tasks.engine.store.commits import read_newest_journal
+from tasks.export.formats import export_run
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in
 from tests.pipeline.stages import write_block
 from tests.pipeline.test_cluster import wait_until
@@ -75,6 +76,14 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     assert [len(one.runs) for one in read_merged_items_headers(out)] == [2]
     assert (out / "overview.glb").is_file()
     assert summary["estimate"]["facades"] > 0
+
+    exported = export_run(out, "cityjsonseq", town.parent / "exported")
+    features = [json.loads(line) for line in exported.files[0].read_text().splitlines()[1:]]  # type: ignore[union-attr]
+    things = [id for one in features for id, thing in one["CityObjects"].items() if thing["type"] == "Building"]
+    assert sorted(things) == ["a", "b"], "each in the block that owns it, under its own id"
+    assert not exported.notes
+    header = json.loads(exported.files[0].read_text().splitlines()[0])  # type: ignore[union-attr]
+    assert ".npz" not in header["+metadata-extended"]["constraints"]["userNote"], "the parts of a city are no source"
 
     again = run(town)
     assert (again["blocks_done"], again["blocks_skipped"]) == (2, 2)

@@ -76,6 +76,8 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
     for name in files:
         given = export_run(out / "blocks" / name, "cityjson", tmp_path / f"exported-{name}").path
         assert not import_corrections(out, next(given.glob("*.city.json")), who="ben").files
+    whole = export_run(out, "gpkg", tmp_path / "whole.gpkg").path
+    assert not import_corrections(out, whole, who="ben").files
 
     # of a block by itself, as the viewer does, it goes to the same file
     CorrectionImporter(out / "blocks" / of["h0"]).add([{"building_id": "h0", "levels": 2}], "said", who="ben")

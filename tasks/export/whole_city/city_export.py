@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import os
@@ -14,7 +15,7 @@ from catalogs.features import natural_sort_key
 from catalogs.published.folders import Folder
 from catalogs.published.geopackage_digest import read_geopackage_stamp, write_geopackage_stamp
 from catalogs.published.s3 import S3Path
-from catalogs.published.snapshot import current_snapshot, find_current_snapshot
+from catalogs.published.snapshot import SnapshotFolder, current_snapshot, find_current_snapshot
 from facade_core.atlas.store import open_root
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -37,6 +38,8 @@ from tasks.export.whole_city.notes import PartNotes, list_names
 from tasks.export.whole_city.parts import CityFacts, Part, Staging
 from tasks.publish.published_run import PublishedBlock, open_published_snapshot
 
+# Source of a block that was cut from a city.
+CITY_PART_KEY = "part.path"
 # Stage of the progress over blocks.
 STAGE = "blocks"
 
@@ -77,6 +80,7 @@ def export_city(
     check_target(target, format, as_file)
     kind = CITY_FORMATS[format]
     city = _read_city_facts(out, log, blocks, kind)
+    gc.collect()  # an opened block is in cycles of references: several of them would stay in memory
     staging = Staging(target.with_name(f".{target.name}.part"), kind.keeps_folders)
     job = _CityExport(out, format, kind, city, staging, tuple(buildings), dict(options))
     try:
@@ -111,7 +115,7 @@ class _CityExport:
             self._write_part(part, target)
         notes += self._part_notes(parts)
         root, key = self.staging.root, self._whole_key(marker["key"] for marker in self._markers(parts))
-        attribution = merge_attributions(marker["attribution"] for marker in self._markers(parts))
+        attribution = merge_attributions(map(_attribution_without_extract, self._markers(parts)))
         main = self.kind.join(root, parts, self._markers(parts), self.city, attribution)
         if as_file:
             write_geopackage_stamp(root / main[0], key)
@@ -142,17 +146,22 @@ class _CityExport:
             if self.staging.read_part_marker(part).get("key") == key or self._copy_part(part, target, key):
                 report_progress(STAGE, earlier=1)
                 return
-            results = open_published_snapshot(snapshot)
-            chosen = results.select_buildings([one for one in self.buildings if one in _own_buildings(results)])
-            with self.staging.write_part(part) as temporary:
-                files, notes, facts = self.kind.write_part(results, chosen, temporary, self.city, self.options)
-                marked = self.staging.marked_folder(temporary)
-                write_block_marker(marked, results, self.format, key, files, notes, facts)
+            self._write_new_part(part, snapshot, key)
+        gc.collect()
         report_progress(STAGE, 1)
+
+    def _write_new_part(self, part: Part, snapshot: SnapshotFolder[Folder], key: str) -> None:
+        """Write the part of a block from its snapshot."""
+        results = open_published_snapshot(snapshot)
+        chosen = results.select_buildings([one for one in self.buildings if one in _own_buildings(results)])
+        with self.staging.write_part(part) as temporary:
+            files, notes, facts = self.kind.write_part(results, chosen, temporary, self.city, self.options)
+            marked = self.staging.marked_folder(temporary)
+            write_block_marker(marked, results, self.format, key, files, notes, facts)
 
     def _copy_part(self, part: Part, target: Path, key: str) -> bool:
         """Copy a part from the export that is replaced, or from the export of the block alone."""
-        if self.format not in ("3dtiles", "cog", "usd"):  # others have pieces that are joined
+        if self.kind.joins_pieces:
             return False
         sources = [target / part.uri]
         block = self._block_folder(part)
@@ -186,6 +195,12 @@ class _CityExport:
         for part, marker in zip(parts, self._markers(parts), strict=True):
             found.add(part.block, marker["notes"])
         return found.lines(len(parts))
+
+
+def _attribution_without_extract(marker: JsonObject) -> JsonObject:
+    """Return the attribution of a part without the extract of the city, whose sources are named too."""
+    attribution: JsonObject = marker["attribution"]
+    return attribution | {"sources": [one for one in attribution["sources"] if one["key"] != CITY_PART_KEY]}
 
 
 def _finished_export(target: Path, as_file: bool, key: str) -> tuple[Path, ...] | None:
@@ -225,6 +240,7 @@ def _list_owners(out: Folder, blocks: Sequence[str], buildings: Sequence[str]) -
     for block in blocks:
         with current_snapshot(out / BLOCKS_FOLDER / block).hold_for_reading() as snapshot:
             own = _own_buildings(open_published_snapshot(snapshot)) & set(buildings)
+        gc.collect()
         if own:
             owners.append(block)
             missing = {name: None for name in missing if name not in own}

@@ -215,6 +215,7 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
         "roofs",
         "ground",
         "streets",
+        "layer_styles",
     }
     roofs, built = gpd.read_file(path, layer="roofs"), gpd.read_file(path, layer="buildings").set_index("id")
     assert roofs.has_z.all()
