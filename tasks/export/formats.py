@@ -25,6 +25,7 @@ from tasks.export.targets import (
     check_target,
     marker_name,
     replace_file,
+    replace_folder,
     write_block_marker,
 )
 from tasks.publish.published_run import PublishedBlock, open_published_run

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ from tasks.export.targets import (
     file_digests,
     read_marker,
     replace_file,
+    replace_folder,
     write_block_marker,
 )
 from tasks.export.whole_city.formats import ALTERNATIVES, CITY_FORMATS, CityFormat
@@ -134,9 +134,7 @@ class _CityExport:
             "digests": file_digests(root),
         }
         (root / MARKER).write_text(json.dumps(about, indent=1) + "\n")
-        if target.exists():
-            shutil.rmtree(target)
-        os.replace(root, target)
+        replace_folder(root, target)
         return ExportResult(target, tuple(target / name for name in main), tuple(notes))
 
     def _write_part(self, part: Part, target: Path) -> None:

@@ -18,7 +18,7 @@ from catalogs.features import safe_file_stem
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
-from tasks.export.targets import find_changed_file, read_marker
+from tasks.export.targets import REPLACED, find_changed_file, read_marker
 
 # Folder of the blocks in the export, and of the pieces until they are joined.
 BLOCKS_FOLDER = "blocks"
@@ -105,6 +105,7 @@ class Staging:
                 raise InputError(
                     f"{self.root}: another export to this place is running; wait for it, or name another with --to"
                 ) from error
+            shutil.rmtree(self.root.with_name(f"{self.root.name}{REPLACED}"), ignore_errors=True)  # of a killed export
             yield
         finally:
             os.close(handle)
