@@ -11,10 +11,12 @@ from facade_core.atlas.table_schema import TableValues
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import ChartKind
 
-# Corners that change an outline by less are left out, metres.
+# Corners that change an outline by less are left out, and gaps between triangles are closed, metres.
 OUTLINE_TOLERANCE_M = 0.2
 # Triangles with less area seen from above do not count, square metres.
 MIN_TRIANGLE_M2 = 0.01
+# Smaller rings, such as of dormers and chimneys, are left out, square metres.
+MIN_RING_M2 = 2.0
 
 
 class BuildingOutline(NamedTuple):
@@ -54,5 +56,10 @@ def outline_buildings(charts: TableValues, mesh: TableValues) -> list[BuildingOu
 
 
 def _rings(shape: shapely.Geometry) -> list[list[list[float]]]:
-    rings = shapely.get_rings(shapely.simplify(shape, OUTLINE_TOLERANCE_M))
+    closed = shape.buffer(OUTLINE_TOLERANCE_M, join_style="mitre").buffer(-OUTLINE_TOLERANCE_M, join_style="mitre")
+    rings = [
+        ring
+        for ring in shapely.get_rings(closed.simplify(OUTLINE_TOLERANCE_M))
+        if shapely.Polygon(ring).area > MIN_RING_M2
+    ]
     return [np.round(shapely.get_coordinates(ring)[:-1], 1).tolist() for ring in rings]

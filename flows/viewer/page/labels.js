@@ -5,13 +5,16 @@ import { element } from "./elements.js";
 const FONT_PX = 12;
 const CHARACTER_PX = 6.6;
 const MOST = 40;
+// Bends of a street that a name along it does not follow.
+const BEND_PX = 4;
 
 // streets: [{name, points [[x, y]]}] as the map draws them; plane: what it shows.
 export function streetLabels(streets, plane) {
   const box = plane.box();
   const { scale } = plane.place;
   const candidates = [];
-  for (const { name, points } of streets) {
+  for (const { name, points: corners } of streets) {
+    const points = straightened(corners, BEND_PX / scale);
     for (let i = 1; i < points.length; i++) {
       const piece = clip(points[i - 1], points[i], box);
       if (!piece) continue;
@@ -45,6 +48,18 @@ export function blockLabels(blocks, plane) {
     const text = name.length > most ? `${name.slice(0, most - 1)}\u2026` : name;
     return [element("text", { class: "block-name", x, y, "font-size": FONT_PX / scale, "stroke-width": 3 / scale, "text-anchor": "middle" }, text)];
   });
+}
+
+// A line without the corners that are within some distance of it.
+function straightened(points, within) {
+  const [[x1, y1], [x2, y2]] = [points[0], points.at(-1)];
+  const length = Math.hypot(x2 - x1, y2 - y1) || 1;
+  let [worst, most] = [0, within];
+  points.forEach(([x, y], i) => {
+    const away = Math.abs((x2 - x1) * (y - y1) - (y2 - y1) * (x - x1)) / length;
+    if (away > most) [worst, most] = [i, away];
+  });
+  return worst ? [...straightened(points.slice(0, worst + 1), within).slice(0, -1), ...straightened(points.slice(worst), within)] : [points[0], points.at(-1)];
 }
 
 // Text that is read from the left, or from below.

@@ -56,7 +56,8 @@ export class BlockMap {
     this.drop(number);
     const flip = ([x, y]) => [x, -y];
     const outline = ({ rings }) => rings.map((points) => ring(points.map(flip))).join("");
-    const buildings = (mine, name) => [element("path", { class: name, d: block.buildings.filter(({ own }) => own === mine).map(outline).join("") })];
+    // a path each: parts of buildings lie over each other
+    const buildings = (mine, name) => block.buildings.filter(({ own }) => own === mine).map((one) => element("path", { class: name, d: outline(one) }));
     const lines = block.facades.map((facade, index) => {
       const [[x1, y1], [x2, y2]] = facade.line.map(flip);
       return element("line", { class: "facade", "data-facade": facade.id, x1, y1, x2, y2, stroke: this.colour(facade), opacity: this.strong(index, number) ? 1 : 0.25 },
