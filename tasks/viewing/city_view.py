@@ -111,16 +111,17 @@ class CityReader:
         self._crs = ""
         self._city = ViewedCity("", under_way=False)
         self._expires = 0.0
-        # the version of the code takes seconds to compute, for which the page does not wait
         self._code = ""
-        threading.Thread(target=self._read_code_version, daemon=True, name="code version").start()
 
     def read(self) -> ViewedCity:
         """Read the newest state of the blocks; repeated calls within a second share one reading."""
         with self._lock:
             if time.monotonic() >= self._expires:
                 started = time.monotonic()
+                is_first = not self._expires
                 self._city = self._read()
+                if is_first:  # it takes seconds to compute, for which the first page does not wait
+                    threading.Thread(target=self._read_code_version, daemon=True, name="code version").start()
                 took = time.monotonic() - started
                 self._expires = time.monotonic() + max(MIN_REFRESH_S, REFRESH_FACTOR * took)
             return self._city

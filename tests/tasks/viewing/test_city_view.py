@@ -83,6 +83,9 @@ def test_blocks_have_states_places_and_names_of_streets(reader: CityReader) -> N
     write_block_result(out, "b2", BlockResult(0, digest="another", version="v", snapshot="S1"))
     write_block_result(out, "b3", BlockResult(2, reason="b3.yaml: crs: is missing"))
     write_block_result(out, "b4", BlockResult(DEADLINE_EXIT_CODE, reason="its time was up"))
+    reader.read()
+    while not reader._code:  # computed after the first reading
+        time.sleep(0.01)
     with lock_folder(out / "blocks" / "b5"):
         said = reader.describe()
     states = {block["name"]: block["state"] for block in said["blocks"]}
