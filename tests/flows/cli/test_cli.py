@@ -238,7 +238,7 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
         (
             ("export", "FOLDER", "--format", "gltf"),
             "export: invalid value for '--format': 'gltf' is not one of 'glb', '3dtiles', 'cityjson', 'cityjsonseq', 'lod3', "
-            "'citygml', 'coco', 'labelme', 'gpkg', 'cog', 'usd'; did you mean glb? (streetloom export --help)",
+            "'citygml', 'coco', 'labelme', 'gpkg', 'geoparquet', 'cog', 'usd'; did you mean glb? (streetloom export --help)",
         ),
         (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
         (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),
