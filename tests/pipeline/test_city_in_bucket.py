@@ -49,7 +49,7 @@ pytestmark = pytest.mark.timeout(2400)
 TYPED = block_process._run_command
 
 
-def called(arguments: Sequence[str], ends: float | None) -> block_process.CommandResult:
+def called(arguments: Sequence[str], ends: float | None, errors: Path) -> block_process.CommandResult:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
