@@ -173,7 +173,7 @@ def _texture_block(
     ):
         outline = (ingest or submit(ingest_block, run, block, map_units)).result()
         run = replace(run, ingested=outline.ingested)
-        for line in describe_rejected_inputs(outline):
+        for line in describe_rejected_inputs(outline.set_aside):
             print_status(line)
         forecast = forecast_work(run, block, outline)
         if forecast.said:

@@ -75,7 +75,7 @@ def city_command(
     if as_json:
         click.echo(json.dumps(summary))
     else:
-        _print_city_summary(summary)
+        print_city_summary(summary)
     sys.exit(_city_exit_code(summary))
 
 
@@ -101,7 +101,10 @@ def _city_exit_code(summary: JsonObject) -> int:
     return 75 if summary["left"] else 0
 
 
-def _print_city_summary(summary: JsonObject) -> None:
+def print_city_summary(summary: JsonObject) -> None:
+    """Print what a run of a city did, and what of its inputs was left out or assumed."""
+    from tasks.engine.forecast import describe_rejected_inputs
+
     print_line(
         f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, {summary['facades_done']} facades in "
         f"{summary['seconds']:.0f} s; {summary['blocks_skipped']} blocks were done before"
@@ -110,6 +113,10 @@ def _print_city_summary(summary: JsonObject) -> None:
         print_line(f"  failed {failure['unit']}: {failure['reason']}")
     for _, id, reason in (entry for entry in summary["set_aside"] if entry[0] == "correction"):
         print_line(f"  waits  {id}: {reason}")
+    for line in describe_rejected_inputs(entry for entry in summary["set_aside"] if entry[0] != "correction"):
+        print_line(f"  input  {line}")
+    for note in summary["notes"]:
+        print_line(f"  input  {note}")
     if summary["left"]:
         print_line(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
     if (estimate := summary["estimate"])["processor_hours_taken"]:

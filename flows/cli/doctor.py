@@ -61,10 +61,16 @@ def doctor(out: Folder | None, as_json: bool) -> None:
 
 
 def _examine_runs(out: Folder) -> Iterator[Finding]:
-    """Return the findings of the run in a folder, or of each run below it with its name."""
+    """Return the findings of the run in a folder, or of a city's inputs and of each run below it with its name."""
     from catalogs.published.runs import find_runs_with_store
+    from tasks.city.city_log import read_city_log
     from tasks.doctor import examine_folder
+    from tasks.doctor.findings import Finding
+    from tasks.engine.forecast import describe_rejected_inputs
 
+    log = read_city_log(out)
+    for line in (*log.notes, *describe_rejected_inputs(log.set_aside)):
+        yield Finding("inputs", None, f"{log.name}: {line}")
     runs = {} if (out / "store").is_dir() else find_runs_with_store(out)
     if not runs:
         yield from examine_folder(out)

@@ -64,11 +64,12 @@ class CityBlock:
 
 @dataclass(frozen=True)
 class City:
-    """City after reading: its blocks, and rejected objects as (kind, id, reason)."""
+    """City after reading: its blocks, rejected objects as (kind, id, reason), and notes on its inputs."""
 
     name: str
     blocks: tuple[CityBlock, ...]
     set_aside: tuple[tuple[str, str, str], ...]
+    notes: tuple[str, ...] = ()
 
 
 def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
@@ -108,7 +109,7 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
         counts, place = block_counts_from_map(block), place_block(block)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts, place=place))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
-    return City(keys.name, tuple(blocks), faults + tuple(_unused_corrections(whole, corrections)))
+    return City(keys.name, tuple(blocks), faults + tuple(_unused_corrections(whole, corrections)), whole.block.notes)
 
 
 def _unused_corrections(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:

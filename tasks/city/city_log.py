@@ -112,6 +112,7 @@ class CityLog:
     blocks : newest result of each block by name.
     digests : digest of each block's input by name.
     set_aside : rejected objects as (kind, id, reason).
+    notes : what of the whole city's inputs was left out or assumed, one line each.
     told : counts of each block from the map, the fields of `BlockCounts`.
     sources : source digest of each block file that the user wrote.
     places : place of each block by name, as `BlockPlace.to_json` returns it; empty where its file cannot be used.
@@ -123,6 +124,7 @@ class CityLog:
     blocks: Mapping[str, BlockResult] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
     set_aside: Sequence[Sequence[str]] = ()
+    notes: Sequence[str] = ()
     told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
     places: Mapping[str, JsonObject] = field(default_factory=dict)
@@ -135,7 +137,7 @@ class CityLog:
         told = {block.name: asdict(block.counts) for block in city.blocks}
         sources = {block.name: block.source for block in city.blocks if block.source}
         places = {block.name: block.place.to_json() if block.place else {} for block in city.blocks}
-        return CityLog(city.name, source, kept, digests, city.set_aside, told, sources, places, self.over)
+        return CityLog(city.name, source, kept, digests, city.set_aside, city.notes, told, sources, places, self.over)
 
     def estimate(self, names: Sequence[str], workers: int, at_once: int) -> JsonObject:
         """Predict the cost of some blocks from their maps.
@@ -185,6 +187,7 @@ class CityLog:
             ],
             "left": [name for name, ended in self.blocks.items() if ended.code is None],
             "set_aside": [list(one) for one in self.set_aside],
+            "notes": list(self.notes),
         }
 
 

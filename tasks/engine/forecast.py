@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from catalogs.block import Block
@@ -72,10 +72,10 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     return WorkForecast(said, units)
 
 
-def describe_rejected_inputs(outline: PlanSummary) -> list[str]:
-    """Return a line for each kind of input that cannot be used, before anything is done without it."""
+def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
+    """Return a line for each kind of input that cannot be used, of inputs as (kind, id, reason)."""
     found: dict[str, list[tuple[str, str]]] = {}
-    for kind, unit, reason in outline.set_aside:
+    for kind, unit, reason in set_aside:
         found.setdefault(kind, []).append((unit, reason))
     lines = []
     for kind, units in found.items():

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from catalogs.block.reader import read_block
 from catalogs.city.keys import uses_default_partition
 from facade_core.core.errors import BlockFileError, InputError
+from flows.cli.city import print_city_summary
 from flows.cli.commands import command_line
 from tasks.city import blocks
 from tasks.city import city_log as accounts
@@ -74,6 +75,20 @@ def test_who_asks_a_city_of_which_no_block_is_done_is_told_of_its_command(tmp_pa
     for command in (["query", str(out)], ["metrics", str(out)], ["doctor", str(out)], ["catalog", str(out)]):
         said = CliRunner().invoke(command_line, command)
         assert f"`streetloom city CITY.yaml --out {out}`" in said.output, command
+
+
+def test_what_was_assumed_of_a_whole_city_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At the end of its run and by the doctor: its blocks are read from extracts, which have no notes."""
+    file, out = town(tmp_path, HOUSES | {"thin": (100, 5, 0, 6, 7.0)}, geoid_separation="auto"), tmp_path / "out"
+    found, _ = load_or_partition_city(file, out)
+    wanted = ("1 (thin)", "geoid_separation: ")
+    assert all(any(words in note for note in found.notes) for words in wanted)
+    assert list(read_city_log(out).notes) == list(found.notes)
+    ended = {"seconds": 0, "blocks_skipped": 0, "estimate": {"processor_hours_taken": 0}}
+    print_city_summary(found.summary(out) | ended)
+    examined = CliRunner().invoke(command_line, ["doctor", str(out)]).output
+    for said in (capsys.readouterr().out, examined):
+        assert all(words in said for words in wanted)
 
 
 def test_a_block_that_was_cut_is_told_to_be_one(tmp_path: Path) -> None:
