@@ -62,7 +62,7 @@ def called(arguments: Sequence[str], ends: float | None, errors: Path) -> block_
 
 
 def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
-    return run_city_without_server(file, out, CityOptions(workers=1, **asked))
+    return run_city_without_server(file, out, CityOptions(workers=1, at_once=1, **asked))
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ def test_a_block_of_it_is_seen_and_exported(cities: tuple[Path, S3Path, Path, di
         assert page.get(tile).content[:4] == b"glTF"
     refused = call(command_line, ["export", str(out), "--format", "glb", "--to", str(tmp_path / "all")])
     assert refused.exit_code == 2
-    assert f"name one, such as {out}/{name}" in refused.stderr
+    assert f"a block of it, such as {out}/{name}" in refused.stderr
     exported = call(command_line, ["export", f"{out}/{name}", "--format", "cityjson", "--to", str(tmp_path / "one")])
     assert exported.exit_code == 0, exported.output
     assert list((tmp_path / "one").glob("*.city.json"))
