@@ -86,7 +86,7 @@ def test_a_block_is_planned_run_and_queried(place: Path) -> None:
     block, out = str(place / "block.yaml"), str(place / "out")
     planned = run_as_nobody(place, "flows", "plan", block)
     assert planned.returncode == 0, planned.stderr
-    assert planned.stdout.startswith("tiny: 1 blocks, ")
+    assert planned.stdout.startswith("tiny: one block, ")
     done = run_as_nobody(place, "flows", "run", block, "--out", out)
     assert done.returncode == 0, done.stderr
     assert "telemetry" not in done.stderr  # of onnxruntime, which would send usage data
