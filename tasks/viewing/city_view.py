@@ -250,7 +250,7 @@ class CityReader:
 
 
 def describe_run(reader: RunReader, is_running: Callable[[Folder], bool]) -> JsonObject:
-    """Return one run as a city of one block, as `CityReader.describe` does.
+    """Return one run as a city of one block, as `CityReader.describe` does, with the newest snapshot of its store.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def describe_run(reader: RunReader, is_running: Callable[[Folder], bool]) -> Jso
         "under_way": running,
         "crs": place.crs,
         "origin": list(origin),
-        "blocks": [_describe_block(block, origin, True)],
+        "blocks": [_describe_block(block, origin, True) | {"newest": view.snapshot}],
         "notes": [],
     }
 

@@ -53,9 +53,9 @@ export class City {
     return ask(`api/find?text=${encodeURIComponent(text)}`, "");
   }
 
-  // What a block's map is of: its newest snapshot; of a running one, of now.
-  key({ state, published }) {
-    return state === "running" ? `running ${Math.floor(Date.now() / RUNNING_MS)}` : `${state} ${published}`;
+  // What a block's map is of: its newest snapshot, of one run also an unpublished one; of a running one, of now.
+  key({ state, published, newest }) {
+    return state === "running" ? `running ${Math.floor(Date.now() / RUNNING_MS)}` : `${state} ${newest || published}`;
   }
 
   // The map of a block that is here already, maybe of before; else null.
@@ -91,11 +91,12 @@ export class City {
     return entry.block;
   }
 
-  async fetch(number, { published, state }) {
+  async fetch(number, { published, newest, state }) {
     if (this.asked >= AT_ONCE) await new Promise((go) => this.waiting.push(go));
     this.asked += 1;
     try {
-      const of = published && state !== "running" ? `?of=${published}` : "";
+      const shown = newest || published;
+      const of = shown && state !== "running" ? `?of=${shown}` : "";
       return await ask(`api/block${of}`, blockBase(number, this.single));
     } finally {
       this.asked -= 1;
