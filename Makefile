@@ -10,6 +10,9 @@ ifneq ($(wildcard /etc/ssl/certs/ca-certificates.crt /etc/pki/tls/certs/ca-bundl
 export UV_SYSTEM_CERTS ?= true
 endif
 
+# Of the tests without whole runs, those that take most of the time; a change there runs its own
+SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
+
 .PHONY: demo test quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
@@ -20,7 +23,7 @@ test: setup check clients  ## Run style checks, type checks and tests
 
 quick: setup  ## Check style and run the tests that need no whole run, for every edit
 	$(BIN)/ruff check --quiet .
-	$(BIN)/python -m pytest -n 2 --dist loadfile tests/facade_core tests/catalogs tests/test_*.py --ignore tests/facade_core/parse
+	$(BIN)/python -m pytest -n 2 --dist loadfile tests/facade_core tests/catalogs tests/test_*.py $(SLOW:%=--ignore tests/%)
 
 check: setup
 	$(BIN)/ruff check .
