@@ -96,7 +96,7 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         rgb = replay.draw_panorama(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(rgb, "JPEG"), media_type="image/jpeg", headers=IMMUTABLE)
 
-    def grown(request: Request) -> Response:
+    def growth_picture(request: Request) -> Response:
         view = reader.open_newest()
         image = replay.draw_after_viewpoint(view, _parse_index(request, "viewpoint", len(view.tables.street)))
         return Response(encode_picture(image), media_type="image/webp", headers=IMMUTABLE)
@@ -119,7 +119,7 @@ def run_routes(reader: RunReader, editor: EditorUser | None, redo: BackgroundRun
         "/picture/facade": stage,
         "/picture/before": earlier,
         "/picture/panorama": panorama,
-        "/picture/grown": grown,
+        "/picture/grown": growth_picture,
     }
     routes: list[BaseRoute] = [Route(path, answer_errors(respond)) for path, respond in answers.items()]
     if editor is not None:

@@ -40,14 +40,14 @@ def test_a_step_is_told_as_it_begins_and_again_while_it_lasts() -> None:
     assert lines[1].startswith("reading the map: ")
 
 
-def log_of(names: str) -> CityLog:
+def city_log_with(names: str) -> CityLog:
     counts = asdict(BlockCounts(100, 50, 20, 10, 5.0, megapixels=1.0))
     return CityLog("town", blocks={n: BlockResult() for n in names}, told={n: counts for n in names})
 
 
 def test_progress_names_what_runs_and_what_is_left(tmp_path: Path) -> None:
     now = [0.0]
-    log = log_of("abcd")
+    log = city_log_with("abcd")
     progress = CityProgress(tmp_path, log, list("abcd"), CityOptions(at_once=1), clock=lambda: now[0])
     progress.running += ["a", "b"]
     printed = block_output_path(tmp_path, "b")
@@ -76,7 +76,7 @@ def test_a_city_tells_its_progress_while_it_waits(tmp_path: Path, monkeypatch: p
             ended.put(("a", future))
 
     monkeypatch.setattr("flows.city.print_status", tell)
-    progress = CityProgress(tmp_path, log_of("a"), ["a"], CityOptions(), running=["a"])
+    progress = CityProgress(tmp_path, city_log_with("a"), ["a"], CityOptions(), running=["a"])
     assert _next_result(ended, progress) == ("a", future)
     assert all("running a" in line for line in lines)
     assert city_progress.PROGRESS_INTERVAL_S <= 30
