@@ -65,14 +65,14 @@ def export_city(
     ------
     InputError : one line with the remedy.
     """
+    if to is None and isinstance(out, S3Path):
+        raise InputError(f"{out}: a city in a bucket is exported to this machine; name a folder here with --to")
     log = read_city_log(out)
     if format not in CITY_FORMATS:
         raise InputError(
             f"--format {format}: holds one block, and {out} is a city; use {ALTERNATIVES[format]}, or export a block of it, "
             f"such as {out}/{BLOCKS_FOLDER}/{next(iter(log.blocks), 'NAME')}"
         )
-    if to is None and isinstance(out, S3Path):
-        raise InputError(f"{out}: a city in a bucket is exported to this machine; name a folder here with --to")
     blocks, notes = _list_published_blocks(out, log)
     if buildings:
         blocks = _list_owners(out, blocks, buildings)
