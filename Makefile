@@ -13,13 +13,19 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
+.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
 
-test: setup check clients  ## Run style checks, type checks and tests
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder  # whole runs first; 3 processes on 2 cores, as tests wait
+# whole runs first; 3 processes on 2 cores, as tests wait
+SUITE := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+
+test: setup check clients  ## Run style checks, type checks and tests, without those marked long: a quarter of an hour
+	$(SUITE) -m "not long"
+
+test-long: setup clients  ## Run the tests marked long: runs that are killed, lose their servers, follow schedules or change; three quarters of an hour
+	$(SUITE) -m long
 
 quick: setup  ## Check style and run the tests that need no whole run, for every edit
 	$(BIN)/ruff check --quiet .

@@ -62,6 +62,7 @@ def typed(words: list[str]) -> None:
     assert done.exit_code == 0, (words, done.output)
 
 
+@pytest.mark.long
 def test_the_demo_in_ten_minutes(here: Path) -> None:
     done = [words[1:] for words in commands("tutorial.md") if words[0] == "streetloom"]
     assert {words[0] for words in done} == {"view", "query", "export", "import", "run"}

@@ -37,6 +37,7 @@ def test_what_is_new_has_a_record() -> None:
     assert [row.what for row in ROWS.rows if row.by == "hand" and row.of and row.of > RECORDS_SINCE] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", AGAIN)
 def test_a_figure_that_is_quick_to_measure_is_measured_again(name: str, data: Path) -> None:
     """And stands on the page as it is: only time may differ, which such a row does not tell."""

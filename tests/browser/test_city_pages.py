@@ -40,6 +40,7 @@ def box(page: Any) -> list[float]:
     return [float(value) for value in page.get_attribute(".map svg", "viewBox").split()]
 
 
+@pytest.mark.long
 def test_the_map_zooms_and_pans_by_pointer_wheel_keys_and_buttons(page: Any, address: str) -> None:
     page.goto(address)
     page.wait_for_selector("path.block")
@@ -169,6 +170,7 @@ def test_a_city_that_is_running_is_followed(page: Any, address: str, city: tuple
     wait(page, "document.querySelector('h2').innerText.endsWith('facades to look at')")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(390, 844), (1280, 720)])
 def test_pages_of_a_city_are_accessible(browser: Any, address: str, size: tuple[int, int]) -> None:
     from axe_playwright_python.sync_playwright import Axe

@@ -18,6 +18,8 @@ from tests.pipeline.corrected import made, textured_houses
 from tests.pipeline.stages import digests_of
 from tests.pipeline.viewed import viewing
 
+pytestmark = pytest.mark.long
+
 FACADE = "b-2"
 
 

@@ -29,6 +29,8 @@ from tests.pipeline.corrected import HOUSES, STREET, made
 from tests.pipeline.stages import EAST, NORTH, write_block
 from tests.pipeline.viewed import get, viewing
 
+pytestmark = pytest.mark.long
+
 FRONTS = ("a-0", "b-2")
 
 

@@ -12,6 +12,8 @@ import pytest
 from tests.chromium import wait
 from tests.faults.hostile_names import hostile_block
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def hostile(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:

@@ -21,6 +21,8 @@ from flows.lock import lock_folder
 from tests.chromium import tab, wait
 from tests.pipeline.viewed import get, viewing
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def address(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[str]:

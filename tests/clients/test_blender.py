@@ -59,6 +59,7 @@ def seen(exported: Exported, found: PublishedBlock, tmp_path_factory: pytest.Tem
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("style", ["glb", "cityjson", "lod3"])
 def test_every_part_shows_a_picture(seen: Seen, style: str) -> None:
     told = seen[style].told
@@ -81,6 +82,7 @@ def test_blender_draws_what_streetloom_draws(seen: Seen, style: str, edges: floa
     assert found["edges_shared"] > edges
 
 
+@pytest.mark.long
 def test_a_lit_model_opens_with_all_of_its_pictures(exported: Exported) -> None:
     model = first(exported("glb", lit=True))
     with present():

@@ -14,6 +14,8 @@ import pytest
 from benchmarks.clients.browser import Opened, in_cesium
 from tests.clients.conftest import Exported, present
 
+pytestmark = pytest.mark.long
+
 SIDE = 256
 # Of a view's places, those of a grid are asked.
 PLACES = [(x, y) for x in range(24, SIDE, 32) for y in range(24, SIDE, 32)]

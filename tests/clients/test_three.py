@@ -14,6 +14,7 @@ from tests.clients.conftest import Exported, first, present
 PLACES = [(x, y) for x in range(16, 256, 24) for y in range(16, 256, 24)]
 
 
+@pytest.mark.long
 def test_every_tile_opens_and_a_facade_answers(
     textures: str, browser: Any, exported: Exported, undisturbed: tuple[Path, dict[str, Any]]
 ) -> None:

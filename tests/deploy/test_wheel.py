@@ -42,6 +42,7 @@ def test_a_wheel_holds_models_examples_and_pages_and_neither_tests_nor_benchmark
     assert {Path(line) for line in tracked.stdout.splitlines()} <= held
 
 
+@pytest.mark.long
 def test_it_runs_outside_a_clone_as_the_same_code(installed: Path) -> None:
     where = run(installed, "-c", "import flows; print(flows.__file__)")
     assert Path(where.stdout.strip()).is_relative_to(installed)

@@ -61,6 +61,7 @@ def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style
         assert e.confidence < 1, "what the parser reads is not certain"
 
 
+@pytest.mark.long
 def test_the_same_photo_and_seed_make_the_same_bits() -> None:
     one, two = (build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=5) for _ in range(2))
     np.testing.assert_array_equal(one.image, two.image)

@@ -440,6 +440,7 @@ for name in sys.argv[1:]:
 """
 
 
+@pytest.mark.long
 def test_no_picture_takes_a_gigabyte(tmp_path: Path) -> None:
     """144 megapixels in a file of kilobytes, of each format, in a process that may take 1 GB more."""
     image = Image.new("RGB", (12_000, 12_000), "teal")

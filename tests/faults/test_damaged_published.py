@@ -6,10 +6,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from catalogs.published.snapshot import current_snapshot
 from tasks.engine.run import Run
 from tasks.engine.store.status import completion_summary
 from tasks.publish.task import publish_block
+
+pytestmark = pytest.mark.long
 
 
 def cut(path: Path) -> None:

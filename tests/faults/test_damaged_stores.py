@@ -133,6 +133,7 @@ def test_the_branch_is_found_again(run: Run, damage: Callable[[Path], None]) -> 
     assert completion_summary(run) is not None
 
 
+@pytest.mark.long
 def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run], run: Run) -> None:
     out, store = Path(run.out), run.store
     wanted = digests_of(out)

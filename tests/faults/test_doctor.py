@@ -70,6 +70,7 @@ def cut_snapshot(run: Run) -> None:
     path.write_bytes(path.read_bytes()[:50])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("damage", "concern", "said"),
     [
@@ -95,6 +96,7 @@ def test_what_is_damaged_is_said_with_what_mends_it(
         assert "lost what they made" in repair_store(run)[0]
 
 
+@pytest.mark.long
 def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     textured: tuple[Path, Run], run: Run, tmp_path: Path
 ) -> None:

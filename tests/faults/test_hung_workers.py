@@ -71,6 +71,7 @@ def both(two: Cluster) -> set[int]:
     return found
 
 
+@pytest.mark.long
 def test_both_workers_killed_in_a_street(two: Cluster, tmp_path: Path) -> None:
     """Its unit was given to a worker's address that does not come back."""
     pids = both(two)
@@ -103,6 +104,7 @@ def test_a_stopped_worker_costs_what_it_had_and_no_more(two: Cluster) -> None:
     assert both(two) == pids  # it is used again
 
 
+@pytest.mark.long
 def test_a_unit_that_hangs_is_tried_elsewhere_and_its_worker_started_anew(hasty: Cluster, tmp_path: Path) -> None:
     pids = both(hasty)
     first = hasty.submit(slow, 600.0, str(tmp_path)).result()
@@ -112,6 +114,7 @@ def test_a_unit_that_hangs_is_tried_elsewhere_and_its_worker_started_anew(hasty:
     assert after != pids
 
 
+@pytest.mark.long
 def test_a_unit_that_hangs_everywhere_fails_alone(hasty: Cluster) -> None:
     both(hasty)
     hangs, good = hasty.submit(slow, 600.0), hasty.submit(worker)

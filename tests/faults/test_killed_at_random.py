@@ -40,7 +40,7 @@ MOMENTS = ["updated", "seconds", "run"]
 ENDINGS = (0, 70, 75)
 
 # Bounds a hang, and no more: a run takes a minute and a half where other work shares the cores.
-pytestmark = pytest.mark.timeout(2400 + 300 * KILLS)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(2400 + 300 * KILLS)]
 
 
 def test_killed_at_random_moments(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from tests.pipeline.runs import PATIENCE_S, ROOT, environment
 from tests.pipeline.stages import digests_of, write_block
 from tests.pipeline.test_city import HOUSES, STREETS
 
-pytestmark = pytest.mark.timeout(1200 + 120 * KILLS)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200 + 120 * KILLS)]
 
 
 @dataclass(frozen=True)

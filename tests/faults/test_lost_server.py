@@ -63,6 +63,7 @@ def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest
         record.wait_until_ready()
 
 
+@pytest.mark.long
 def test_the_server_killed_while_a_street_is_done_again(left_to_streets_copy: Path, tmp_path: Path) -> None:
     """The real command: what is asked before the server is there, its loss, and what the run then says, publishes and logs."""
     block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"

@@ -22,6 +22,8 @@ from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.unit import Unit, UnitGroup
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
+pytestmark = pytest.mark.long
+
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 

@@ -23,7 +23,7 @@ INTERRUPTS = int(os.environ.get("STREETLOOM_INTERRUPTS", "2"))
 # Seconds that each process is stopped: longer than what polls it waits, shorter than what gives it up.
 STOP_S = 2.0
 
-pytestmark = pytest.mark.timeout(1800 + 120 * INTERRUPTS)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800 + 120 * INTERRUPTS)]
 
 
 def start(block: Path, out: Path) -> subprocess.Popen[str]:

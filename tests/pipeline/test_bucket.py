@@ -56,7 +56,7 @@ if __name__ == "__main__":
     print(json.dumps(run_block_without_server(Path(sys.argv[1]), folder_at(sys.argv[2]), workers=int(sys.argv[3]))))
 """
 
-pytestmark = pytest.mark.timeout(2400)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,8 @@ from tasks.viewing import read_previous_capture_picture
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
+pytestmark = pytest.mark.long
+
 WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0
 WALL, OTHER = (
     paint((12.0, 7.0), floors=2, columns=columns, style=style, metres_per_pixel=0.04, seed=seed).image

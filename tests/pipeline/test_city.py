@@ -21,6 +21,8 @@ from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in
 from tests.pipeline.stages import write_block
 from tests.pipeline.test_cluster import wait_until
 
+pytestmark = pytest.mark.long
+
 # A house on either side of where the city is cut, and a street past both.
 HOUSES = {"a": (4, 5, 12, 6, 7.0), "b": (74, 5, 12, 6, 9.0)}
 STREETS = {"1": [(0, 0), (45, 0), (90, 0)]}

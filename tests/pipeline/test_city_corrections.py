@@ -49,6 +49,7 @@ def said(folder: Path, *corrections: dict[str, Any]) -> Path:
     return folder / "said.json"
 
 
+@pytest.mark.long
 def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_path: Path) -> None:
     city, out = town(tmp_path), tmp_path / "out"
     files = made(city)

@@ -43,7 +43,7 @@ from tests.pipeline.test_bucket import done
 from tests.pipeline.test_city import HOUSES, STREETS
 from tests.pipeline.test_cluster import finish, machines, wait_until
 
-pytestmark = pytest.mark.timeout(2400)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 
 # What runs a block as it is typed.
 TYPED = block_process._run_command

@@ -12,9 +12,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from facade_core.core.errors import StoreError
 from tasks.engine.store.commits import read_newest_journal
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
+
+pytestmark = pytest.mark.long
 
 
 class Machines:

@@ -26,6 +26,8 @@ from tasks.viewing.run_view import RunReader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -44,7 +44,7 @@ from tests.pipeline.stages import STREETS, digests_of, texture, write_block, wri
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun, State
 
-pytestmark = pytest.mark.timeout(2400)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 
 RUN = (
     """prefect deployment run city-block/dev --watch --param block_file='"blocks/mine.yaml"' --param out='"out/mine"'"""

@@ -16,6 +16,7 @@ from facade_core.core.provenance import Provenance
 from tasks.history import after_viewpoint
 
 
+@pytest.mark.long
 def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     out, _ = undisturbed
     group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")

@@ -18,6 +18,8 @@ from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL
 from tests.pipeline.test_changes import captured
 
+pytestmark = pytest.mark.long
+
 # A house at a corner, a street before two of its walls; and one with a wall on a street besides.
 BUILDINGS = {"corner": (4, 5, 12, 10, 8.0), "a": (24, -8, 12, 2.8, 9.0)}
 STREETS = {"1": [(0, 0), (45, 0)], "2": [(0, -15), (0, 25)]}

@@ -41,6 +41,8 @@ from tests.pipeline.stages import (
     write_photo,
 )
 
+pytestmark = pytest.mark.long
+
 Again = Callable[..., tuple[set[str], Textured]]
 ALL_STREETS = {"s1", "s2", "s3"}
 # Stages whose units follow from what the others do.

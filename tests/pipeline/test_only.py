@@ -10,6 +10,8 @@ import pytest
 from flows.block import run_block_without_server
 from tests.pipeline.stages import digests_of, sooner, write_block
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _sooner() -> Iterator[None]:

@@ -70,6 +70,7 @@ def listed(snapshot: SnapshotFolder[Path]) -> dict[str, dict[str, Any]]:
     return {tile["path"]: tile for tile in json.loads(snapshot.tiles.read_text())["tiles"]}
 
 
+@pytest.mark.long
 def test_tiles_are_the_block(seeded: Path) -> None:
     snapshot = current_snapshot(seeded / "out")
     tiles = listed(snapshot)
@@ -99,6 +100,7 @@ def test_tiles_are_the_block(seeded: Path) -> None:
     assert {"overview", "tiles", "model"} <= item["assets"].keys()
 
 
+@pytest.mark.long
 def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     before, first = started(folder / "out"), current_snapshot(folder / "out")
@@ -133,6 +135,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     assert first.folder.is_dir()
 
 
+@pytest.mark.long
 def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
@@ -184,6 +187,7 @@ def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp
     assert snapshot.overview.read_bytes() == current_snapshot(seeded / "out").overview.read_bytes()
 
 
+@pytest.mark.long
 def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
@@ -209,6 +213,7 @@ def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Pa
     assert ours == theirs
 
 
+@pytest.mark.long
 def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

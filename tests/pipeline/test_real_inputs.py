@@ -21,6 +21,8 @@ from facade_core.core.provenance import Provenance
 from facade_core.synth.exemplars import paint_exemplar_set
 from tests.pipeline.runs import run
 
+pytestmark = pytest.mark.long
+
 X, Y, GROUND = 121_000.0, 487_000.0, 1.5
 
 

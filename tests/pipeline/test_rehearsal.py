@@ -12,7 +12,7 @@ import pytest
 from deploy.rehearsal import namespaces, postgres
 from tests.pipeline.runs import ROOT, environment
 
-pytestmark = pytest.mark.timeout(2400)
+pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 
 
 def test_a_block_ends_as_without_faults_after_all_that_happens_to_its_cluster(tmp_path: Path) -> None:

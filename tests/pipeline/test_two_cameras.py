@@ -20,6 +20,8 @@ from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.bundles.refined_poses import read_bundled_pose_records
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
+pytestmark = pytest.mark.long
+
 WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0
 WALL = paint((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
 # The ground from 10 m south and 10 m west of where streets begin, four pixels a metre.

@@ -167,6 +167,7 @@ def test_the_report_shows_every_street_front_and_no_outside_address(undisturbed:
         assert "https:" not in page
 
 
+@pytest.mark.long
 def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:
     out, first = undisturbed
     again = run(block, out, program=TYPED)
@@ -176,6 +177,7 @@ def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:
     assert again["outputs"] == first["outputs"]
 
 
+@pytest.mark.long
 def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undisturbed: Run, tmp_path: Path) -> None:
     """Nothing is fetched: the run sees no network but loopback, where the machine lets a test make such a place."""
     can = subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
@@ -193,6 +195,7 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     assert {r["worker"] for r in read_newest_journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("translator", ["exemplar", "neural"])
 def test_walls_left_to_the_translator(tmp_path: Path, translator: str) -> None:
     """With `walls: translate` no exemplar is needed, and the street stage textures every wall that has no photo."""
@@ -210,6 +213,7 @@ def test_walls_left_to_the_translator(tmp_path: Path, translator: str) -> None:
     assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
 
 
+@pytest.mark.long
 def test_a_broken_photo_and_one_of_no_facade_are_set_aside(tmp_path: Path) -> None:
     for name in ("a-0", "b-0"):
         write_photo(tmp_path / "in", name, 1)
@@ -230,6 +234,7 @@ def test_a_broken_photo_and_one_of_no_facade_are_set_aside(tmp_path: Path) -> No
     assert Path(summary["outputs"]["glb"][0]).is_file()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
     smallest: Path, tmp_path: Path, number: signal.Signals

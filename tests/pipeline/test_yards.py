@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.store.commits import read_newest_journal
 from tests.pipeline.stages import texture, write_block
 from tests.pipeline.test_changes import WALL, captured
+
+pytestmark = pytest.mark.long
 
 
 def test_a_wall_on_a_yard_is_taken_from_who_stands_there(tmp_path: Path) -> None:

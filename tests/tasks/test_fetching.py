@@ -70,6 +70,7 @@ def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(serv
     assert "taken      20" in text
 
 
+@pytest.mark.long
 def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     served: Imagery, tmp_path: Path
 ) -> None:

@@ -21,6 +21,7 @@ from facade_core.core.errors import BlockFileError
 Read = Callable[..., Block]
 
 
+@pytest.mark.long
 def test_a_block_in_full(read: Read, folder: Path) -> None:
     block = read("texture: {texels_per_metre: 25}\nseed: 7")
     assert block.crs.to_string() == "EPSG:32635"
@@ -44,6 +45,7 @@ def test_notes_speak_of_the_area_only(read: Read) -> None:
     assert "roofs without walls set aside: 1 (w580268890)" in read().notes
 
 
+@pytest.mark.long
 def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: Path) -> None:
     (folder / "photos").mkdir()
     Image.new("RGB", (40, 60)).save(folder / "photos" / "w1-f2.jpg")
@@ -63,6 +65,7 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
     assert 6_670_000 < y < 6_680_000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("extra", "changes", "words"),
     [
@@ -200,6 +203,7 @@ def test_two_photos_of_one_facade(read: Read, folder: Path) -> None:
         read(imagery="imagery: {exemplars: {path: facades}, photos: {path: photos}}")
 
 
+@pytest.mark.long
 def test_the_digest_is_of_content_not_of_places(
     read: Read, folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -214,6 +218,7 @@ def test_the_digest_is_of_content_not_of_places(
     assert read("texture: {texels_per_metre: 32}\nseed: 0").digest == digest, "a default written out changes nothing"
 
 
+@pytest.mark.long
 def test_the_digest_changes_with_every_byte_and_setting(read: Read, folder: Path) -> None:
     digests = [read().digest, read("seed: 1").digest, read("texture: {viewpoint_spacing: 4}").digest]
     digests += [read("crs: EPSG:3879").digest, read(area="area: [24.940, 60.165, 24.946, 60.169]").digest]

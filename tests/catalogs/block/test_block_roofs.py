@@ -14,6 +14,8 @@ from pyproj import Transformer
 from catalogs.block.reader import Block
 from facade_core.core.errors import BlockFileError
 
+pytestmark = pytest.mark.long
+
 rasterio = pytest.importorskip("rasterio")
 Read = Callable[..., Block]
 IMAGERY = "imagery: {exemplars: {path: facades}, aerial: {path: above.tif%s}}"

@@ -9,6 +9,8 @@ import pytest
 from catalogs.block.reader import Block
 from facade_core.core.errors import BlockFileError
 
+pytestmark = pytest.mark.long
+
 
 def test_it_is_read_and_changes_the_digest(read: Callable[..., Block]) -> None:
     plain, low, high = (

@@ -87,6 +87,7 @@ def test_crossings_areas_and_what_is_hidden() -> None:
     assert [(area.id, area.surface) for area in ground.areas] == [("w6", "grass"), ("w9", "setts")]
 
 
+@pytest.mark.long
 def test_a_block_takes_the_ground_of_further_files(read: Callable[..., Block], folder: Path) -> None:
     square = shapely.box(24.9425, 60.1665, 24.9430, 60.1668)
     geopandas.GeoDataFrame({"kind": ["lawn"]}, geometry=[square], crs=4326).to_file(folder / "areas.geojson")

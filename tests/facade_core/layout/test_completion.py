@@ -75,6 +75,7 @@ def test_a_regular_grid_half_hidden_is_found_whole(columns, floors, axis):
     assert {(e.x0, e.y0) for e in best.elements} == {(e.x0, e.y0) for e in whole}
 
 
+@pytest.mark.long
 def test_a_tiny_spacing_in_a_large_domain_is_carried_on_so_far_only():
     seen = [box("window", x, y, 2, 3) for x in (11, 15) for y in (11, 21)]
     domain = (0.0, 0.0, 1e6, 1e6)
@@ -310,6 +311,7 @@ def test_model_and_n_are_checked():
         complete([], DOMAIN, LEFT, n=0)
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout import held_out
@@ -323,6 +325,7 @@ def test_hidden_halves_of_real_facades(data):
         assert report[kind]["overlaps"] == report[kind]["outside"] == 0
 
 
+@pytest.mark.long
 def test_a_parse_of_the_finished_picture_finds_the_completed_layout():
     from benchmarks.layout import painted
 

@@ -36,6 +36,7 @@ def trained() -> LayoutModel:
     return learning.learn_layout_model(made, names=[str(k) for k in range(len(made))], seed=3)
 
 
+@pytest.mark.long
 def test_what_is_learned(trained):
     assert trained.weights.min() > 0
     assert np.linalg.norm(trained.weights) == pytest.approx(1)

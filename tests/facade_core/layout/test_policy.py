@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from facade_core.core.types import Element
 from facade_core.facade.layout.model import default_layout_model
@@ -29,6 +30,7 @@ def careful():
     return policy
 
 
+@pytest.mark.long
 def test_a_careful_policy_carries_a_grid_on():
     box, label, _ = roll_out_policy(careful(), start(windows((20, 60), (30, 70, 110))), 0)
     assert (label == 0).all()

@@ -179,6 +179,7 @@ def test_held_out_facades_and_their_lower_storeys(data):
     assert np.mean([agreement(labels, parse(image).labels) for image, labels in storeys]) > 0.8
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes

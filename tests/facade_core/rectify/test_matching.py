@@ -45,6 +45,7 @@ def test_a_camera_is_where_it_was() -> None:
         np.testing.assert_allclose(camera, [400, 900, 1200], atol=1e-6)
 
 
+@pytest.mark.long
 def test_a_photo_tells_whither_it_looks_and_where_the_roof_is(street: SyntheticStreet) -> None:
     chart = street.charts[6]
     photo, place, heading = photo_of(street, chart, np.random.default_rng(3))

@@ -13,6 +13,8 @@ from facade_core.imagery.poses.outlines import sample_visible_outlines
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def street() -> SyntheticStreet:

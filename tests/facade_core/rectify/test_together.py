@@ -44,6 +44,7 @@ def off(pose: Pose, true: Pose) -> float:
     return float(np.linalg.norm(camera_position(pose) - camera_position(true)))
 
 
+@pytest.mark.long
 def test_a_height_that_was_stated_wrong_is_found_by_what_neighbours_show(
     street: SyntheticStreet, shots: list[tuple[Pose, np.ndarray]]
 ) -> None:

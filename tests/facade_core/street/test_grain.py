@@ -52,6 +52,7 @@ def test_grain_has_no_period(which: int) -> None:
     assert np.abs(correlation[[0, period, period], [period, 0, period]] / correlation[0, 0]).max() < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", range(len(EXAMPLE_NAMES)), ids=EXAMPLE_NAMES)
 def test_the_histogram_is_the_examples(which: int) -> None:
     example = load_examples()[EXAMPLE_NAMES[which]]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import shapely
 
 from facade_core.core.types import GroundArea, GroundWay, MappedGround
@@ -58,6 +59,7 @@ def colours(ground: MappedGround, x: np.ndarray, y: np.ndarray, side: float, squ
     return out.astype(float)
 
 
+@pytest.mark.long
 def test_ground_is_what_the_map_says() -> None:
     """A park is green to its edge, a kerb is lighter than the carriageway beside it and runs round the corner."""
     x = np.linspace(2, 12, 200)

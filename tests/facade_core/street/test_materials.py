@@ -68,6 +68,7 @@ def test_a_footprint_of_a_point_is_the_point(name: str) -> None:
     assert np.corrcoef(found, wanted)[0, 1] > 0.999
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("density", [8.0, 16.0, 32.0])
 @pytest.mark.parametrize("name", plain.MATERIALS)
 def test_a_tone_is_the_mean_over_its_footprint(name: str, density: float) -> None:

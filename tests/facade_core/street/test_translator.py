@@ -58,6 +58,7 @@ def test_a_turned_panorama_is_seen_turned() -> None:
     np.testing.assert_array_equal(turned, np.roll(gather_taps(plane, (0, 32)), 17, axis=2))
 
 
+@pytest.mark.long
 def test_tiles_are_equal_to_the_whole_and_there_is_no_seam_at_180_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
     network, image = neural_translator.load_translator(), smooth(256)
     whole = network.translate_image(image)

@@ -49,6 +49,7 @@ def test_generations_reach_what_the_plain_algorithm_reaches(facade):
     assert np.mean([run[-1] for run in runs]) < 1.2 * plain
 
 
+@pytest.mark.long
 def test_tiles_in_their_own_order_show_the_exemplar():
     image = np.full((40, 60, 3), 100, np.uint8)
     image[:, 30:] = 200

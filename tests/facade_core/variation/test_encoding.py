@@ -301,6 +301,7 @@ def test_bad_files_and_levels(coded, tmp_path):
         Hierarchy.load(tmp_path / "absent")
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_a_photographed_facade_has_levels_and_a_small_file(data):
     from benchmarks.variation import run

@@ -85,6 +85,7 @@ def test_benchmarks_are_listed_with_what_they_measure() -> None:
     assert not any("prints" in said for said in about.values())
 
 
+@pytest.mark.long
 def test_view_names_the_runs_of_a_folder_where_one_is_needed(tmp_path: Path) -> None:
     for name in ("b", "north/a", "b/store/inner"):
         (tmp_path / name / "store").mkdir(parents=True)
@@ -94,6 +95,7 @@ def test_view_names_the_runs_of_a_folder_where_one_is_needed(tmp_path: Path) -> 
     assert "no run has written here" in message
 
 
+@pytest.mark.long
 def test_view_says_that_a_run_has_just_begun(tmp_path: Path) -> None:
     from flows.lock import lock_folder
 

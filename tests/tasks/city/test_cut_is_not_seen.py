@@ -17,6 +17,8 @@ from tasks.city.blocks import partition_city_file
 from tasks.stages.order import STAGES_IN_ORDER
 from tests.pipeline.stages import texture, write_block
 
+pytestmark = pytest.mark.long
+
 # Two rows of houses that stand against each other in pairs, along two streets and a third across.
 HOUSES = {
     f"{side}{number}": (30 * number + 4 + 18 * half, 5 + 40 * row, 18 - 12 * half, 8.0, 7.0 + 2 * ((number + row) % 3))

@@ -100,6 +100,7 @@ def batch(count: int, folder: Path) -> list[UnitGroup]:
 RUN = SimpleNamespace(store=None)
 
 
+@pytest.mark.long
 def test_results_leave_the_cluster_one_by_one(
     tmp_path: Path, commits: list[dict[int, dict[str, Any]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -137,6 +137,7 @@ def unit(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str
     return fork, {index: {"unit": str(index), "status": "done"}}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
     workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -75,6 +75,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
     assert codes() == before
 
 
+@pytest.mark.long
 def test_comments_layout_and_docstrings_do_not_count(codes: Codes, tmp_path: Path) -> None:
     before = codes()
     for path in [path for package in CODE_PACKAGES for path in (tmp_path / package).rglob("*.py")]:

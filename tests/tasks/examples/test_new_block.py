@@ -44,6 +44,7 @@ def panorama(path: Path, latitude: float, longitude: float) -> None:
     image.save(path, exif=exif)
 
 
+@pytest.mark.long
 def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     photos.mkdir()

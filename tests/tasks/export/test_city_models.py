@@ -101,6 +101,7 @@ def test_lod3_has_the_openings_of_the_catalogue(found: PublishedBlock, undisturb
     assert sum(windows.values()) >= 0.97 * sum(expected.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("style", ["cityjson", "lod3"])
 def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, style: str) -> None:
     if not VALIDATOR.is_file():
@@ -112,6 +113,7 @@ def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, sty
     assert all(valid.values())
 
 
+@pytest.mark.long
 def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> None:
     one, other = (
         export_run(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other")

@@ -41,6 +41,7 @@ def test_the_command_line_offers_every_format() -> None:
     assert tuple(option.type.choices) == FORMATS == tuple(_writers())  # type: ignore[attr-defined]
 
 
+@pytest.mark.long
 def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     runner = click.testing.CliRunner()
     for style in HERE:

@@ -15,6 +15,8 @@ from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
 
+pytestmark = pytest.mark.long
+
 Run = tuple[Path, dict[str, Any]]
 
 

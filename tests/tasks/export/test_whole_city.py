@@ -257,6 +257,7 @@ def test_a_stage_of_a_city_loads_blocks_where_they_are(exported: Any, found: Pub
     assert not list(folder.rglob("*.usdz"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("style", EACH)
 def test_a_killed_export_goes_on_and_gives_the_same_bytes(
     style: str, city: Path, exported: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -418,6 +419,7 @@ with open("/proc/self/status") as file:
 """
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_blocks(undisturbed: Run, tmp_path: Path) -> None:
     peaks = []
     for number in (2, 8):

@@ -65,6 +65,7 @@ def of_photos() -> list[tuple[int, int]]:
     return measured_in_one(*((kind, (240, 320), size) for kind, size in jobs))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(len(PHOTOS)))
 def test_a_facade_from_a_photo_fits_what_it_declares(
     number: int, of_photos: list[tuple[int, int]], tmp_path: Path
@@ -80,6 +81,7 @@ def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
     assert_fits(facade_memory(texels, FacadeImagery(exemplar=(0, "e"))), taken)
 
 
+@pytest.mark.long
 def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
     picture = tmp_path / "exemplar.png"
     Image.fromarray(np.zeros((800, 1000, 3), np.uint8)).save(picture)
@@ -87,6 +89,7 @@ def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
     assert_fits(exemplar_memory(picture), taken)
 
 
+@pytest.mark.long
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
     taken, texels = measured("street", (4, 256), (30, 512))
     assert_fits(street_memory(texels, texels), taken)
@@ -113,6 +116,7 @@ def test_pictures_of_a_facade_fit_what_they_declare(of_photos: list[tuple[int, i
     assert_fits(facade_pictures_memory(texels), taken)
 
 
+@pytest.mark.long
 def test_a_surface_fits_what_it_declares() -> None:
     taken, texels = measured("surface", (4, 0), (40, 0))
     assert_fits(surface_memory(np.array([texels])), taken)

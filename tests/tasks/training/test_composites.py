@@ -11,6 +11,7 @@ from facade_core.core.errors import InputError
 from tasks.training import composites
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_pairs_show_photos_where_walls_are_and_ground_below(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(composites, "STREET_COUNT", 1)

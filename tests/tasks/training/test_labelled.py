@@ -80,6 +80,7 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
     assert all(x0 < x1 and y0 < y1 for boxes in looked.values() for x0, y0, x1, y1 in (*boxes.found, *boxes.doubtful))
 
 
+@pytest.mark.long
 @pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
     from catalogs.learning.datasets import CMP, read_dataset, split_facades_for_training

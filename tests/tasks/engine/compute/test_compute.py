@@ -319,6 +319,7 @@ def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalClus
     assert inspect_worker(str(tmp_path / "token"))[0] is True
 
 
+@pytest.mark.long
 def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path) -> None:
     """What waits on a worker that dies is suspected with what ran: it is tried again by itself."""
     with connect(2, None, str(tmp_path)) as made:
@@ -340,6 +341,7 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
         assert set(made.submit(threads).result()[0]) == {1}  # on a worker that was started anew
 
 
+@pytest.mark.long
 def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> None:
     code = (
         "import os, sys; from tasks.engine.compute.connect import connect; at_work = connect(2, None, sys.argv[1]); "

@@ -18,6 +18,8 @@ from tasks.engine.compute.connect import connect, require_scheduler
 from tasks.engine.compute.timeouts import Timeouts
 from tests.pipeline.runs import ROOT
 
+pytestmark = pytest.mark.long
+
 HERE = {"host": "127.0.0.1", "dashboard_address": None, "threads_per_worker": 1}
 
 
