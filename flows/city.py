@@ -27,6 +27,7 @@ from flows.city_progress import PROGRESS_INTERVAL_S, CityProgress
 from flows.console import format_duration, print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
+from flows.step_reporter import report_steps
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.city.block_process import run_block
 from tasks.city.city_log import (
@@ -118,7 +119,8 @@ def _run_city(
     started = time.monotonic()
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out), ExitStack() as cleanup:
-        account, files = load_or_partition_city(city_file, out)
+        with report_steps() as notify:
+            account, files = load_or_partition_city(city_file, out, notify)
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {format_duration(3600 * estimate['hours'])}" if due else ""

@@ -122,7 +122,7 @@ def print_city_summary(summary: JsonObject) -> None:
     if (estimate := summary["estimate"])["processor_hours_taken"]:
         print_line(f"  took   {_describe_estimate_use(estimate)}")
     print_line(f"  model  {summary['out']}/overview.glb")
-    print_line(f"  look   streetloom query {summary['out']}")
+    print_line(f"  look   streetloom view {summary['out']}")
 
 
 def _describe_estimate_use(estimate: JsonObject) -> str:
@@ -141,9 +141,12 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
     """
     from catalogs.published.folders import local_run_folder
     from flows.server.startup import ServerDownError, provide_prefect_server
+    from flows.step_reporter import report_steps
     from tasks.city.city_log import load_or_partition_city
 
-    if not load_or_partition_city(city_file, out)[0].pending_blocks(out, tiles=options.tiles):
+    with report_steps() as notify:
+        log, _ = load_or_partition_city(city_file, out, notify)
+    if not log.pending_blocks(out, tiles=options.tiles):
         from flows.city import run_city_without_server
 
         return run_city_without_server(city_file, out, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -72,7 +72,12 @@ class City:
     notes: tuple[str, ...] = ()
 
 
-def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
+def partition_city_file(
+    path: Path,
+    out: Path,
+    before: Mapping[str, CityBlock] | None = None,
+    notify: Callable[[str], None] = lambda step: None,
+) -> City:
     """Read a city file, partition the city and write its block files into out/input.
 
     Parameters
@@ -80,6 +85,7 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
     path : city file.
     out : local folder of the city.
     before : blocks of the previous reading; block files of the user with unchanged sources are not read again.
+    notify : receives each step as it begins.
 
     Raises
     ------
@@ -87,6 +93,7 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
     InputError : the folder of block files holds none.
     """
     values, city_keys = read_city_keys(path)
+    notify("reading the city")
     if isinstance(city_keys, str):
         return _city_from_files(path, values, city_keys, before or {})
     keys = city_keys.block_keys
@@ -97,6 +104,7 @@ def partition_city_file(path: Path, out: Path, before: Mapping[str, CityBlock] |
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
     cuts = partition_indexed_city(whole, city_keys.block_size)
+    notify(f"cutting {len(whole.block.buildings):,} buildings into {len(cuts)} blocks")
     rest, city = _rebase_paths(city_keys.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(select_city_part_ids(whole, cuts), cuts, strict=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -191,7 +191,9 @@ class CityLog:
         }
 
 
-def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[str, Path]]:
+def load_or_partition_city(
+    city_file: Path, out: Folder, notify: Callable[[str], None] = lambda step: None
+) -> tuple[CityLog, dict[str, Path]]:
     """Load the log of a city, and partition the city again if its inputs changed.
 
     The city is partitioned again too if this machine lacks the block files of a city in a bucket.
@@ -200,6 +202,7 @@ def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[
     ----------
     city_file : city file.
     out : folder of the city.
+    notify : receives each step of a partition as it begins.
 
     Returns
     -------
@@ -233,7 +236,7 @@ def load_or_partition_city(city_file: Path, out: Folder) -> tuple[CityLog, dict[
         for one, of in log.sources.items()
         if counted
     }
-    city = partition_city_file(city_file, local, before)
+    city = partition_city_file(city_file, local, before, notify)
     log = log.adapt_to_city(city, f"{source} {block_code_version()}" if source else "")
     _hide_removed_blocks(out, log.blocks)  # before the log is written: after a kill the city is partitioned again
     write_city_log(out, log)

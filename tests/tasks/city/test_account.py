@@ -46,8 +46,10 @@ def town(folder: Path, houses: dict[str, tuple[float, ...]] = HOUSES, **keys: ob
 
 
 def test_a_house_that_changes_makes_those_due_that_read_it(tmp_path: Path) -> None:
-    before, files = load_or_partition_city(town(tmp_path), tmp_path / "out")
+    steps: list[str] = []
+    before, files = load_or_partition_city(town(tmp_path), tmp_path / "out", steps.append)
     assert len(before.blocks) == 4
+    assert steps == ["reading the city", f"cutting {len(HOUSES)} buildings into 4 blocks"]
     assert all((file.parent / yaml.safe_load(file.read_text())["part"]["path"]).is_file() for file in files.values())
     after, _ = load_or_partition_city(town(tmp_path, HOUSES | {"h1": (340, 5, 12, 6, 9.0)}), tmp_path / "out")
     changed = [name for name in before.digests if before.digests[name] != after.digests[name]]
@@ -58,7 +60,7 @@ def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, mo
     file, out = town(tmp_path), tmp_path / "out"
     found, _ = load_or_partition_city(file, out)
 
-    def read_city(path: Path, out: Path, before: object) -> None:
+    def read_city(path: Path, out: Path, before: object, notify: object) -> None:
         raise AssertionError("read again")
 
     monkeypatch.setattr(accounts, "partition_city_file", read_city)
