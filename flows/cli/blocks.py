@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tasks.examples.new_block import MapFiles
 
 
-@click.command("new-block", cls=BboxCommand)
+@click.command("new-block", cls=BboxCommand, short_help="Write a block file for a part of a map.")
 @click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
 @click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option(
@@ -102,7 +102,7 @@ def require_map_files(osm: Path | None, buildings: Path | None, streets: Path | 
     return MapFiles(osm, osm, crs)
 
 
-@click.command()
+@click.command(short_help="Fetch a real example block and its public data.")
 @click.argument("name", required=False)
 @click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Folder of the data and the block.")
 def fetch(name: str | None, out: Path) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from facade_core.core.json_types import JsonObject
 
 
-@click.command("city")
+@click.command("city", short_help="Texture a city block by block.")
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
 @click.option(
     "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the city file]"

@@ -32,6 +32,15 @@ if TYPE_CHECKING:
     from facade_core.core.json_types import JsonObject
     from tasks.engine.run import Run
 
+# Commands of the help, by heading.
+COMMAND_GROUPS = {
+    "Begin": ("demo", "new-block", "new-city", "fetch", "fetch-imagery", "match", "plan"),
+    "Run": ("run", "city"),
+    "Use": ("view", "query", "export", "import", "catalog"),
+    "Operate": ("doctor", "metrics", "prune"),
+    "Develop": ("train", "bench"),
+}
+
 F = TypeVar("F", bound=Callable[..., object])
 
 
@@ -44,6 +53,12 @@ class OneLineErrorGroup(click.Group):
         """Parse the command line; usage errors become one line."""
         with single_line_errors():
             return super().make_context(info_name, args, parent, **extra)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands under the headings of COMMAND_GROUPS."""
+        for heading, names in COMMAND_GROUPS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(70)) for name in names])
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command; errors end it with one line and an exit code."""
@@ -118,7 +133,7 @@ def _compute_options(command: F) -> F:
     return command
 
 
-@command_line.command()
+@command_line.command(short_help="Texture a block.")
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.option(
     "--out", type=OUT, help="Folder or s3://bucket/prefix of the results.  [default: out/NAME of the block file]"
@@ -155,7 +170,7 @@ def run(
     _run_block(block_file, out or Path("out") / block_file.stem, options)
 
 
-@command_line.command()
+@command_line.command(short_help="Texture the embedded block, streets of central Helsinki.")
 @click.option(
     "--out", type=OUT, default="out/demo", show_default=True, help="Folder or s3://bucket/prefix of the results."
 )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.command("import")
+@click.command("import", short_help="Import corrections from an edited export.")
 @click.argument("folder", metavar="OUT", type=EXISTING_OUT)
 @click.argument("path", metavar="FILE", type=EXISTING)
 @click.option("--who", metavar="NAME", help="Author of the corrections.  [default: this user]")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FINDING_WORDS = {True: "ok", False: "wrong", None: "note"}
 
 
-@click.command()
+@click.command(short_help="Check the environment and the state of a run.")
 @click.argument("out", metavar="[OUT]", type=EXISTING_OUT, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def doctor(out: Folder | None, as_json: bool) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MAX_LISTED_FAULTS = 20
 
 
-@click.command("fetch-imagery", cls=BboxCommand)
+@click.command("fetch-imagery", cls=BboxCommand, short_help="Fetch street panoramas of a block.")
 @click.argument("block_file", metavar="[BLOCK.yaml]", type=EXISTING_FILE, required=False)
 @click.option(
     "--from",
@@ -85,7 +85,7 @@ def fetch_imagery(
     print_imagery_fetch(found)
 
 
-@click.command("match")
+@click.command("match", short_help="Match photos to facades.")
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.argument("photos", type=EXISTING_FOLDER)
 @click.option(

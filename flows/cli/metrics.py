@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.command()
+@click.command(short_help="Print metrics in the Prometheus text format.")
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option("--otlp", metavar="URL", help="Send the metrics to this OpenTelemetry collector over HTTP instead.")
 def metrics(out: Folder, otlp: str | None) -> None:

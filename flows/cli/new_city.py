@@ -12,7 +12,7 @@ from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
 
-@click.command("new-city", cls=BboxCommand)
+@click.command("new-city", cls=BboxCommand, short_help="Write a city file for a map or a part of it.")
 @click.argument("city_file", metavar="CITY.yaml", type=NEW_FILE)
 @click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option(

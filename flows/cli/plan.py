@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tasks.city.estimated_counts import EstimatedCounts
 
 
-@click.command("plan")
+@click.command("plan", short_help="Estimate the cost of a block or a city.")
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
 @click.option(
     "--at-once", default=2, show_default=True, type=click.IntRange(1, 10_000), help="Number of concurrent blocks."

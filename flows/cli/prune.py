@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.command()
+@click.command(short_help="Remove old published snapshots.")
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--keep", type=click.IntRange(1), required=True, metavar="N", help="Number of published snapshots to keep."

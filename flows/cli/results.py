@@ -48,7 +48,7 @@ class QueryCommand(BboxCommand):
             formatter.write_text(", ".join(["run", *(column.name for column in COLUMNS)]))
 
 
-@click.command(cls=QueryCommand)
+@click.command(cls=QueryCommand, short_help="Find facades by their properties.")
 @click.argument("folder", metavar="FOLDER", type=RunsFolderParam())
 @click.option(
     "--where",
@@ -97,7 +97,7 @@ def query(
         click.echo(format_items(found, style, where))
 
 
-@click.command()
+@click.command(short_help="Export a run or a city: models, tables, annotations.")
 @click.argument("folder", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--format",
@@ -210,7 +210,7 @@ def export(
         print_line(file)
 
 
-@click.command()
+@click.command(short_help="Write the STAC catalogue of all runs below a folder.")
 @click.argument("folder", metavar="FOLDER", type=EXISTING_OUT)
 @click.option("--to", metavar="S3://...", help="Copy the runs with their stores and the catalogue into a bucket.")
 def catalog(folder: Folder, to: str | None) -> None:
@@ -248,7 +248,7 @@ def catalog(folder: Folder, to: str | None) -> None:
     print_line(target / "catalog.json")
 
 
-@click.command()
+@click.command(short_help="Look at a run or a city in a browser, or correct it.")
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--port",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.group()
+@click.group(short_help="Train the shipped models, or your own.")
 def train() -> None:
     """Train the shipped models from a data folder, or your own models from a run and its corrections.
 
@@ -213,7 +213,9 @@ class _Benchmark(click.Command):
         return super().parse_args(ctx, args)
 
 
-@click.command(cls=_Benchmark, context_settings={"ignore_unknown_options": True})
+@click.command(
+    cls=_Benchmark, context_settings={"ignore_unknown_options": True}, short_help="List or run the benchmarks."
+)
 @click.argument("name", required=False)
 @click.argument("options", nargs=-1, type=click.UNPROCESSED)
 def bench(name: str | None, options: tuple[str, ...]) -> None:

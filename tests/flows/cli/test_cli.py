@@ -316,8 +316,17 @@ def test_a_group_without_a_command_shows_its_help() -> None:
 
     from flows.cli.commands import command_line
 
-    for group in ((), ("train",)):
-        assert "Commands:" in CliRunner().invoke(command_line, list(group)).stderr
+    for group, heading in (((), "Begin:"), (("train",), "Commands:")):
+        assert heading in CliRunner().invoke(command_line, list(group)).stderr
+
+
+def test_the_help_lists_each_command_once_and_whole() -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import COMMAND_GROUPS, command_line
+
+    assert sorted(name for names in COMMAND_GROUPS.values() for name in names) == sorted(command_line.commands)
+    assert "..." not in CliRunner().invoke(command_line, ["--help"]).output.partition("Begin:")[2]
 
 
 def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
