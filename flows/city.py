@@ -27,6 +27,7 @@ from flows.city_progress import PROGRESS_INTERVAL_S, CityProgress
 from flows.console import format_duration, print_status
 from flows.lock import lock_folder, require_lock
 from flows.markdown import escape_markdown
+from flows.output_folder import check_output_folder
 from flows.step_reporter import report_steps
 from flows.submission import Submit, TaskFuture, queue_end, submit_to_pool, submit_to_prefect
 from tasks.city.block_process import run_block
@@ -117,6 +118,7 @@ def _run_city(
     show: Callable[[CityLog], None],
 ) -> JsonObject:
     started = time.monotonic()
+    check_output_folder(out)
     ends = None if options.until is None else next_time_of_day(options.until, scheduled).timestamp()
     with lock_folder(out), ExitStack() as cleanup:
         with report_steps() as notify:

@@ -17,6 +17,7 @@ from facade_core.core.json_types import JsonObject
 from flows.lock import lock_folder
 from flows.log_file import log_to_run_folder
 from flows.memory import set_malloc_mmap_threshold
+from flows.output_folder import check_output_folder
 from tasks.engine.outcome import convert_machine_faults, is_store_fault
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
@@ -79,6 +80,7 @@ def open_run(
         yield entry
         return
     set_malloc_mmap_threshold()
+    check_output_folder(out)
     block = read_block(source)
     run = create_run(block, out)
     with (

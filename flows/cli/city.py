@@ -62,10 +62,12 @@ def city_command(
     from flows.cli.first_run import note_first_run
     from flows.cli.interrupts import exit_on_signal
     from flows.lock import lock_folder
+    from flows.output_folder import check_output_folder
 
     if until is not None:
         next_time_of_day(until, datetime.now())  # fail before any file is read
     out = out or Path("out") / city_file.stem
+    check_output_folder(out)
     with lock_folder(out):
         exit_on_signal()
         _note_default_partition(city_file)

@@ -186,8 +186,10 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
     """
     from catalogs.published.folders import local_run_folder
     from flows.lock import lock_folder
+    from flows.output_folder import check_output_folder
     from tasks.examples.demo import has_painted_photos, write_demo
 
+    check_output_folder(out)
     with lock_folder(out):
         block_file = write_demo(local_run_folder(out) / "input", exemplars)
     _run_block(block_file, out, RunOptions(workers, dask, as_json), painted=has_painted_photos(block_file))
