@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
@@ -278,7 +279,9 @@ def _format_fault(fault: ErrorDetails) -> str:
         )
         return f"{key}: wrong number of entries, got {short_repr(value)}; give {wanted}"
     if kind == "string_pattern_mismatch":
-        return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only"
+        usable = re.sub(r"[^\w.-]+", "-", str(value)).strip("-.")[:MAX_NAME_LENGTH]
+        example = f", such as {usable}" if usable else ""
+        return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only{example}"
     if kind == "string_too_short" or (kind == "string_type" and value is None):
         return f"{key}: is empty; fill it in"
     expected, remedy = _EXPECTED_BY_TYPE.get(kind, ("understood", "give another value"))

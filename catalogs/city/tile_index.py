@@ -45,7 +45,12 @@ def tile_files_in_area(index: Path, area: Sequence[float] | None) -> list[Path]:
         raise InputError(f"{index} names no tile; give one that does")
     chosen = sorted({file for file, box in tiles if area is None or box is None or _boxes_intersect(box, area)})
     if not chosen:
-        raise InputError(f"{index}: none of its {len(tiles)} tiles meets area {list(area or ())}; mend area")
+        west, south, east, north = zip(*(box for _, box in tiles if box is not None), strict=True)
+        bounds = " ".join(f"{value:.6g}" for value in (min(west), min(south), max(east), max(north)))
+        wanted = " ".join(f"{value:.6g}" for value in area or ())
+        raise InputError(
+            f"{index}: none of its {len(tiles)} tiles meets {wanted}; they lie within {bounds}, choose there"
+        )
     if missing := [file for file in chosen if not file.is_file()]:
         more = f", nor are {len(missing) - 1} more" if len(missing) > 1 else ""
         raise InputError(f"{index}: its tile {missing[0]} is not there{more}; bring the tiles to where it names them")

@@ -76,6 +76,11 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     file = read_poses_file(poses) if poses else PosesFile({})
     stated = file.poses
     if not any(_read_place(path, stated) for path in paths):  # reading the block takes longer
+        if poses and stated:
+            names = ", ".join(sorted(stated)[:3])
+            raise InputError(
+                f"{poses}: names none of the {len(paths)} photos in {folder}; its names are such as {names}"
+            )
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACE_REMEDY}")
     block = read_block(block_file)
     plan = make_plan(replace(block, panoramas=()))

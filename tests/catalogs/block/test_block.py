@@ -95,7 +95,11 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("crs: EPSG:3857", {}, "crs: EPSG:3857 (WGS 84 / Pseudo-Mercator) does not measure metres"),
         ("crs: EPSG:28992", {}, "give e.g. EPSG:32635, or leave crs out"),
         ("", {"name": ""}, "name: missing; write name: my-block"),
-        ("", {"name": "name: a/b"}, "name: 'a/b' is no usable name"),
+        (
+            "",
+            {"name": "name: a/b"},
+            "name: 'a/b' is no usable name; use letters, digits, '.', '_' and '-' only, such as a-b",
+        ),
         ("", {"buildings": "buildings: city.osm.pbf"}, "write buildings: {path: city.osm.pbf}"),
         (
             "",

@@ -91,7 +91,11 @@ def test_a_city_reads_the_files_of_its_index(tiles: Path) -> None:
     [
         (["https://example.org/a.json", "b"], None, "not on this machine"),
         (["tiles/a.city.json", "tiles/none.city.json"], None, "none.city.json is not there"),
-        (["tiles/a.city.json", "tiles/b.city.json"], [0, 0, 1, 1], "none of its 2 tiles meets area"),
+        (
+            ["tiles/a.city.json", "tiles/b.city.json"],
+            [0, 0, 1, 1],
+            "none of its 2 tiles meets 0 0 1 1; they lie within",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_said_in_a_line(tiles: Path, locations: list[str], area: list | None, said: str) -> None:
