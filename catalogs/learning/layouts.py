@@ -69,6 +69,39 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
                 ) from error
 
 
+@dataclass(frozen=True, slots=True)
+class PartialLayout:
+    """Partly observed layout: visible elements, domain and visible boxes."""
+
+    elements: tuple[Element, ...]
+    domain: tuple[float, float, float, float]
+    visible: tuple[tuple[float, float, float, float], ...]
+
+
+def read_partial_layout(path: str | Path) -> PartialLayout:
+    """Read a partly observed layout: one JSON object with width, height, objects and the boxes `visible`.
+
+    Without `visible` only the elements themselves are visible.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or is no layout.
+    """
+    path = Path(path)
+    try:
+        record = parse_json_object(read_regular(path), str(path))
+        layout = _parse_record(record, 1)
+        boxes = [tuple(float(box[side]) for side in ("x0", "y0", "x1", "y1")) for box in record.get("visible", ())]
+        if not np.isfinite(boxes).all():
+            raise ValueError("numbers must be finite")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({short_message(error)}); give a .json file of a layout") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: is no layout ({short_message(error)}); correct it") from error
+    visible = [(x0, y0, x1, y1) for x0, y0, x1, y1 in boxes] or [(e.x0, e.y0, e.x1, e.y1) for e in layout.elements]
+    return PartialLayout(layout.elements, layout.domain, tuple(visible))
+
+
 def split_layouts_for_training(
     layouts: Sequence[LayoutRecord], fold: int = 0, every: int = 5
 ) -> tuple[list[LayoutRecord], list[LayoutRecord]]:

@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
-from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, TrainedModelFiles
+from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Parsing, TrainedModelFiles
 from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
@@ -131,13 +131,56 @@ def build_facade_from_photo(
     )
 
 
-def complete_photo(
-    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: TrainedModelFiles, seed: int
-) -> CompletedPhoto:
-    """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
-    seconds: dict[str, float] = {}
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedPhoto:
+    """Parse of a photo, its hidden part and the elements seen in the rest.
+
+    Attributes
+    ----------
+    parsing : parse of the photo.
+    hidden : (h, w) bool pixels that do not show the facade.
+    masked, masked_share : occluders of the photo, and their share of its pixels.
+    observed : elements seen, wholly or in part.
+    """
+
+    parsing: Parsing
+    hidden: BoolArray
+    masked: tuple[Box, ...]
+    masked_share: float
+    observed: list[Element]
+
+    def visible_boxes(self) -> list[tuple[float, float, float, float]]:
+        """Return the visible part as `complete` takes it."""
+        region = visible_region_boxes(dilate_hidden_by_window(self.hidden, self.observed))
+        return region + [(e.x0, e.y0, e.x1, e.y1) for e in self.observed]
+
+    def evidence(self) -> Parsing:
+        """Return the parse with everything hidden marked as occluded."""
+        return replace(self.parsing, occluded=self.hidden | self.parsing.occluded)
+
+
+def observe_photo(
+    image: UInt8Array,
+    hidden: BoolArray,
+    masks: PhotoMasks,
+    *,
+    models: TrainedModelFiles = SHIPPED_MODELS,
+    seconds: dict[str, float] | None = None,
+) -> ObservedPhoto:
+    """Parse a photo and find its occluders and visible elements; parameters as in `build_facade_from_photo`.
+
+    Parameters
+    ----------
+    seconds : receives the seconds of each step.
+
+    Raises
+    ------
+    ImageError
+        If less than MIN_VISIBLE_SHARE of the facade is visible.
+    """
+    timings: dict[str, float] = {} if seconds is None else seconds
     _require_visible(hidden, "of it")
-    with time_stage(seconds, "parse"):
+    with time_stage(timings, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]), model=models.parser)
         occluded = np.zeros_like(hidden) if masks.is_clean else remove_occluders_lining_hole(parsing.occluded, hidden)
@@ -151,22 +194,29 @@ def complete_photo(
         if masks.outside is not None:
             hidden |= dilate(masks.outside, OCCLUDER_RIM_SHARE)
     _require_visible(hidden, "beside sky, trees, cars and the like")
-    with time_stage(seconds, "elements"):
+    with time_stage(timings, "elements"):
         observed = [e for e in elements(parsing) if box_coverage(hidden, e) <= MAX_HIDDEN_SHARE]
+    return ObservedPhoto(parsing, hidden, masked, masked_share, observed)
+
+
+def complete_photo(
+    image: UInt8Array, hidden: BoolArray, masks: PhotoMasks, doors: MappedDoors, *, models: TrainedModelFiles, seed: int
+) -> CompletedPhoto:
+    """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
+    seconds: dict[str, float] = {}
+    photo = observe_photo(image, hidden, masks, models=models, seconds=seconds)
+    parsing, hidden, observed = photo.parsing, photo.hidden, photo.observed
     completion, result_parsing, result, layout = None, parsing, image, observed
     if hidden.any():
         height, width = hidden.shape
         with time_stage(seconds, "complete"):
             if observed:
-                region = visible_region_boxes(dilate_hidden_by_window(hidden, observed))
-                region += [(e.x0, e.y0, e.x1, e.y1) for e in observed]
-                evidence = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(
                     observed,
                     (0, 0, width, height),
-                    region,
+                    photo.visible_boxes(),
                     seed=seed,
-                    evidence=evidence,
+                    evidence=photo.evidence(),
                     entrances=[share * width for share in doors.entrances],
                     front=doors.front,
                     model=None if models.layout is None else layouts.load_cached_model(models.layout),
@@ -183,7 +233,15 @@ def complete_photo(
     estimates = calibration.estimate(result_parsing, layout, hidden)
     layout = calibrate_elements(layout, calibration, hidden)
     return CompletedPhoto(
-        result, result_parsing.labels, hidden, masked, masked_share, tuple(layout), completion, estimates, seconds
+        result,
+        result_parsing.labels,
+        hidden,
+        photo.masked,
+        photo.masked_share,
+        tuple(layout),
+        completion,
+        estimates,
+        seconds,
     )
 
 

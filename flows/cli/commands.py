@@ -14,6 +14,7 @@ import click
 
 from flows.cli.blocks import fetch, new_block
 from flows.cli.city import city_command
+from flows.cli.completions import complete_command
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
 from flows.cli.imagery import fetch_imagery, match
@@ -290,6 +291,7 @@ for command in (
     plan_command,
     fetch_imagery,
     match,
+    complete_command,
     query,
     export,
     import_,
