@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 COMMAND_GROUPS = {
     "Begin": ("demo", "new-block", "new-city", "fetch", "fetch-imagery", "match", "plan"),
     "Run": ("run", "city"),
-    "Use": ("view", "query", "export", "import", "catalog"),
+    "Use": ("view", "query", "complete", "export", "import", "catalog"),
     "Operate": ("doctor", "metrics", "prune"),
     "Develop": ("train", "bench"),
 }
