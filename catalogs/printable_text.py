@@ -36,3 +36,8 @@ def short_repr(value: object, max_length: int = 60) -> str:
     """Return the repr of a value on one line of at most `max_length` characters."""
     text = " ".join(repr(value).split()) if value is not None else "nothing"
     return text if len(text) <= max_length else text[: max_length - 3] + "..."
+
+
+def format_count(count: int, noun: str) -> str:
+    """Return a count and its noun, such as "1 building" and "1,283 buildings"."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"

@@ -18,6 +18,7 @@ from prefect.runtime import flow_run
 from prefect.states import Completed
 from prefect.task_runners import ThreadPoolTaskRunner
 
+from catalogs.printable_text import format_count
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.json_types import JsonObject
@@ -126,7 +127,7 @@ def _run_city(
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {format_duration(3600 * estimate['hours'])}" if due else ""
-        print_status(f"{len(account.blocks)} blocks, {len(due)} of them due{duration}")
+        print_status(f"{format_count(len(account.blocks), 'block')}, {len(due)} of them due{duration}")
         workers = cleanup.enter_context(_start_workers(options, len(due)))
         progress = CityProgress(out, account, due, options)
         ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]] = SimpleQueue()
@@ -234,5 +235,7 @@ def _write_city_products(out: Folder, account: CityLog, show: Callable[[CityLog]
 def _describe_block_outcome(outcome: BlockResult) -> str:
     if outcome.code in (0, 1):
         failed = f"; {outcome.reason}" if outcome.code else ""
-        return f"done in {outcome.seconds:.0f} s, {outcome.summary.get('facades_done', 0)} facades{failed}"
+        return (
+            f"done in {outcome.seconds:.0f} s, {format_count(outcome.summary.get('facades_done', 0), 'facade')}{failed}"
+        )
     return f"ended with {outcome.code} ({outcome.reason})"

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from catalogs.printable_text import escape_invisible
+from catalogs.printable_text import escape_invisible, format_count
 from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import StageProgress, add_listener
 
@@ -112,7 +112,8 @@ def print_summary(target: Console, summary: JsonObject, *, painted: bool = False
     summary : outcome of the run.
     painted : the pictures are painted, so that no face or number plate can be missed.
     """
-    done = f"{summary['facades_done']} facades, {summary['viewpoints']} viewpoints in {summary['seconds']:.0f} s"
+    done = f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}"
+    done += f" in {summary['seconds']:.0f} s"
     _print_escaped(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
         _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from catalogs.printable_text import format_count
 from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE
 
@@ -67,7 +68,7 @@ def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: i
     found = ", ".join(f"{estimate[name]:,} {text}" for name, text in names.items() if estimate[name])
     where = f"{workers} workers"
     if counts.is_city:
-        where = f"{estimate['workers']} workers, {at_once} blocks at a time"
+        where = f"{format_count(estimate['workers'], 'worker')}, {format_count(at_once, 'block')} at a time"
     fitted = estimate["fitted"]
     densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
     size = f"{estimate['blocks']} blocks" if counts.is_city else "one block"

@@ -23,6 +23,7 @@ from catalogs.block.reader import build_block, city_part_file_values, read_block
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
 from catalogs.city.partition import CityBlockIds, halo_radius, partition_city
+from catalogs.printable_text import format_count
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.name_hash import hash_name
@@ -104,7 +105,7 @@ def partition_city_file(
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
     cuts = partition_indexed_city(whole, city_keys.block_size)
-    notify(f"cutting {len(whole.block.buildings):,} buildings into {len(cuts)} blocks")
+    notify(f"cutting {format_count(len(whole.block.buildings), 'building')} into {format_count(len(cuts), 'block')}")
     rest, city = _rebase_paths(city_keys.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(select_city_part_ids(whole, cuts), cuts, strict=True):

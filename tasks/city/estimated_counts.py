@@ -15,6 +15,7 @@ from catalogs.block.reader import Block, build_block
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import uses_default_partition
 from catalogs.city.partition import CityBlockIds, partition_city
+from catalogs.printable_text import format_count
 from facade_core.core.arrays import Int64Array
 from facade_core.core.errors import BlockFileError, GeometryError
 from facade_core.core.name_hash import hash_name
@@ -108,14 +109,14 @@ def estimate_block_counts(block: Block, block_size: float | None, notify: Notify
     block_size : side of the blocks that it is cut into, metres; None for one block.
     """
     if block_size is None and (block.part is not None or len(block.buildings) <= MAX_WHOLE_BUILDINGS):
-        notify(f"planning {len(block.buildings)} buildings")
+        notify(f"planning {format_count(len(block.buildings), 'building')}")
         counts = replace(block_counts_from_map(block), **block_counts_from_plan(block))
         return EstimatedCounts(block.name, (counts,), 1, 1, 0.0, is_city=False)
     if not block.streets:
         notify("deriving the streets")
         block = replace(block, streets=derive_streets([building.footprint for building in block.buildings]))
     whole = CityIndex(block)
-    notify(f"counting {len(block.buildings)} buildings")
+    notify(f"counting {format_count(len(block.buildings), 'building')}")
     on_map = MapCounts(block, whole.segments)
     parts = partition_city(block.buildings, whole.segments, block_size=PART_SIZE_M, halo=PART_HALO_M)
     counted = on_map.sum_by_block(*_owners(whole, parts), len(parts))

@@ -19,6 +19,7 @@ from catalogs.block.reader import Block, read_block
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.features import safe_file_stem
+from catalogs.printable_text import format_count
 from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -128,7 +129,8 @@ class NewBlock:
             f"streets    {given}",
             f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with walls beside and "
             f"behind them a run makes {self.wall_count}",
-            f"pictures   {len(self.panoramas)} panoramas with a pose, {len(self.photos)} photos named after a facade, "
+            f"pictures   {format_count(len(self.panoramas), 'panorama')} with a pose, "
+            f"{format_count(len(self.photos), 'photo')} named after a facade, "
             f"{len(self.unused) + len(self.without_pose)} of no use yet",
             *self._unplaced(),
             *self._unused(),
@@ -267,7 +269,9 @@ def _write_block_file(
             if isinstance(area, SquareArea) and SWAPPED_AXES_NOTE in str(error):
                 raise InputError(area.axis_order_message("no buildings are there")) from error
             raise
-        notify(f"planning {len(block.buildings)} buildings and {len(block.streets)} streets")
+        notify(
+            f"planning {format_count(len(block.buildings), 'building')} and {format_count(len(block.streets), 'street')}"
+        )
         plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())

@@ -48,6 +48,9 @@ def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
 
     page.locator("tbody a").first.click()
     page.wait_for_selector(".stages img")
+    assert page.locator("figure").first.get_attribute("class") == "texture"
+    assert page.locator("details td").count() == 4 * page.locator("details tbody tr").count() > 40
+    assert page.get_attribute("text=In 3D", "href").startswith("#/model/0/")
     first = page.locator("h2").inner_text()
     page.keyboard.press("ArrowRight")
     wait(page, f"document.querySelector('h2').innerText !== {json.dumps(first)}")

@@ -2,7 +2,7 @@
 
 import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
 import { changeMap } from "./changes.js";
-import { STATUS, columnName, said } from "./columns.js";
+import { REMEDIES, STATUS, columnName, isCommon, said } from "./columns.js";
 import { smallMap } from "./map.js";
 
 // Facades that the list of those to look at shows.
@@ -37,6 +37,7 @@ export async function facadePage(block, id, number, correct) {
   const facade = block.facades[index];
   const details = await ask(`api/facade?id=${encodeURIComponent(id)}`);
   const go = (by) => (location.hash = facadeAddress(block.facades[(index + by + block.facades.length) % block.facades.length].id));
+  const texture = details.stages.find(({ stage }) => stage === "texture") || null;
   const shownColumns = block.columns.filter((column) => facade[column.name] !== undefined);
   return [
     element("h2", {}, `Facade ${id}`),
@@ -46,23 +47,48 @@ export async function facadePage(block, id, number, correct) {
       element("button", { type: "button", onclick: () => go(1) }, "Next facade"),
       element("span", {}, `${index + 1} of ${block.facades.length}, ${facade.street}`),
       element("a", { href: `#/map/${number}/${encodeURIComponent(id)}` }, "On the map"),
+      facade.status === "done" ? element("a", { href: `#/model/${number}/${encodeURIComponent(id)}` }, "In 3D") : null,
       correct(id),
     ),
     details.reason ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
-    element("dl", { class: "facts" }, ...shownColumns.map((column) =>
-      element("div", { title: `${column.meaning} (${column.name})` }, element("dt", {}, columnName(column.name)), element("dd", {}, said(facade[column.name], column.unit, column.name))))),
+    ...remedies(facade),
+    texture ? stageFigure(id, texture, details.snapshot, "texture") : null,
+    facts(shownColumns.filter((column) => isCommon(column.name)), facade),
     facade.changed === undefined ? null : changeMap(facade, details, block.changed_from),
-    element("div", { class: "stages" }, ...details.stages.map(({ stage, title }) =>
-      element("figure", {},
-        element("a", { href: picture(id, stage, details.snapshot), target: "_blank" },
-          element("img", { src: picture(id, stage, details.snapshot), alt: `${title} of facade ${id}`, loading: "lazy" })),
-        element("figcaption", {}, title)))),
+    element("h3", {}, "How it was made"),
+    element("div", { class: "stages" }, ...details.stages.filter((one) => one !== texture).map((one) => stageFigure(id, one, details.snapshot))),
     details.stages.some(({ stage }) => stage === "parse") ? legend(block.parse_colours) : null,
+    element("details", {}, element("summary", {}, "All that is known of it"), valuesTable(shownColumns, facade)),
     Object.keys(details.seconds).length
       ? element("p", {}, "Seconds: ", Object.entries(details.seconds).map(([name, value]) => `${name} ${value.toFixed(2)}`).join(", "))
       : null,
   ];
+}
+
+function stageFigure(id, { stage, title }, snapshot, kind = null) {
+  const address = picture(id, stage, snapshot);
+  return element("figure", { class: kind },
+    element("a", { href: address, target: "_blank" }, element("img", { src: address, alt: `${title} of facade ${id}`, loading: "lazy" })),
+    element("figcaption", {}, title));
+}
+
+function facts(columns, facade) {
+  return element("dl", { class: "facts" }, ...columns.map((column) =>
+    element("div", {}, element("dt", {}, columnName(column.name)), element("dd", {}, said(facade[column.name], column.unit, column.name)))));
+}
+
+function valuesTable(columns, facade) {
+  return element("table", {},
+    element("thead", {}, element("tr", {}, ...["Name", "Value", "Column", "Meaning"].map((text) => element("th", { scope: "col" }, text)))),
+    element("tbody", {}, ...columns.map(({ name, meaning, unit }) =>
+      element("tr", {}, ...[columnName(name), said(facade[name], unit, name), name, meaning].map((text) => element("td", {}, text))))));
+}
+
+// What is amiss with a facade, and what mends it.
+function remedies(facade) {
+  const flags = (facade.quality || "good").split(", ").filter((flag) => REMEDIES[flag]);
+  return flags.length ? [element("ul", { class: "remedies" }, ...flags.map((flag) => element("li", {}, REMEDIES[flag](facade))))] : [];
 }
 
 // Parts of a street's page, whose slider is the third.

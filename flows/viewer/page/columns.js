@@ -29,6 +29,19 @@ const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9"
 export const STATUS = { done: "#1c7a43", failed: "#b3261e", stale: "#a9600a", waiting: "#8b949c" };
 const UNKNOWN = "#b9bfc4";
 
+// What the words of `quality` mean, and what mends it.
+const suggested = ({ floors, levels, height_m }) =>
+  floors && levels && floors !== levels ? ` Its ${floors} floors suggest ${short((floors * height_m) / levels)} m.` : "";
+export const REMEDIES = {
+  "height-assumed": (facade) => `The map states no height of its building: ${said(facade.height_m, "metres")} are assumed.${suggested(facade)} Give it in the map, or correct it with view --edit.`,
+  "floors-differ": (facade) => `${facade.floors} floors are seen, and ${facade.levels} are expected of its height or stated by the map.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
+  "mostly-hidden": () => "Most of it is hidden in its pictures, and was made anew. Add a photo from another place.",
+  "no-windows": () => "No window was found. If it has some, draw them with view --edit, or say that it is no facade.",
+  "unsure-parse": () => "Its windows and doors are uncertain. Look at the boxes of its layout, and correct them with view --edit.",
+  "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",
+};
+
+export const isCommon = (name) => name in COMMON;
 export const columnName = (name) => COMMON[name] || FURTHER[name] || name.replaceAll("_", " ");
 
 // Columns by which facades may be coloured: [those that are common, the others].

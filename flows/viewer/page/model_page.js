@@ -8,10 +8,14 @@ import { show } from "./model.js";
 const REACH_M = 2;
 // Blocks that are asked for a street where a walk may begin.
 const TRIED = 5;
+// How far in front of a facade one stands, metres.
+const MIN_AWAY_M = 6;
+const MAX_AWAY_M = 15;
 
-// Put the page into `fill`; open: called with (block, facade id) of what was clicked.
-export async function modelPage(city, near, fill, open) {
-  const start = await findStart(city, near);
+// Put the page into `fill`; facade: [block, id] of the one to stand before, or null; open: called with (block, facade id) of what
+// was clicked.
+export async function modelPage(city, near, facade, fill, open) {
+  const start = facade ? await standBefore(city, ...facade) : await findStart(city, near);
   const canvas = element("canvas", { id: "model", tabindex: 0, role: "img", "aria-label": "The textured blocks in 3D; keys are told below" });
   const note = element("p", { class: "note", role: "status" });
   const figures = element("p", { class: "figures" });
@@ -45,6 +49,26 @@ export async function modelPage(city, near, fill, open) {
   canvas.view = view; // for tests and for who looks for a fault
   canvas.focus({ preventScroll: true });
   return view;
+}
+
+// A place from which a facade is seen whole, and the direction to it.
+async function standBefore(city, number, id) {
+  const block = await city.load(number);
+  const facade = block.facades.find((one) => one.id === id);
+  if (!facade) throw new Error(`There is no facade ${id} in ${city.called(number)}.`);
+  const [start, first, last] = [await startOfBlock(city, number), facade.line[0], facade.line.at(-1)];
+  const away = Math.min(MAX_AWAY_M, Math.max(MIN_AWAY_M, distance(first, [last, last]), facade.height_m || 0));
+  const faces = (facade.azimuth_deg * Math.PI) / 180;
+  const [east, north] = [0, 1].map((axis) => block.origin[axis] + (first[axis] + last[axis]) / 2 + away * [Math.sin(faces), Math.cos(faces)][axis]);
+  return { anchor: [east, north, start.anchor[2]], heading: (facade.azimuth_deg + 180) % 360 };
+}
+
+// Where a walk through a block begins: on a street, or at its first tile.
+async function startOfBlock(city, number) {
+  const start = await ask("api/start", blockBase(number, city.single));
+  if (start.anchor) return start;
+  const { tiles } = await ask("api/model", blockBase(number, city.single));
+  return { anchor: tiles[0].origin, heading: null };
 }
 
 // The facade whose wall is nearest to a place in world metres; null where none is near.

@@ -1,4 +1,4 @@
-// The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/blocks; of a block, with #/block/BLOCK/ before them
+// The viewer's page. Addresses: #/map, #/map/BLOCK, #/map/BLOCK/ID, #/model, #/model/BLOCK/ID, #/blocks; of a block, with #/block/BLOCK/ before them
 // where there are several: review, facade/ID, street/NUMBER/STEP, run; for who corrects edit/ID and photos/NAME.
 
 import { ask, blockBase, blockPage, element, facadeAddress, openBlock, openNumber } from "./elements.js";
@@ -89,9 +89,9 @@ function drawStreet(street, step) {
   } else fill(...parts);
 }
 
-async function drawModel() {
+async function drawModel([number, id]) {
   const { modelPage } = await import("./model_page.js");
-  model = await modelPage(city, mapPage.middle(), fill, (number, id) => (location.hash = addressOf(number, id)));
+  model = await modelPage(city, mapPage.middle(), id === undefined ? null : [Number(number), id], fill, (number, id) => (location.hash = addressOf(number, id)));
 }
 
 const addressOf = (number, id) => (city.single ? facadeAddress(id) : `#/block/${number}/facade/${encodeURIComponent(id)}`);
@@ -113,7 +113,7 @@ async function draw(again = false) {
     else if (page === "review") fill(...reviewPage(block, correct));
     else if (page === "edit" && corrector()) await corrector().draw(block, rest[0], fill);
     else if (page === "photos" && corrector()?.photos) await corrector().photos.draw(block, rest[0], fill);
-    else if (page === "model") await drawModel();
+    else if (page === "model") await drawModel(rest);
     else if (page === "blocks" && !city.single) fill(...blocksPage(city, token ? "review" : "run"));
     else await drawMap(page === "map" ? rest : []);
   } catch (error) {
