@@ -234,7 +234,7 @@ class CorrectionDiff:
     @cached_property
     def _measured_heights(self) -> dict[str, float]:
         """Height of each building in CityJSON exports."""
-        from tasks.export.city import compute_building_heights
+        from tasks.export.city_objects import compute_building_heights
 
         return compute_building_heights(self.results)
 

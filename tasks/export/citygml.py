@@ -12,7 +12,8 @@ from catalogs.features import safe_file_stem
 from catalogs.printable_text import escape_invisible
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.city import TEXTURE_FOLDER, building_attributes, building_model, facade_layouts, model_origin
+from tasks.export.city import TEXTURE_FOLDER
+from tasks.export.city_objects import building_attributes, building_model, facade_layouts, model_origin
 from tasks.export.models import append_ground_index
 from tasks.publish.published_run import PublishedBlock
 

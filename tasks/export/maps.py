@@ -94,7 +94,7 @@ def map_layers(
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.footprints import building_footprints
     from facade_core.geometry.charts import ChartKind
-    from tasks.export.city import is_facade
+    from tasks.export.city_objects import is_facade
 
     plan, charts = results.plan, results.plan.scene.charts
     chart = plan.facades.chart

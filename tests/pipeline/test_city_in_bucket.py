@@ -49,7 +49,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(2400)]
 TYPED = block_process._run_command
 
 
-def called(arguments: Sequence[str], ends: float | None, errors: Path) -> block_process.CommandResult:
+def run_in_process(arguments: Sequence[str], ends: float | None, errors: Path) -> block_process.CommandResult:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
         try:
@@ -73,7 +73,7 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3P
     file.write_text(yaml.safe_dump(keys))
     with served("city") as address, pytest.MonkeyPatch.context() as patch:
         patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
-        patch.setattr(block_process, "_run_command", called)
+        patch.setattr(block_process, "_run_command", run_in_process)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         out = S3Path(f"{address.removeprefix('s3://')}/town")
         here, there = textured(file, base / "out"), textured(file, out)

@@ -21,7 +21,7 @@ from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import merge_attributions
 from tasks.city.city_log import BLOCKS_FOLDER, CityLog, read_city_log
 from tasks.engine.progress import begin_stage, report_progress
-from tasks.export.city import model_origin
+from tasks.export.city_objects import model_origin
 from tasks.export.code_digest import export_key
 from tasks.export.targets import (
     MARKER,

@@ -9,7 +9,8 @@ from pathlib import Path
 from facade_core.core.arrays import IntArray
 from facade_core.core.json_types import JsonObject
 from facade_core.export.attribution import Attribution
-from tasks.export.city import json_line, reference_system, write_features
+from tasks.export.city import json_line, write_features
+from tasks.export.city_objects import reference_system
 from tasks.export.whole_city.parts import CityFacts, Part
 from tasks.publish.published_run import PublishedBlock
 

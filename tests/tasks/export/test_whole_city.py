@@ -51,9 +51,9 @@ def city(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def exported(city: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def export_once(city: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The folder of an export of the city, made once and moved away from it; changed by none."""
-    folder, made = tmp_path_factory.mktemp("exported"), {}
+    folder, made = tmp_path_factory.mktemp("export_once"), {}
 
     def one(style: str) -> Path:
         if style not in made:
@@ -64,8 +64,8 @@ def exported(city: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
     return one
 
 
-def files_of(folder: Path) -> dict[str, bytes]:
-    """What was exported, without what GDAL wrote beside it when it read it."""
+def read_files(folder: Path) -> dict[str, bytes]:
+    """What was export_once, without what GDAL wrote beside it when it read it."""
     files = (path for path in folder.rglob("*") if path.is_file() and not path.name.endswith(".aux.xml"))
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
@@ -80,10 +80,10 @@ def test_each_format_holds_a_city_or_says_what_does(city: Path, tmp_path: Path) 
     assert not (city / "exports").exists()
 
 
-def test_tables_have_every_block_once(exported: Any, found: PublishedBlock) -> None:
+def test_tables_have_every_block_once(export_once: Any, found: PublishedBlock) -> None:
     items = gpd.read_parquet(found.snapshot.items)
-    (package,) = exported("gpkg").glob("*.gpkg")
-    tables = exported("geoparquet")
+    (package,) = export_once("gpkg").glob("*.gpkg")
+    tables = export_once("geoparquet")
     assert package.name == "twins.gpkg"
     for layer in LAYER_NAMES:
         if layer == "set_aside":
@@ -111,9 +111,9 @@ def test_tables_have_every_block_once(exported: Any, found: PublishedBlock) -> N
 
 @pytest.mark.parametrize("whole", [False, True])
 def test_a_geopackage_has_a_qgis_style_for_each_layer(
-    whole: bool, exported: Any, undisturbed: Run, tmp_path: Path
+    whole: bool, export_once: Any, undisturbed: Run, tmp_path: Path
 ) -> None:
-    folder = exported("gpkg") if whole else export_run(undisturbed[0], "gpkg", tmp_path / "gpkg").path
+    folder = export_once("gpkg") if whole else export_run(undisturbed[0], "gpkg", tmp_path / "gpkg").path
     (package,) = folder.glob("*.gpkg")
     with closing(sqlite3.connect(package)) as file:
         styles = file.execute(
@@ -166,8 +166,8 @@ def test_a_stream_of_a_city_has_one_transform_and_ids_of_their_own(
     assert {picture.split("/")[1] for picture in pictures} == set(NAMES)
 
 
-def test_cjio_reads_a_stream_of_a_city(exported: Any, found: PublishedBlock, tmp_path: Path) -> None:
-    path = exported("cityjsonseq") / "twins.city.jsonl"
+def test_cjio_reads_a_stream_of_a_city(export_once: Any, found: PublishedBlock, tmp_path: Path) -> None:
+    path = export_once("cityjsonseq") / "twins.city.jsonl"
     collected = tmp_path / "collected.city.json"
     program = "from cjio.cjio import cli; cli()"
     command = [sys.executable, "-c", program, "--suppress_msg", "stdin", "save", str(collected)]
@@ -187,8 +187,8 @@ def test_buildings_of_a_cut_city_keep_their_ids(undisturbed: Run, found: Publish
     assert all(id == building or id.startswith("x1:") for id in features[0]["CityObjects"])
 
 
-def test_a_tileset_of_a_city_is_whole_by_itself(exported: Any, found: PublishedBlock) -> None:
-    folder = exported("3dtiles").resolve()
+def test_a_tileset_of_a_city_is_whole_by_itself(export_once: Any, found: PublishedBlock) -> None:
+    folder = export_once("3dtiles").resolve()
     root = json.loads((folder / "tileset.json").read_text())
     assert root["asset"]["extras"]["attribution"]["line"] == found.attribution.line
     assert len(root["root"]["children"]) == 2
@@ -213,8 +213,8 @@ def test_a_tileset_of_a_city_is_whole_by_itself(exported: Any, found: PublishedB
         assert np.linalg.norm(np.array([x, y, z]) - centre) + reach <= radius + 1e-6
 
 
-def test_orthophotos_of_a_city_are_one_raster_and_one_catalogue(exported: Any, found: PublishedBlock) -> None:
-    folder = exported("cog")
+def test_orthophotos_of_a_city_are_one_raster_and_one_catalogue(export_once: Any, found: PublishedBlock) -> None:
+    folder = export_once("cog")
     catalogue = pystac.Catalog.from_file(folder / "catalog.json")
     items = list(catalogue.get_items(recursive=True))
     assert len(items) == 2 * len(found.plan.facades.id)
@@ -239,10 +239,10 @@ def test_orthophotos_of_a_city_are_one_raster_and_one_catalogue(exported: Any, f
 
 
 @WITHOUT_USD
-def test_a_stage_of_a_city_loads_blocks_where_they_are(exported: Any, found: PublishedBlock) -> None:
+def test_a_stage_of_a_city_loads_blocks_where_they_are(export_once: Any, found: PublishedBlock) -> None:
     from pxr import Usd, UsdGeom
 
-    folder = exported("usd")
+    folder = export_once("usd")
     bare = Usd.Stage.Open(str(folder / "twins.usda"), Usd.Stage.LoadNone)
     assert [prim.GetDisplayName() for prim in bare.GetDefaultPrim().GetAllChildren()] == ["a9", "a10"]
     assert not [prim for prim in bare.Traverse() if prim.IsA(UsdGeom.Mesh)]
@@ -260,9 +260,9 @@ def test_a_stage_of_a_city_loads_blocks_where_they_are(exported: Any, found: Pub
 @pytest.mark.long
 @pytest.mark.parametrize("style", EACH)
 def test_a_killed_export_goes_on_and_gives_the_same_bytes(
-    style: str, city: Path, exported: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    style: str, city: Path, export_once: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    expected = files_of(exported(style))
+    expected = read_files(export_once(style))
     write, written = CITY_FORMATS[style].write_part, []
 
     def dying(results: PublishedBlock, buildings: Any, part: Any, facts: Any, options: Any) -> Any:
@@ -279,12 +279,12 @@ def test_a_killed_export_goes_on_and_gives_the_same_bytes(
     assert not (tmp_path / style).exists()
     export_run(city, style, tmp_path / style)
     assert written == ["a9", "a10", "a10"], "what was finished is not written again"
-    assert files_of(tmp_path / style) == expected
+    assert read_files(tmp_path / style) == expected
     assert [path.name for path in tmp_path.iterdir()] == [style]
 
 
 def test_a_kill_while_parts_are_joined_is_resumed(
-    city: Path, exported: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    city: Path, export_once: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kind = CITY_FORMATS["gpkg"]
 
@@ -306,7 +306,7 @@ def test_a_kill_while_parts_are_joined_is_resumed(
         (1, 2, 1),
         (2, 2, 2),
     ]
-    assert files_of(tmp_path / "gpkg") == files_of(exported("gpkg"))
+    assert read_files(tmp_path / "gpkg") == read_files(export_once("gpkg"))
 
 
 def test_an_unchanged_export_is_kept_and_a_new_block_alone_is_written(undisturbed: Run, tmp_path: Path) -> None:
@@ -327,7 +327,7 @@ def test_an_unchanged_export_is_kept_and_a_new_block_alone_is_written(undisturbe
     assert [path.name for path in (folder / "blocks").iterdir()] == ["b1"]
 
 
-def test_the_export_of_a_block_alone_is_taken_over(undisturbed: Run, tmp_path: Path, exported: Any) -> None:
+def test_the_export_of_a_block_alone_is_taken_over(undisturbed: Run, tmp_path: Path, export_once: Any) -> None:
     whole = write_city(tmp_path / "city", undisturbed[0], NAMES)
     for name in NAMES:
         export_run(whole / "blocks" / name, "cog")
@@ -337,11 +337,11 @@ def test_the_export_of_a_block_alone_is_taken_over(undisturbed: Run, tmp_path: P
     folder = export_run(whole, "cog", tmp_path / "cog").path
     stop()
     assert [(e.finished, e.earlier) for e in events if e.stage == "blocks"][-1] == (2, 1), "of one that nobody changed"
-    assert files_of(folder) == files_of(exported("cog"))
+    assert read_files(folder) == read_files(export_once("cog"))
 
 
-def test_what_somebody_changed_is_not_replaced(city: Path, exported: Any, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(exported("cog"), tmp_path / "cog"))
+def test_what_somebody_changed_is_not_replaced(city: Path, export_once: Any, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(export_once("cog"), tmp_path / "cog"))
     about = read_marker(folder)
     assert about is not None
     assert find_changed_file(folder, about) is None
@@ -361,7 +361,7 @@ def test_blocks_that_are_not_done_are_named(undisturbed: Run, tmp_path: Path) ->
     notes = export_run(whole, "gpkg", tmp_path / "some.gpkg").notes
     assert len(notes) == 2
     assert notes[0].startswith("block none: left out")
-    assert notes[1].startswith("block failed: exported as published before")
+    assert notes[1].startswith("block failed: export_once as published before")
     for name in ("done", "failed"):
         (whole / "blocks" / name / "current").unlink()
     with pytest.raises(InputError, match="none of its 3 blocks has published"):

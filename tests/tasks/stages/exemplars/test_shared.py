@@ -20,16 +20,16 @@ from tests.pipeline.stages import write_block
 
 
 @pytest.fixture
-def prepared(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+def prepared_counts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """One entry for each exemplar that is prepared and not read."""
     calls: list[int] = []
     prepare = worker.prepare_exemplar
 
-    def counted(*args: Any, **more: Any) -> Any:
+    def count_and_prepare(*args: Any, **more: Any) -> Any:
         calls.append(1)
         return prepare(*args, **more)
 
-    monkeypatch.setattr(worker, "prepare_exemplar", counted)
+    monkeypatch.setattr(worker, "prepare_exemplar", count_and_prepare)
     return calls
 
 
@@ -57,40 +57,40 @@ def differing(one: dict[str, Any], other: dict[str, Any]) -> set[str]:
     return {name for name in one if one[name] != other[name]} - {"started", "seconds", "worker"}
 
 
-def test_the_second_block_of_a_city_reads_what_the_first_prepared(tmp_path: Path, prepared: list[int]) -> None:
+def test_the_second_block_of_a_city_reads_what_the_first_prepared(tmp_path: Path, prepared_counts: list[int]) -> None:
     block = write_block(tmp_path / "in")
     run, unit, record, arrays = process_first(block, in_city(tmp_path / "city", "a"))
-    assert len(prepared) == 1
+    assert len(prepared_counts) == 1
     _, _, again, same = process_first(block, in_city(tmp_path / "city", "b"))
-    assert len(prepared) == 1
+    assert len(prepared_counts) == 1
     assert record.keys() == again.keys()
     assert not differing(record, again)
     assert all(np.array_equal(arrays[name], same[name]) for name in arrays)
     assert read_shared_exemplar(run, unit) is not None
 
 
-def test_a_changed_setting_prepares_it_again(tmp_path: Path, prepared: list[int]) -> None:
+def test_a_changed_setting_prepares_it_again(tmp_path: Path, prepared_counts: list[int]) -> None:
     process_first(write_block(tmp_path / "in"), in_city(tmp_path / "city", "a"))
     finer = write_block(tmp_path / "in", texture={"texels_per_metre": 4})
     process_first(finer, in_city(tmp_path / "city", "b"))
-    assert len(prepared) == 2
+    assert len(prepared_counts) == 2
 
 
-def test_a_block_alone_shares_nothing(tmp_path: Path, prepared: list[int]) -> None:
+def test_a_block_alone_shares_nothing(tmp_path: Path, prepared_counts: list[int]) -> None:
     block = write_block(tmp_path / "in")
     for name in ("a", "b"):
         out = tmp_path / "blocks" / name
         out.mkdir(parents=True)
         run, unit, _, _ = process_first(block, out)
         assert (run.shared, read_shared_exemplar(run, unit)) == ("", None)
-    assert len(prepared) == 2
+    assert len(prepared_counts) == 2
 
 
-def test_a_damaged_file_is_prepared_again(tmp_path: Path, prepared: list[int]) -> None:
+def test_a_damaged_file_is_prepared_again(tmp_path: Path, prepared_counts: list[int]) -> None:
     block = write_block(tmp_path / "in")
     process_first(block, in_city(tmp_path / "city", "a"))
     (file,) = (tmp_path / "city" / "shared" / "exemplars").iterdir()
     file.write_bytes(file.read_bytes()[:2000])
     run, unit, _, _ = process_first(block, in_city(tmp_path / "city", "b"))
-    assert len(prepared) == 2
+    assert len(prepared_counts) == 2
     assert read_shared_exemplar(run, unit) is not None
