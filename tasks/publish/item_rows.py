@@ -229,6 +229,7 @@ def _quality_flags(record: FacadeRecord, levels: int, height_source: str, role: 
         "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,
         "doubtful-cut": not record.get("cut_found", True)
         or not 1 / MAX_STRETCH <= record.get("stretched", 1.0) <= MAX_STRETCH,
+        "rejected-picture": bool(record.get("reason")),
         ASSUMED_HEIGHT: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"

@@ -16,6 +16,7 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
+from facade_core.imagery.rectify.fusion import ChartView
 from tasks.engine.forecast import describe_rejected_inputs
 from tasks.stages.facades import evidence, exemplar_facades
 from tasks.stages.facades import worker as facade
@@ -59,7 +60,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         unit: Any = Value(index=0, arguments=(imagery, (), ()))
         made = facade._texture_from_pictures(run, plan, unit, refused)
         if made is None:
-            made = facade._texture_from_exemplar(run, plan, group, unit, lambda _: None, ())
+            made = facade._texture_from_exemplar(run, plan, group, unit, lambda _: None, lambda _: None, ())
         return made.depth, made.facade, made.source, refused
 
     return maker
@@ -99,6 +100,9 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
     seen = np.ones(SIZE, bool)
     fused = Value(seen=seen, occluded=~seen, rgb=np.zeros((*SIZE, 3), np.uint8), confidence=np.ones(SIZE))
     monkeypatch.setattr(evidence, "_view_of_panorama", view)
+    monkeypatch.setattr(
+        evidence, "_reject_other_planes", lambda plan, chart, newest, earlier, refused: (newest, earlier)
+    )
     monkeypatch.setattr(evidence, "fuse_views", lambda views: fused)
     monkeypatch.setattr(evidence, "capture_date", {Path("two.jpg"): "2024-05-17"}.get)
     refused: list[Exception] = []
@@ -108,6 +112,23 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
     assert (found.source, taken, found.captured) == ("two.jpg", ["two.jpg"], "2024-05-17")
     assert list(map(str, refused)) == ["one.jpg: broken"]
     assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS[:1]), (), refused) is None
+
+
+def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = ChartView(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.ones(SIZE, np.float32))
+    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)
+    monkeypatch.setattr(evidence, "capture_date", lambda path: None)
+    monkeypatch.setattr(evidence, "camera_in_chart_frame", lambda *_: None)
+    monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["", "turned by 25 degrees"])
+    plan: Any = Value(scene=Value(placement=Value(texels_per_metre=[4.0])))
+    refused: list[Exception] = []
+    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused)
+    assert found is not None
+    assert found.source == "one.jpg"
+    (reason,) = map(str, refused)
+    assert reason.startswith("two.jpg: shows another plane than this wall, turned by 25 degrees; ")
+    monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["turned by 25 degrees"] * 2)
+    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused) is None
 
 
 def test_what_is_set_aside_is_told_before_anything_is_done() -> None:

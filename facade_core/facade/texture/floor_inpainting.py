@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
-from facade_core.core.labels import UNKNOWN
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
@@ -27,6 +27,11 @@ _TRUST_SCALE = 0.1  # share of the median best price at which the weight of a so
 _OUTLIER_PRICE = 1.0  # for each squared difference from the weighted mean
 _MAX_ROUNDS = 4
 _MAX_TRANSLATIONS = 28  # offered to the graph cuts
+# Share of roof and sky among the known labels of a row from which it is one of the roof.
+_MIN_ROOF_SHARE = 0.25
+# Height of the ground floor, as a share of the image, where the floor height is not known.
+_FOOT_SHARE = 0.2
+_LEVEL_TOLERANCE_PX = 3  # rows by which a source beside a pixel may be higher or lower
 _MIN_GAIN = 1e-5  # smallest price reduction, for each hidden pixel, of an offered translation
 
 
@@ -74,7 +79,8 @@ def _copy_repeats(
         )
     translations = np.unique(np.concatenate(found), axis=0)
     reach = max(known.shape) / _CONTEXT_DIVISOR
-    chosen = _choose_translations(small, known, plan, translations, reach)
+    roof, foot = _roof_and_foot_rows(plan, known, pitches[0])
+    chosen = _choose_translations(small, known, plan, translations, reach, (roof, foot))
     return fill_from_chosen_sources(image, ~mask, chosen, translations, factor, reach)
 
 
@@ -114,12 +120,51 @@ def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int
     return np.concatenate(found)
 
 
+def _roof_and_foot_rows(plan: UInt8Array, known: BoolArray, floor_height: int | None) -> tuple[BoolArray, BoolArray]:
+    """Return the rows (h,) bool of the roof, dormers included, and those of the ground floor."""
+    height = len(plan)
+    label = np.where(known, plan, UNKNOWN)
+    on_roof = ((label == FacadeClass.ROOF) | (label == FacadeClass.SKY)).sum(axis=1)
+    is_roof = on_roof >= np.maximum(1, _MIN_ROOF_SHARE * (label != UNKNOWN).sum(axis=1))
+    below = np.flatnonzero(is_roof[: height // 2])
+    rows = np.arange(height)
+    tall = min(floor_height or height, round(_FOOT_SHARE * height)) if height > 1 else 1
+    return rows <= (below[-1] if len(below) else -1), rows >= height - max(1, tall)
+
+
+def _forbid_foreign_rows(
+    price: Float32Array, hidden: Int64Array, translations: Int64Array, roof: BoolArray, foot: BoolArray
+) -> None:
+    """Forbid sources of the ground floor on the roof, and elsewhere where the same row has one, in place.
+
+    Parameters
+    ----------
+    price : (k, n) float32, UNUSABLE_PRICE without a source.
+    hidden : (n, 2) rows and columns.
+    translations : (k, 3) as in `compute_source_costs`.
+    roof, foot : (h,) bool rows.
+    """
+    on_foot = np.flatnonzero(foot[hidden[:, 0]])
+    source = np.clip(hidden[on_foot, 0] + translations[:, :1], 0, len(roof) - 1)
+    costs = np.where(roof[source], UNUSABLE_PRICE, price[:, on_foot])
+    is_beside = np.abs(translations[:, 0]) <= _LEVEL_TOLERANCE_PX
+    has_beside = (costs[is_beside] < UNUSABLE_PRICE).any(axis=0)
+    price[:, on_foot] = np.where(has_beside & ~is_beside[:, None], UNUSABLE_PRICE, costs)
+
+
 def _choose_translations(
-    image: Float32Array, known: BoolArray, plan: UInt8Array, translations: Int64Array, reach: float
+    image: Float32Array,
+    known: BoolArray,
+    plan: UInt8Array,
+    translations: Int64Array,
+    reach: float,
+    roof_and_foot: tuple[BoolArray, BoolArray],
 ) -> Int64Array:
     """Return the index of the translation of every hidden pixel, (h, w) int64; -1 if known or without source."""
     hidden = np.argwhere(~known)
-    costs = _penalise_outliers(compute_source_costs(image, known, hidden, plan, translations, reach))
+    sources = compute_source_costs(image, known, hidden, plan, translations, reach)
+    _forbid_foreign_rows(sources.price, hidden, translations, *roof_and_foot)
+    costs = _penalise_outliers(sources)
     kept = _select_translations(costs.price)
     served = (costs.price[kept] < UNUSABLE_PRICE).any(0)
     if not served.any():

@@ -12,6 +12,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.rectify.line_segments import detect_line_segments
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
 # Width in pixels of the scan that finds the walls.
@@ -32,8 +33,6 @@ MIN_LINE_PIXELS = 14.0
 MIN_LINE_M = 0.45
 # Largest angle between a line and its axis.
 MAX_AXIS_ANGLE_DEG = 9.0
-# Lines closer than this to unseen pixels belong to their outline.
-UNSEEN_RIM_PIXELS = 4
 # Cauchy scales in degrees, one round of reweighting each.
 CAUCHY_SCALES_DEG = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.3, 0.3)
 # Expected error of the stated rotation in degrees,
@@ -125,8 +124,6 @@ def _lines_on_wall(
     scene: Scene, chart: int, image: UInt8Array, pose: Pose, distance: float
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, Int64Array]:
     """Columns of WallLines for one wall."""
-    import cv2
-
     charts, placement = scene.charts, scene.placement
     extent = np.array([placement.height[chart], placement.width[chart]]) / placement.texels_per_metre[chart]
     density = min(
@@ -136,21 +133,9 @@ def _lines_on_wall(
     )
     size = tuple(max(8, round(float(side) * density)) for side in extent)
     view = rectify_chart_from_panorama(scene, chart, image, pose, size)
-    grey = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2GRAY)
-    segments = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
-    ends = np.zeros((0, 2, 2)) if segments is None else segments.reshape(-1, 2, 2).astype(np.float64) + 0.5
-    is_inside = cv2.erode(
-        view.seen.astype(np.uint8),
-        np.ones((2 * UNSEEN_RIM_PIXELS + 1, 2 * UNSEEN_RIM_PIXELS + 1), np.uint8),
-        borderValue=0,
-    )
+    ends = detect_line_segments(view.rgb, view.seen, max(MIN_LINE_PIXELS, MIN_LINE_M * density))
     across, down = np.abs(ends[:, 1] - ends[:, 0]).T
-    length = np.hypot(across, down)
-    is_valid = length >= max(MIN_LINE_PIXELS, MIN_LINE_M * density)
-    is_valid &= np.minimum(across, down) <= np.tan(np.radians(MAX_AXIS_ANGLE_DEG)) * np.maximum(across, down)
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        pixel = np.floor(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])).astype(int)
-        is_valid &= is_inside[pixel[:, 1].clip(0, size[0] - 1), pixel[:, 0].clip(0, size[1] - 1)] > 0
+    is_valid = np.minimum(across, down) <= np.tan(np.radians(MAX_AXIS_ANGLE_DEG)) * np.maximum(across, down)
     ends, is_level = ends[is_valid], across[is_valid] > down[is_valid]
     metres = ends * (extent[::-1] / np.array(size[::-1]))
     rays = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,12 +18,14 @@ from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import detect_changes
+from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
 from facade_core.imagery.rectify.crop import crop_to_facade, street_below_wall_mask
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.imagery.rectify.photo import Rectified, rectify
+from facade_core.imagery.rectify.pictured_plane import camera_in_chart_frame, explain_other_planes
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
@@ -189,6 +192,7 @@ def _fuse_panoramas(
         _dated_views(plan, chart, pictures, size, imagery, refused, parser)
         for pictures in (imagery.panoramas, imagery.earlier)
     )
+    newest, earlier = _reject_other_planes(plan, chart, newest, earlier, refused)
     if not newest:
         newest, earlier = earlier, []
     views, before = [one.view for one in newest], None
@@ -238,11 +242,36 @@ def _shrink(view: ChartView) -> UInt8Array:
 
 
 class _DatedView(NamedTuple):
-    """A facade in a panorama, with the file's name and day."""
+    """A facade in a panorama, with the file's name, pose and day."""
 
     view: ChartView
     name: str
+    pose: Pose
     day: str | None
+
+
+def _reject_other_planes(
+    plan: Plan, chart: int, newest: list[_DatedView], earlier: list[_DatedView], refused: list[Exception]
+) -> tuple[list[_DatedView], list[_DatedView]]:
+    """Return the views without those that show another building than the facade's; their reasons go to `refused`."""
+    every = [*newest, *earlier]
+    if not every:
+        return newest, earlier
+    reasons = explain_other_planes(
+        [one.view for one in every],
+        [camera_in_chart_frame(plan.scene, chart, one.pose) for one in every],
+        float(plan.scene.placement.texels_per_metre[chart]),
+    )
+    refused += [
+        ImageError(
+            f"{one.name}: shows another plane than this wall, {reason}; add the building that is there to the model, "
+            "mend the pose, or remove the picture"
+        )
+        for one, reason in zip(every, reasons, strict=True)
+        if reason
+    ]
+    kept = [not reason for reason in reasons]
+    return list(compress(newest, kept)), list(compress(earlier, kept[len(newest) :]))
 
 
 def _dated_views(
@@ -259,7 +288,7 @@ def _dated_views(
     for path, pose in pictures:
         with collect_input_errors(refused):
             view = _view_of_panorama(plan, chart, path, pose, size, parser)
-            found.append(_DatedView(view, path.name, imagery.captured.get(path) or capture_date(path)))
+            found.append(_DatedView(view, path.name, pose, imagery.captured.get(path) or capture_date(path)))
     return found
 
 
@@ -310,7 +339,7 @@ def _view_of_panorama(
     plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
 ) -> ChartView:
     """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
-    image = read_panorama(path)
+    image = _read_without_fringes(path, *_file_stamps(path))
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
     view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private)
@@ -323,8 +352,18 @@ def _view_of_panorama(
 
 def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:
     """Return faces, plates and text on a panorama; its facades share them."""
+    return _cached_detections(path, *_file_stamps(path), pose.view)
+
+
+def _file_stamps(path: Path) -> tuple[int, int]:
+    """Return size and time of a file, by which a changed one is read again."""
     state = path.stat()
-    return _cached_detections(path, state.st_size, state.st_mtime_ns, pose.view)
+    return state.st_size, state.st_mtime_ns
+
+
+@lru_cache(maxsize=1)
+def _read_without_fringes(path: Path, _size: int, _modified: int) -> UInt8Array:
+    return remove_colour_fringes(read_panorama(path))
 
 
 @lru_cache(maxsize=64)

@@ -20,6 +20,7 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit
 from tasks.stages.exemplars.worker import read_exemplar
+from tasks.stages.facades.pictured_style import PicturedStyle
 
 # Pixels of the exemplars that are kept; each takes 4 bytes, besides the tables of its lattice.
 MAX_KEPT_PIXELS = 8_000_000
@@ -69,6 +70,7 @@ def build_unit_from_exemplar(
     unit: Unit,
     size: tuple[int, int],
     wall_colour: Float64Array | None = None,
+    own: PicturedStyle | None = None,
 ) -> Facade | None:
     """Build the facade of a unit in the style of its exemplar; None where it is left to the street stage.
 
@@ -80,6 +82,7 @@ def build_unit_from_exemplar(
     unit : unit of stage `facades`.
     size : (h, w) of the raster.
     wall_colour : (3,) 0..255, of the building's walls where photos show it.
+    own : style of the building's own pictured facade, taken instead of the exemplar.
 
     Raises
     ------
@@ -93,8 +96,12 @@ def build_unit_from_exemplar(
             f"facade {facades.id[number]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     exemplar, along = imagery.exemplar[0], float(facades.along[number])
-    whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True)
-    style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False)[0]
+    if own is not None:
+        style = whole = own.style
+        metres_per_texel = own.metres_per_pixel
+    else:
+        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True)
+        style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False)[0]
     return build_facade_from_exemplar(
         ScaledStyle(style, metres_per_texel, whole),
         facade_wall(plan.scene, facades, number, imagery.entrances),

@@ -22,6 +22,7 @@ class FacadeImagery:
     captured : day of each panorama, by path.
     textured : whether its wall carries a texture of the model.
     exemplar : (index, name) of its exemplar.
+    is_exemplar_stated : whether a correction names the exemplar, which a pictured facade of the building then leaves alone.
     shops : whether a wall from the exemplar keeps its shops: not where the map has none.
     corrected : its corrections.
     entrances : mapped doors, metres from the left of the wall.
@@ -34,6 +35,7 @@ class FacadeImagery:
     captured: Mapping[Path, str] = field(default_factory=dict)
     textured: bool = False
     exemplar: tuple[int, str] | None = None
+    is_exemplar_stated: bool = False
     shops: bool = True
     corrected: FacadeCorrections = AS_FOUND
     entrances: tuple[float, ...] = ()

@@ -87,6 +87,7 @@ def facade_keys(
             parts["own"] = own_texture_key_parts(plan, [chart], textures)
         elif imagery.exemplar is not None:
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
+            chosen += ["stated"] if imagery.is_exemplar_stated else []
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
             parts["beside"] = [house, plan.scene_objects.digests_in_box(low - MAX_JOINT_M, high + MAX_JOINT_M)]
         else:

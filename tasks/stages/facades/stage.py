@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import cast
 
@@ -109,7 +109,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
     poses = read_bundled_pose_records(group)
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = facade_shop_flags(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
-    exemplars = _facade_exemplars(run, block, plan, group, shops)
+    exemplars, stated = _facade_exemplars(run, block, plan, group, shops)
     entrances = facade_entrance_positions(plan, block.entrances)
     corrections, _ = match_corrections(plan, block.corrections, block.crs)
     textured = plan.textured[plan.facades.chart].tolist()
@@ -134,6 +134,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
                 captured={path: days[path] for path, _ in (*newest, *earlier) if path in days},
                 textured=bool(textured[i]),
                 exemplar=exemplars.get(i) if corrected.facade else None,
+                is_exemplar_stated=i in stated,
                 shops=int(shops[i]) != 0,
                 corrected=corrected,
                 entrances=entrances[i],
@@ -144,13 +145,14 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
 
 def _facade_exemplars(
     run: Run, block: Block, plan: Plan, group: StoreGroup, shops: Int64Array
-) -> dict[int, tuple[int, str]]:
-    """Return the exemplar (index, name) of each facade, by correction or else by choice; empty if the block takes none."""
+) -> tuple[dict[int, tuple[int, str]], Set[int]]:
+    """Return the exemplar (index, name) of each facade, empty if the block takes none, and the facades with a corrected one."""
     if run.texture.walls != "exemplar":
-        return {}
+        return {}, set()
     records = read_journal(group, "exemplars", ExemplarRecord)
     chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=run.seed)
-    return chosen | _corrected_exemplars(plan, block, records) if chosen else {}
+    stated = _corrected_exemplars(plan, block, records) if chosen else {}
+    return chosen | stated, stated.keys()
 
 
 def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from io import BytesIO
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from icechunk import ForkSession
 
-from facade_core.atlas.journal import Record
+from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
@@ -51,6 +51,8 @@ from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoCropQuality, read_evidence
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
+from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
+from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
@@ -129,11 +131,21 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         if not done(unit, partial(_texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
     wall_colour = cache(partial(photo_wall_colour, group, plan))
+
+    def source_name(facade: int) -> str:
+        known = records.get(facade) or read_records(group, "facades", np.array([facade]))[0]
+        return str(cast(FacadeRecord, known).get("source") or "") if known else ""
+
+    own_style = cache(partial(select_pictured_style, group, plan, source_name))
     for unit, refused in left:  # once those with pictures are there: these take their walls' colour
         beside = [
             facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
         ]
-        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, wall_colour, tuple(beside)), refused)
+        done(
+            unit,
+            partial(_texture_from_exemplar, run, plan, group, unit, wall_colour, own_style, tuple(beside)),
+            refused,
+        )
     return fork, records
 
 
@@ -265,13 +277,15 @@ def _texture_from_exemplar(
     group: StoreGroup,
     unit: Unit,
     wall_colour: Callable[[tuple[int, ...]], Float64Array | None],
+    own_style: Callable[[tuple[int, ...]], PicturedStyle | None],
     beside: tuple[int, ...],
 ) -> _TexturedFacade:
-    """Texture a facade in the style of its exemplar and the wall colour of its building, or leave it to the street stage.
+    """Texture a facade in the style of its building's best pictured facade, else of its exemplar, or leave it to the street.
 
     Parameters
     ----------
     wall_colour : returns the colour of the walls of some facades.
+    own_style : returns the style of the best pictured one of some facades.
     beside : facades of the building with pictures.
     """
     facade, (imagery, *_) = unit.index, unit.arguments
@@ -279,10 +293,12 @@ def _texture_from_exemplar(
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
     depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
-    result = build_unit_from_exemplar(run, plan, group, unit, size, wall_colour(beside))
+    own = own_style(beside) if imagery.exemplar is not None and not imagery.is_exemplar_stated else None
+    result = build_unit_from_exemplar(run, plan, group, unit, size, wall_colour(beside), own)
     if result is None:
         return _TexturedFacade(depth, None, "translator", nothing)
-    return _TexturedFacade(depth, _apply_correction(result, imagery), imagery.exemplar[1], nothing)
+    source = imagery.exemplar[1] if own is None else own.source
+    return _TexturedFacade(depth, _apply_correction(result, imagery), source, nothing)
 
 
 def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:

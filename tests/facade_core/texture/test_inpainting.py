@@ -8,9 +8,12 @@ from PIL import Image
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
+from facade_core.facade.photo_facade import _inpaint_over_rim
+from facade_core.facade.texture.floor_inpainting import _forbid_foreign_rows, _roof_and_foot_rows
 from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
+from facade_core.facade.texture.source_costs import UNUSABLE_PRICE
 from facade_core.facade.texture.window_completion import complete_windows
 from facade_core.synth.facade import paint_facade as paint
 
@@ -241,3 +244,35 @@ def test_nothing_made_is_darker_than_what_is_seen(facade, hole):
     seen = np.maximum(facade.image, 40)
     filled = inpaint(spoiled(seen, hole), hole, labels=facade.labels)
     assert (filled.reshape(-1, 3).min(axis=0) >= seen[~hole].min(axis=0)).all()
+
+
+def test_the_ground_floor_has_no_source_on_the_roof():
+    labels = np.zeros((100, 40), np.uint8)
+    labels[:20], labels[14:26, 5:30] = FacadeClass.ROOF, FacadeClass.ROOF  # a dormer's foot reaches lower
+    known = np.ones((100, 40), bool)
+    known[85:, :30] = False
+    roof, foot = _roof_and_foot_rows(labels, known, 25)
+    assert (roof.sum(), foot.sum()) == (26, 20)
+    hidden = np.array([[90, 2], [90, 25], [84, 2]])
+    translations = np.array([[-70, 0, 0], [-40, 0, 0], [1, 10, 0]])
+    price = np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [UNUSABLE_PRICE, 3.0, 3.0]], np.float32)
+    _forbid_foreign_rows(price, hidden, translations, roof, foot)
+    is_usable = price < UNUSABLE_PRICE
+    assert is_usable[:, 0].tolist() == [False, True, False], "of a floor, where nothing beside it is seen"
+    assert is_usable[:, 1].tolist() == [False, False, True], "of the row beside it"
+    assert is_usable[:, 2].tolist() == [False, False, True]
+    price[:] = 1.0
+    _forbid_foreign_rows(price, np.array([[50, 2]] * 3), translations, roof, foot)
+    assert (price == 1.0).all(), "other floors are free"
+
+
+def test_the_rim_of_a_hole_fades_into_the_photo():
+    image = np.full((200, 200, 3), 100, np.uint8)
+    hidden = np.zeros((200, 200), bool)
+    hidden[120:, :100] = True
+    image[hidden] = 255
+    image[117:120, :100] = 180  # blurred occluder that its mask misses
+    filled = _inpaint_over_rim(image, hidden, np.zeros((200, 200), np.uint8), [], 0).astype(int)
+    assert np.abs(filled[hidden] - 100).max() < 20
+    assert np.abs(filled[119, 20:80] - 100).max() < 45, "next to the hole it is mostly filling"
+    np.testing.assert_array_equal(filled[:112], image[:112])

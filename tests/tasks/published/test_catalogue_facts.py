@@ -134,6 +134,7 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
         ({"floors": 6, "floors_low": 5, "floors_high": 7}, "height", "floors-differ"),
         ({"floors": 5}, "height", "floors-differ"),
         ({"elements": windows(4, 0.3)}, "height", "unsure-parse"),
+        ({"reason": "a.jpg: shows another plane; textured from b.jpg"}, "height", "rejected-picture"),
         ({"cut_kept": 0.4, "cut_found": True, "stretched": 1.2}, "height", "good"),
         ({"cut_kept": 1.0, "cut_found": False, "stretched": 1.0}, "height", "doubtful-cut"),
         ({"cut_kept": 0.9, "cut_found": True, "stretched": 0.5}, "height", "doubtful-cut"),
