@@ -27,7 +27,7 @@ from facade_core.parsing.segmenter import parse
 # Smallest visible share of a facade to complete; with less the result would be a guess.
 MIN_VISIBLE_SHARE = 0.05
 # Rim of hidden pixels, as a share of the side, over which their filling fades into the photo.
-BLENDING_RIM_SHARE = 0.008
+BLENDING_RIM_SHARE = 0.006
 # Largest hidden share of an observed element.
 MAX_HIDDEN_SHARE = 0.3
 
@@ -225,7 +225,7 @@ def complete_photo(
                 )[0]
                 layout = list(completion.elements)
         with time_stage(seconds, "inpaint"):
-            result = _inpaint_over_rim(image, hidden, parsing.labels, layout, seed)
+            result, hidden = _inpaint_over_rim(image, hidden, parsing.labels, layout, seed)
         # Labels and elements come from the completed picture, which may differ from the planned layout.
         with time_stage(seconds, "parse"):
             result_parsing = parse(result, model=models.parser)
@@ -249,8 +249,8 @@ def complete_photo(
 
 def _inpaint_over_rim(
     image: UInt8Array, hidden: BoolArray, labels: UInt8Array, layout: Sequence[Element], seed: int
-) -> UInt8Array:
-    """Inpaint hidden pixels and a rim around them, and fade the rim into the photo: (h, w, 3) uint8.
+) -> tuple[UInt8Array, BoolArray]:
+    """Inpaint hidden pixels and a rim around them, which fades into the photo: (h, w, 3) uint8, and (h, w) bool what changed.
 
     The rim is what an occluder blurs, so that no source has it, and a hole has no hard seam.
     """
@@ -263,7 +263,7 @@ def _inpaint_over_rim(
     distance = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     width = 2 + round(BLENDING_RIM_SHARE * np.sqrt(hidden.size))
     share = np.where(rim, np.clip(distance / width, 0, 1), 1.0)[..., None]
-    return np.rint(share * image + (1 - share) * filled).astype(np.uint8)
+    return np.rint(share * image + (1 - share) * filled).astype(np.uint8), rim
 
 
 def _require_visible(hidden: BoolArray, cause: str) -> None:

@@ -31,7 +31,9 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
     made = build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=1)
     seen = ~made.occluded
     assert not seen[PAINTED.occluded].any()
-    assert made.occluded.mean() < PAINTED.occluded.mean() + 0.03, "what is seen is mostly not called a tree"
+    assert made.occluded.mean() < PAINTED.occluded.mean() + 0.05, (
+        "beyond a rim, what is seen is mostly not called a tree"
+    )
     np.testing.assert_array_equal(made.image[seen], PAINTED.image[seen])
     assert (made.provenance[seen] == Provenance.PHOTO).all()
     assert (made.provenance[~seen] == Provenance.INPAINTED).all()
