@@ -36,8 +36,8 @@ def run(installed: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 def test_a_wheel_holds_models_examples_and_pages_and_neither_tests_nor_benchmarks(installed: Path) -> None:
     held = {path.relative_to(installed) for path in installed.rglob("*") if path.is_file()}
     rooms = {path.parts[0] for path in held}
-    assert {room for room in rooms if not room.endswith(".dist-info")} == {"catalogs", "facade_core", "flows", "tasks"}
-    ours = {"catalogs", "facade_core", "flows", "tasks"}
+    ours = {"catalogs", "facade_core", "flows", "tasks", "streetloom"}
+    assert {room for room in rooms if not room.endswith(".dist-info")} == ours
     tracked = subprocess.run(["git", "ls-files", *sorted(ours)], cwd=ROOT, capture_output=True, text=True, check=True)
     assert {Path(line) for line in tracked.stdout.splitlines()} <= held
 
@@ -46,7 +46,7 @@ def test_a_wheel_holds_models_examples_and_pages_and_neither_tests_nor_benchmark
 def test_it_runs_outside_a_clone_as_the_same_code(installed: Path) -> None:
     where = run(installed, "-c", "import flows; print(flows.__file__)")
     assert Path(where.stdout.strip()).is_relative_to(installed)
-    told = run(installed, "-m", "flows", "--version")
+    told = run(installed, "-m", "streetloom", "--version")
     here = subprocess.run(
         [sys.executable, "-m", "flows", "--version"], cwd=ROOT, capture_output=True, text=True, check=True
     )

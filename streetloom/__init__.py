@@ -1,0 +1,1 @@
+"""Name of the software, for `python -m streetloom`."""
