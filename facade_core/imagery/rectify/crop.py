@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Box
 from facade_core.parsing.segmenter import facade_surroundings_mask
 
@@ -20,6 +21,19 @@ GRID_CELLS = 192
 MAX_STREET_SHARE = 0.25
 # Street is accepted if this share of the columns has it: the parser takes plinths for street in places.
 MIN_STREET_COLUMNS = 0.3
+# Share of the height (turned: of the width) up to which a run from the top, the right and the left is beyond the wall.
+MAX_BEYOND_SHARE = {0: 0.5, 1: 0.25, 3: 0.25}
+# Step of brightness at the skyline in grey levels, over this share of the side.
+MIN_SKYLINE_STEP = 25.0
+STEP_REACH_SHARE = 0.01
+# Least grey level of all channels of an overcast sky; excess of blue over red, and least blue, of a clear one.
+MIN_OVERCAST_GREY = 225
+MIN_BLUE = 20
+MIN_BLUE_GREY = 150
+# Pixels at the border of a rectified wall that mix with what is beside it.
+BORDER_RIM_PIXELS = 2
+# Share of the columns that must have such a step.
+MIN_SKYLINE_COLUMNS = 0.08
 # Value of hidden pixels for the box, which keeps them if that costs nothing.
 _HIDDEN_VALUE = 1e-4
 
@@ -65,12 +79,12 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None =
     return FacadeCrop(image[part], hidden[part], _touching_border(outside[part]), box)
 
 
-def street_below_wall_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
-    """Mask the street below the foot of a wall in a posed panorama.
+def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> BoolArray:
+    """Mask the street below the foot of a wall in a posed panorama, and sky and neighbours beyond its top and sides.
 
-    Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts
-    from the last row up; hidden pixels do not interrupt it. Neighbours and sky are ignored: the model gives the wall's
-    ends, a bare wall resembles a neighbour, and sky resembles plaster.
+    Heights of models, cameras and the ground are rarely exact to the metre. The parser alone is no proof: a bare wall
+    resembles a neighbour, and sky resembles plaster. Beyond top and sides a run of such pixels from the border inwards
+    counts only if it ends at a step of brightness, as the skyline is.
 
     Parameters
     ----------
@@ -84,13 +98,57 @@ def street_below_wall_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
     """
     if hidden.all():
         return np.zeros_like(hidden)
-    street = (facade_surroundings_mask(image, hidden, model=model) & ~hidden)[::-1]
+    outside = facade_surroundings_mask(image, hidden, model=model) & ~hidden
+    found = _street_below_wall(outside, hidden)
+    grey = image.mean(axis=2)
+    for turns, beyond in product((0, 1, 3), (outside, _looks_like_sky(image) & ~hidden)):
+        # so turned that the top, the right and the left are the first rows
+        turned = (np.rot90(array, turns) for array in (beyond, hidden, grey))
+        found |= np.rot90(_beyond_skyline(*turned, MAX_BEYOND_SHARE[turns]), -turns)
+    return found & ~hidden
+
+
+def _street_below_wall(outside: BoolArray, hidden: BoolArray) -> BoolArray:
+    """Mask per column the run of street from the last row up; hidden pixels do not interrupt it."""
+    street = outside[::-1]
     is_run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
     length = is_run.sum(axis=0)
     length[(length > MAX_STREET_SHARE * len(street)) | ~(is_run & street).any(axis=0)] = 0
     if (length > 0).sum() < MIN_STREET_COLUMNS * (~hidden.all(axis=0)).sum():
         return np.zeros_like(hidden)
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
+
+
+def _looks_like_sky(image: UInt8Array) -> BoolArray:
+    """Mask the pixels (h, w) that are as bright as an overcast sky, or bright and blue."""
+    red, blue = image[..., 0].astype(np.int16), image[..., 2].astype(np.int16)
+    return np.asarray((image.min(axis=2) >= MIN_OVERCAST_GREY) | ((blue - red >= MIN_BLUE) & (blue >= MIN_BLUE_GREY)))
+
+
+def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, max_share: float) -> BoolArray:
+    """Mask per column the run of outside pixels from the first row down to a step of brightness.
+
+    Parameters
+    ----------
+    outside, hidden : (h, w) bool.
+    grey : (h, w) brightness.
+    max_share : share of the height at which a run is the wall, taken for a neighbour.
+    """
+    height, width = outside.shape
+    reach = max(4, round(STEP_REACH_SHARE * height))
+    is_rim = np.arange(height)[:, None] < BORDER_RIM_PIXELS
+    is_run = np.logical_and.accumulate(outside | hidden | is_rim, axis=0)
+    length = is_run.sum(axis=0)
+    sums = np.concatenate([np.zeros((1, width)), np.cumsum(grey, axis=0)])
+    column = np.arange(width)
+    ends = np.clip(length, reach, max(reach, height - 2 * reach))  # the step itself is blurred
+    above = sums[ends, column] - sums[ends - reach, column]
+    below = sums[ends + 2 * reach, column] - sums[ends + reach, column]
+    is_valid = (np.abs(above - below) >= MIN_SKYLINE_STEP * reach) & (is_run & outside).any(axis=0)
+    is_valid &= (length > 0) & (length <= max_share * height)
+    if height <= 3 * reach or is_valid.sum() < MIN_SKYLINE_COLUMNS * width:
+        return np.zeros_like(outside)
+    return np.asarray(np.arange(height)[:, None] < np.where(is_valid, length + reach, 0))
 
 
 def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:

@@ -19,7 +19,7 @@ from facade_core.core.types import Box, Pose
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
-from facade_core.imagery.rectify.crop import crop_to_facade, street_below_wall_mask
+from facade_core.imagery.rectify.crop import crop_to_facade, wall_surroundings_mask
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
 from facade_core.imagery.rectify.no_data import no_data_mask
@@ -227,7 +227,7 @@ def _fuse_panoramas(
         ", ".join(one.name for one in taken),
         masked,
         in_front,
-        outside=street_below_wall_mask(fused.rgb, hidden, model=parser),
+        outside=wall_surroundings_mask(fused.rgb, hidden, model=parser),
         captured=_latest_day(newest),
         before=before,
     )

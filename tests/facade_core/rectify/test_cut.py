@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.imagery.rectify import crop
-from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, street_below_wall_mask
+from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, wall_surroundings_mask
 
 
 def test_the_box_is_the_best_of_all():
@@ -94,6 +94,24 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert crop_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"
 
 
+def test_sky_beyond_the_skyline_is_masked(monkeypatch: pytest.MonkeyPatch):
+    """A wall that is taken for a neighbour as a whole under an overcast sky, which is on its right too."""
+    image = np.full((200, 150, 3), 110, np.uint8)
+    image[:30], image[:, 135:] = 245, 245
+    outside, hidden = np.zeros((2, 200, 150), bool)
+    outside[:, :60] = True
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
+    found = wall_surroundings_mask(image, hidden)
+    assert found[:30, 60:130].all()
+    assert found[40:, 135:].all()
+    assert not found[40:, :125].any(), "without a step it may be the wall"
+    image[:] = 245
+    assert not wall_surroundings_mask(image, hidden).any(), "a white wall"
+    image[:30], image[30:] = (120, 160, 220), 200
+    outside[:] = False
+    assert wall_surroundings_mask(image, hidden)[:30].all(), "a clear sky above a pale wall"
+
+
 def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
     """Twelve rows of street, on which a car stands; a third of the wall is bare and taken for a neighbour's."""
     outside, hidden = np.zeros((2, 100, 90), bool)
@@ -106,12 +124,12 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     image = np.zeros((100, 90, 3), np.uint8)
     street = np.zeros_like(outside)
     street[88:, 30:] = True
-    assert (street_below_wall_mask(image, hidden) == (street & ~hidden)).all()
+    assert (wall_surroundings_mask(image, hidden) == (street & ~hidden)).all()
     # a plinth that is taken for street here and there is none
     outside[:] = False
     outside[96:, 10:30] = True
-    assert not street_below_wall_mask(image, hidden).any()
+    assert not wall_surroundings_mask(image, hidden).any()
     outside[:5] = True  # sky; a car before every other column is no street
     hidden[90:, 30:80] = True
-    assert not street_below_wall_mask(image, hidden).any()
-    assert not street_below_wall_mask(image, np.ones_like(hidden)).any()
+    assert not wall_surroundings_mask(image, hidden).any()
+    assert not wall_surroundings_mask(image, np.ones_like(hidden)).any()
