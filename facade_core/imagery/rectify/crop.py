@@ -103,8 +103,8 @@ def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
     grey = image.mean(axis=2)
     for turns, beyond in product((0, 1, 3), (outside, _looks_like_sky(image) & ~hidden)):
         # so turned that the top, the right and the left are the first rows
-        turned = (np.rot90(array, turns) for array in (beyond, hidden, grey))
-        found |= np.rot90(_beyond_skyline(*turned, MAX_BEYOND_SHARE[turns]), -turns)
+        own, unseen = np.rot90(beyond, turns), np.rot90(hidden, turns)
+        found |= np.rot90(_beyond_skyline(own, unseen, np.rot90(grey, turns), MAX_BEYOND_SHARE[turns]), -turns)
     return found & ~hidden
 
 
