@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy import ndimage
@@ -136,25 +136,42 @@ def _occluder_regions(probability: Float32Array) -> BoolArray:
     return regions
 
 
+class Surroundings(NamedTuple):
+    """What a picture shows of a facade and beside it.
+
+    Attributes
+    ----------
+    outside : (H, W) bool, sky, street or neighbours.
+    labels : (H, W) uint8 classes.
+    """
+
+    outside: BoolArray
+    labels: UInt8Array
+
+
 def facade_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> BoolArray:
-    """Mask sky, street and neighbours outside a facade.
+    """Mask sky, street and neighbours outside a facade; parameters as in `segment_surroundings`."""
+    return segment_surroundings(image, hidden, model=model).outside
+
+
+def segment_surroundings(image: UInt8Array, hidden: BoolArray, *, model: str | Path | None = None) -> Surroundings:
+    """Segment a picture into facade and surroundings.
 
     Parameters
     ----------
     image : (H, W, 3) uint8 RGB.
     hidden : (H, W) bool, not all pixels; hidden pixels take the result of the nearest visible one.
     model : as in `parse`, with its time and errors.
-
-    Returns
-    -------
-    (H, W) bool.
     """
     check_image(image)
     segmenter = load_segmenter(model)
     working, nearest = _to_working_size(image, hidden, segmenter.working_area)
     segmentation = segmenter.segment(working)
-    outside = (segmentation.outside >= _OUTSIDE_THRESHOLD) | (segmentation.confidence.argmax(2) == FacadeClass.SKY)
-    return _enlarge(outside if nearest is None else outside[nearest], *hidden.shape)
+    labels = segmentation.confidence.argmax(2).astype(np.uint8)
+    outside = (segmentation.outside >= _OUTSIDE_THRESHOLD) | (labels == FacadeClass.SKY)
+    if nearest is not None:
+        outside, labels = outside[nearest], labels[nearest]
+    return Surroundings(_enlarge(outside, *hidden.shape), _enlarge_labels(labels, *hidden.shape))
 
 
 def _hidden_by_alpha(image: UInt8Array) -> BoolArray:
@@ -205,10 +222,14 @@ def _to_full_size(confidence: Float32Array, height: int, width: int) -> tuple[UI
 
 
 def _enlarge(mask: BoolArray, height: int, width: int) -> BoolArray:
+    enlarged: BoolArray = _enlarge_labels(mask.astype(np.uint8), height, width) == 1
+    return enlarged
+
+
+def _enlarge_labels(labels: UInt8Array, height: int, width: int) -> UInt8Array:
     import cv2
 
-    enlarged: BoolArray = cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) == 1
-    return enlarged
+    return np.asarray(cv2.resize(labels, (width, height), interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 def _interpolation_neighbours(length: int, source: int) -> tuple[Int64Array, Int64Array, Float32Array]:

@@ -23,7 +23,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.matching.match_table import COLUMNS, FacadeCandidate, MatchTable, format_match_row
-from tasks.stages.facades.evidence import rectify_photo
+from tasks.stages.facades.photos import rectify_photo
 from tasks.stages.ingest.planning import make_plan
 
 # Minimum probability of a match that no person needs to confirm.

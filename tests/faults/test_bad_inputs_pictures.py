@@ -23,7 +23,7 @@ from catalogs.readers.pictures import decoding as pictures
 from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
-from tasks.stages.facades.evidence import read_facade_photo
+from tasks.stages.facades.photos import read_facade_photo
 from tasks.stages.shared.images import (
     MAX_EXEMPLAR_SIDE,
     read_exemplar_picture,

@@ -67,6 +67,7 @@ class StoredFacadeRecord(Record, total=False):
     provenance : share of texels of each provenance.
     cut_kept : share of the rectified picture that was cut out.
     cut_found : whether a facade was found there.
+    cut_notes : what of the photo was left out, in words.
     variation_levels : levels of the variation hierarchy.
     variation_file : stored file of the variations.
     variation_digest : its digest.
@@ -78,6 +79,7 @@ class StoredFacadeRecord(Record, total=False):
     provenance: list[float]
     cut_kept: float
     cut_found: bool
+    cut_notes: list[str]
     variation_levels: int
     variation_file: str
     variation_digest: str
@@ -187,7 +189,8 @@ def _crop_note(record: StoredFacadeRecord) -> str:
     kept = record.get("cut_kept", 1.0)
     if not record.get("cut_found", True):
         return ", no facade found in it"
-    return f" and cut to {100 * kept:.0f} % of it" if kept < 1 else ""
+    notes = "".join(f"; {note}" for note in record.get("cut_notes", ()))
+    return (f" and cut to {100 * kept:.0f} % of it" if kept < 1 else "") + notes
 
 
 def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePicture]:

@@ -49,6 +49,7 @@ class FacadeCrop:
     outside : (h, w) bool, sky, street or neighbours at the borders.
     box : x0, y0, x1, y1 of the part in the picture, half-open.
     has_facade : False if no facade was found; the picture then stays whole.
+    notes : what was left out, in words.
     """
 
     image: UInt8Array
@@ -56,6 +57,7 @@ class FacadeCrop:
     outside: BoolArray
     box: Box
     has_facade: bool = True
+    notes: tuple[str, ...] = ()
 
 
 def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
@@ -67,12 +69,16 @@ def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None =
     hidden : (H, W) bool, pixels that do not show the facade.
     model : parser model, the shipped one by default.
     """
-    height, width = hidden.shape
-    box = None
-    if not hidden.all():
-        outside = facade_surroundings_mask(image, hidden, model=model)
-        box = find_facade_box(outside, hidden)
+    if hidden.all():
+        return crop_to_box(image, hidden, np.zeros_like(hidden), None)
+    outside = facade_surroundings_mask(image, hidden, model=model)
+    return crop_to_box(image, hidden, outside, find_facade_box(outside, hidden))
+
+
+def crop_to_box(image: UInt8Array, hidden: BoolArray, outside: BoolArray, box: Box | None) -> FacadeCrop:
+    """Crop a picture to the box of its facade; None if it shows none: the picture then stays whole."""
     if box is None:
+        height, width = hidden.shape
         return FacadeCrop(image, hidden, np.zeros_like(hidden), (0, 0, width, height), has_facade=False)
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array
+from facade_core.imagery.rectify.corner import Corner
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
 
 # Cells along the photo's diagonal.
@@ -37,7 +38,7 @@ MIN_COVERED_SHARE = 0.6
 
 
 def facade_extent(
-    segments: Float64Array, view: FacadeCamera, corners: Float64Array
+    segments: Float64Array, view: FacadeCamera, corners: Float64Array, corner: Corner | None = None
 ) -> tuple[float, float, float, float] | None:
     """Compute the facade's box on its plane at distance 1.
 
@@ -46,6 +47,7 @@ def facade_extent(
     segments : (n, 2, 2) lines from which the camera was found.
     view : camera that sees the facade.
     corners : (4, 2) of the photo, clockwise from the upper left.
+    corner : corner at which the facade ends, if it is seen.
 
     Returns
     -------
@@ -76,9 +78,12 @@ def facade_extent(
     box = np.where(np.abs(limit - box) < MIN_CUT_SHARE * np.tile(size, 2), limit, box)
     full = _full_extent(view, corners)
     if full is not None and np.prod(size) > MIN_COVERED_SHARE * (full[2] - full[0]) * (full[3] - full[1]):
-        return full
-    x0, y0 = np.maximum(box[:2], limit[:2]).tolist()
-    x1, y1 = np.minimum(box[2:], limit[2:]).tolist()
+        x0, y0, x1, y1 = full
+    else:
+        x0, y0 = np.maximum(box[:2], limit[:2]).tolist()
+        x1, y1 = np.minimum(box[2:], limit[2:]).tolist()
+    if corner is not None and x0 < corner.column < x1:
+        x0, x1 = (x0, corner.column) if corner.side == "right" else (corner.column, x1)
     return x0, y0, x1, y1
 
 

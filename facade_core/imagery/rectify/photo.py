@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
+from facade_core.imagery.rectify.corner import find_corner
 from facade_core.imagery.rectify.extent import facade_extent
 from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
 from facade_core.parsing.validation import check_image
@@ -45,6 +47,7 @@ class Rectified:
     seen : (h, w) bool, False outside the photo or where alpha hides it.
     focal : focal length in photo pixels, stated or estimated.
     residual : median angle in degrees between the facade's lines and the image's axes.
+    other_facade : side on which another facade of the building is seen around a corner; None without one.
     """
 
     image: UInt8Array
@@ -52,6 +55,7 @@ class Rectified:
     seen: BoolArray
     focal: float
     residual: float
+    other_facade: Literal["left", "right"] | None = None
 
 
 def rectify(photo: UInt8Array, *, focal: float | None = None) -> Rectified:
@@ -89,13 +93,14 @@ def rectify(photo: UInt8Array, *, focal: float | None = None) -> Rectified:
     _check_view(view, segments)
     height, width = photo.shape[:2]
     corners = (np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5 - centre) / half
-    box = facade_extent(segments, view, corners)
+    corner = find_corner(segments, view)
+    box = facade_extent(segments, view, corners, corner)
     if box is None:
         raise ImageError(f"photo: too few lines along both axes of a facade lie together; {REMEDY}")
     homography, size = _homography(view, box, corners, half, centre)
     residual = _check_result(segments * half + centre, view.family, homography, size)
     image, seen = _warp(photo, homography, size)
-    return Rectified(image, homography, seen, view.focal * half, residual)
+    return Rectified(image, homography, seen, view.focal * half, residual, corner and corner.side)
 
 
 def _detect_segments(photo: UInt8Array, half: float, centre: Float64Array) -> tuple[Float64Array, float]:

@@ -184,6 +184,27 @@ def _agreement_scores(
     return scores
 
 
+def level_agreement(
+    straight: Float64Array, view: FacadeCamera, yaws: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Compute the agreement of lines with the level lines of facades of other yaws, above its average over the yaws.
+
+    Parameters
+    ----------
+    straight : (n, 2, 2) undistorted segments.
+    view : camera, which gives the vertical.
+    yaws : (k,) radians.
+
+    Returns
+    -------
+    Directions (k, 3) of the facades' level lines, and agreement (n, k), 0 to 1.
+    """
+    directions = _horizontal_directions(view.rotation[:, 1], yaws)
+    vanishing = directions * np.array([view.focal, view.focal, 1.0])
+    agreement = _agreement(_angles(straight, vanishing), np.radians(SEARCH_TOLERANCE_DEG))
+    return directions, np.maximum(agreement - agreement.mean(axis=1, keepdims=True), 0.0)
+
+
 def _horizontal_directions(down: Float64Array, yaws: Float64Array) -> Float64Array:
     """Directions (k, 3) orthogonal to down, rotated about it by yaws (k,) from the camera's right."""
     level = np.array([1.0, 0.0, 0.0]) - down[0] * down

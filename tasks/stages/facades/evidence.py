@@ -11,29 +11,25 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
-from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text, detect_on_panorama
+from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
-from facade_core.imagery.rectify.crop import crop_to_facade, wall_surroundings_mask
+from facade_core.imagery.rectify.crop import wall_surroundings_mask
 from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
 from facade_core.imagery.rectify.model_texture import render_model_texture
-from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
-from facade_core.imagery.rectify.photo import Rectified, rectify
 from facade_core.imagery.rectify.pictured_plane import camera_in_chart_frame, explain_other_planes
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
+from tasks.stages.facades.photos import PhotoCropQuality, read_facade_photo
 from tasks.stages.shared.images import (
     capture_date,
-    read_bounded_picture,
-    read_focal_length_px,
     read_panorama,
     read_textures,
 )
@@ -102,40 +98,6 @@ class ChangeSinceCapture(NamedTuple):
     day: str | None
     cells: tuple[str, ...] = ()
     picture: UInt8Array | None = None
-
-
-class PhotoCropQuality(NamedTuple):
-    """Fit of a photo to its wall.
-
-    Attributes
-    ----------
-    kept : share of the rectified picture that was cut out.
-    found : whether a facade was found.
-    stretched : how many times wider, for its height, the wall is than the cut.
-    """
-
-    kept: float
-    found: bool
-    stretched: float
-
-
-class FacadePhoto(NamedTuple):
-    """A photo cropped to its facade.
-
-    Attributes
-    ----------
-    image : (h, w, 3) uint8.
-    hidden : (h, w) bool, not shown.
-    outside : (h, w) bool, shown beside the facade.
-    seen : faces, plates and text.
-    fit : fit to the wall.
-    """
-
-    image: UInt8Array
-    hidden: BoolArray
-    outside: BoolArray
-    seen: FacesPlatesAndText
-    fit: PhotoCropQuality
 
 
 def read_evidence(
@@ -295,44 +257,6 @@ def _dated_views(
 def _latest_day(taken: Sequence[_DatedView]) -> str | None:
     """Return the latest day of some views, if any is known."""
     return max((one.day for one in taken if one.day), default=None)
-
-
-def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
-    """Read a photo of a facade at a size: rectified if it is as taken, and cropped to the facade."""
-    import cv2
-
-    if rectified:
-        picture = read_bounded_picture(path, least=MIN_SIDE_PX)
-        image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
-    else:
-        found, _ = rectify_photo(path)
-        image, hidden = found.image, ~found.seen
-    cut = crop_to_facade(image, hidden, model=parser)
-    hidden, outside = (
-        cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-        for mask in (cut.hidden, cut.outside)
-    )
-    across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
-    seen = detect_faces_plates_text(cut.image).rescale(across, down)
-    fit = PhotoCropQuality(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
-    return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
-
-
-def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
-    """Rectify a photo as taken; returns it with its size (h, w) as read.
-
-    Raises
-    ------
-    ImageError : it cannot be rectified; the message has its name.
-    """
-    picture = read_bounded_picture(path, least=MIN_SIDE_PX)
-    alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
-    focal = read_focal_length_px(path)
-    try:
-        found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
-    except ImageError as error:
-        raise ImageError(f"{path.name}: {error}") from error
-    return found, picture.hidden.shape
 
 
 def _view_of_panorama(

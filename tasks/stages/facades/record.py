@@ -36,6 +36,7 @@ class FacadeRecord(Record, total=False):
     cut_kept : of photos: share of the rectified picture that was cut out.
     cut_found : whether a facade was found there.
     stretched : how many times wider, for its height, the wall is than the cut.
+    cut_notes : what of the photo was left out, in words.
     provenance : share of texels of each provenance.
     variation_file : stored file of the variations.
     variation_digest : its digest.
@@ -80,6 +81,7 @@ class FacadeRecord(Record, total=False):
     cut_kept: float
     cut_found: bool
     stretched: float
+    cut_notes: list[str]
     provenance: list[float]
     variation_types: int
     variation_levels: int

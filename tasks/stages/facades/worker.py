@@ -49,8 +49,9 @@ from tasks.engine.outcome import (
 from tasks.engine.run import Run
 from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
-from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, PhotoCropQuality, read_evidence
+from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, read_evidence
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
+from tasks.stages.facades.photos import PhotoCropQuality
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.facades.wall_colour import photo_wall_colour
@@ -182,8 +183,9 @@ def _write_facade(
         if made.before is not None:
             about |= _write_change(group, plan, facade, made.before)
         if made.fit is not None:
-            kept, found, stretched = made.fit
+            kept, found, stretched, notes = made.fit
             about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
+            about |= {"cut_notes": list(notes)} if notes else {}
     about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
     return about
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
@@ -11,10 +14,14 @@ from PIL import ExifTags, Image
 
 from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
+from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.crop import FacadeCrop
+from facade_core.imagery.rectify.photo_state import check_photo_state
+from facade_core.parsing.segmenter import Surroundings
 from facade_core.synth.facade import paint_facade as paint
-from tasks.stages.facades.evidence import read_evidence, read_facade_photo
+from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
+from tasks.stages.facades.photos import crop_facade_photo, read_facade_photo
 from tasks.stages.shared.images import capture_date, read_focal_length_px
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
@@ -88,7 +95,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
         looks.append(image.shape)
         return FacesPlatesAndText(faces=np.array([[40.0, 60, 60, 84]]))
 
-    monkeypatch.setattr("tasks.stages.facades.evidence.detect_faces_plates_text", look)
+    monkeypatch.setattr("tasks.stages.facades.photos.detect_faces_plates_text", look)
     photo = read_facade_photo(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
@@ -105,10 +112,92 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     Image.fromarray(image).save(path)
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
-    cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False)
-    monkeypatch.setattr("tasks.stages.facades.evidence.crop_to_facade", lambda image, hidden, model: cut)
-    monkeypatch.setattr("tasks.stages.facades.evidence.detect_faces_plates_text", lambda image: FacesPlatesAndText())
-    kept, found, stretched = read_facade_photo(path, True, (300, 200)).fit
+    cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False, notes=("neighbour cut off",))
+    asked = []
+
+    def crop(image: np.ndarray, hidden: np.ndarray, centre: float, aspect: float, model: None) -> FacadeCrop:
+        asked.append((centre, aspect))
+        return cut
+
+    monkeypatch.setattr("tasks.stages.facades.photos.crop_to_building", crop)
+    monkeypatch.setattr("tasks.stages.facades.photos.detect_faces_plates_text", lambda image: FacesPlatesAndText())
+    kept, found, stretched, notes = read_facade_photo(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found
     assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
+    assert notes == ("neighbour cut off",)
+    assert asked == [(50.0, pytest.approx(2 / 3))]
+    with pytest.raises(
+        ImageError, match=r"w1-f4\.png: its facade is 0\.33 times as wide as high, its wall 1: it shows"
+    ):
+        read_facade_photo(path, True, (300, 300))
+
+
+def test_the_outline_is_that_in_the_photo(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f5.png"
+    Image.fromarray(from_below(PAINTED.image)).save(path)
+    corners = crop_facade_photo(path, False).corners
+    assert np.abs(corners - [[190, 90], [900, 210], [880, 880], [110, 960]]).max() < 60
+
+
+def test_a_photo_that_is_upside_down_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f6.png"
+    Image.fromarray(PAINTED.image[::-1, ::-1]).save(path)
+    with pytest.raises(ImageError, match=r"w1-f6\.png: it is upside down; turn it by 180 degrees"):
+        crop_facade_photo(path, True)
+
+
+def test_a_photo_taken_at_night_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f7.png"
+    Image.fromarray((PAINTED.image * 0.25).astype(np.uint8)).save(path)
+    with pytest.raises(ImageError, match=r"w1-f7\.png: it was taken at night: .*; give one taken by day"):
+        crop_facade_photo(path, True)
+
+
+@pytest.mark.parametrize(("sky", "wall", "is_night"), [(30, 140, True), (90, 60, False), (60, 70, False)])
+def test_a_lit_wall_below_a_dark_sky_is_of_the_night_and_one_in_the_shade_is_not(
+    sky: int, wall: int, is_night: bool
+) -> None:
+    image, hidden = np.full((100, 80, 3), wall, np.uint8), np.zeros((100, 80), bool)
+    image[:20], image[20:45, :60] = sky, 150
+    labels = np.where(np.arange(100)[:, None] < 20, 6, np.where(np.arange(100)[:, None] < 85, 0, 5))
+    labels = np.broadcast_to(labels, (100, 80)).astype(np.uint8)
+    with pytest.raises(ImageError, match="at night") if is_night else nullcontext():
+        check_photo_state(image, hidden, Surroundings(labels == 6, labels))
+
+
+def sign(text: str, score: float) -> TextLine:
+    return TextLine(np.array([[0.0, 0], [60, 0], [60, 12], [0, 12]]), text, score)
+
+
+def test_a_photo_whose_signs_read_in_its_mirror_image_only_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "w1-f8.png"
+    Image.fromarray(PAINTED.image).save(path)
+    size = PAINTED.image.shape[:2]
+    legible, illegible = [sign("BAKERY", 0.95), sign("FLOWERS", 0.97)], [sign("YЯƎKAB", 0.4), sign("2ЯEWO", 0.5)]
+    answers: list[list[TextLine]] = []
+
+    def detect(image: np.ndarray) -> FacesPlatesAndText:
+        return FacesPlatesAndText(lines=answers.pop(0))
+
+    monkeypatch.setattr("tasks.stages.facades.photos.detect_faces_plates_text", detect)
+    answers += [illegible, legible]
+    with pytest.raises(ImageError, match=r"w1-f8\.png: it is mirrored: .*; flip it"):
+        read_facade_photo(path, True, size)
+    for lines in ([illegible, illegible], [legible], [[*illegible, sign("BANK", 0.9)]], [[]]):
+        answers += lines
+        read_facade_photo(path, True, size)
+        assert not answers
+
+
+def test_a_picture_of_400_megapixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f9.png"
+    Image.fromarray(PAINTED.image).save(path)
+    content = bytearray(path.read_bytes())
+    content[16:24] = struct.pack(">II", 20_000, 20_000)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=r"w1-f9\.png .*pixels"):
+        read_facade_photo(path, False, (100, 100))

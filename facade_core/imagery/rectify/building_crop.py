@@ -1,0 +1,57 @@
+"""Crop of a facade photo to the one building that it was taken for, without sky, street and neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box, find_facade_box
+from facade_core.imagery.rectify.neighbours import choose_sides, measure_gaps
+from facade_core.imagery.rectify.photo_state import check_photo_state
+from facade_core.parsing.segmenter import segment_surroundings
+
+
+def crop_to_building(
+    image: UInt8Array, hidden: BoolArray, centre: float, aspect: float | None = None, *, model: Path | None = None
+) -> FacadeCrop:
+    """Crop a rectified photo to the facade of one building.
+
+    Sky and street are cut first; then the party walls to its neighbours are looked for.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    hidden : (H, W) bool, pixels that do not show the facade.
+    centre : column that the photo was pointed at.
+    aspect : width over height of the wall; None if unknown.
+    model : parser model, the shipped one by default.
+
+    Raises
+    ------
+    ImageError : it is upside down, or was taken at night.
+    """
+    if hidden.all():
+        return crop_to_box(image, hidden, np.zeros_like(hidden), None)
+    seen = segment_surroundings(image, hidden, model=model)
+    check_photo_state(image, hidden, seen, model=model)
+    outside, labels = seen
+    box = find_facade_box(outside, hidden)
+    if box is None:
+        return crop_to_box(image, hidden, outside, None)
+    x0, y0, x1, y1 = box
+    part = np.s_[y0:y1, x0:x1]
+    gaps = measure_gaps(image[part], labels[part], (outside | hidden)[part])
+    left, right = choose_sides(gaps, (y1 - y0, x1 - x0), centre - x0, aspect)
+    sides = [name for name, cut in (("left", left > 0), ("right", right < x1 - x0)) if cut]
+    if sides:
+        # the neighbours may have had the more sky or street
+        inner = np.s_[:, x0 + left : x0 + right]
+        x0, x1 = x0 + left, x0 + right
+        cut = find_facade_box(outside[inner], hidden[inner])
+        if cut is not None:
+            y0, y1 = cut[1], cut[3]
+    found = crop_to_box(image, hidden, outside, (x0, y0, x1, y1))
+    return replace(found, notes=(f"neighbour on the {' and '.join(sides)} cut off",)) if sides else found

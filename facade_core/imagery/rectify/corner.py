@@ -1,0 +1,66 @@
+"""Corner of a building in a photo: the second facade shares the vertical lines with the first, not the level ones."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array
+from facade_core.imagery.rectify.vanishing import FacadeCamera, level_agreement, undistort
+
+# Smallest angle in degrees between the two facades of a corner.
+MIN_CORNER_DEG = 35.0
+# Largest yaw in degrees of the second facade.
+MAX_SECOND_YAW_DEG = 84.0
+# Smallest share that the second facade has of the length of both facades' level lines,
+MIN_SECOND_SHARE = 0.2
+# and smallest share of this length that lies on its own facade's side of the corner.
+MIN_SEPARATED_SHARE = 0.85
+
+
+class Corner(NamedTuple):
+    """Corner at which a facade ends and another facade of the building begins.
+
+    Attributes
+    ----------
+    column : x of the corner on the facade's plane at distance 1.
+    side : side of the facade on which the other is.
+    """
+
+    column: float
+    side: Literal["left", "right"]
+
+
+def find_corner(segments: Float64Array, view: FacadeCamera) -> Corner | None:
+    """Find the corner between the facade that a camera sees and a second one; None without one.
+
+    Parameters
+    ----------
+    segments : (n, 2, 2) lines in half diagonals from which the camera was found.
+    view : camera that sees the facade.
+    """
+    straight = undistort(segments, view.distortion)
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    yaws = np.radians(np.arange(-MAX_SECOND_YAW_DEG, MAX_SECOND_YAW_DEG + 0.5, 2.0))
+    directions, agreement = level_agreement(straight, view, yaws)
+    agreement[view.family >= 0] = 0
+    cosine = np.abs(directions @ view.rotation[:, 0])
+    scores = np.where(cosine < np.cos(np.radians(MIN_CORNER_DEG)), lengths @ agreement, 0.0)
+    second = agreement[:, int(scores.argmax())] > 0
+    first = view.family == 0
+    length = np.where(first | second, lengths, 0.0)
+    if length[second].sum() < MIN_SECOND_SHARE * length.sum():
+        return None
+    rays = np.concatenate([straight.mean(axis=1) / view.focal, np.ones((len(segments), 1))], axis=1) @ view.rotation
+    angle = np.arctan2(rays[:, 0], rays[:, 2])
+    order = np.argsort(angle, kind="stable")
+    order = order[length[order] > 0]
+    signed = np.cumsum(np.where(first[order], length[order], -length[order]))
+    # of the first facade left of a split and of the second right of it, and the other way round
+    on_right = (signed + length[second].sum()) / length.sum()
+    k = int(on_right.argmax() if on_right.max() > 1 - on_right.min() else on_right.argmin())
+    if max(on_right[k], 1 - on_right[k]) < MIN_SEPARATED_SHARE or k + 1 >= len(order):
+        return None
+    split = (angle[order[k]] + angle[order[k + 1]]) / 2
+    return Corner(float(np.tan(split)), "right" if on_right[k] > 0.5 else "left") if abs(split) < np.pi / 2 else None

@@ -1,0 +1,185 @@
+"""Party walls between the facade of a rectified photo and its neighbours.
+
+Windows leave gaps of bare columns between them. A gap is a party wall if what is left of it continues badly on its right:
+other rows of ledges and windows; and if a line runs down it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+
+from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
+from facade_core.core.labels import FacadeClass
+
+# Rows at which pictures are compared.
+WORKING_ROWS = 480
+# Columns of a gap have windows in at most this share of their rows.
+MAX_WINDOW_SHARE = 0.04
+# Widest strip on each side of a gap that is compared, as a share of the height.
+STRIP_SHARE = 0.3
+# Strips narrower than this share of the height are too narrow to compare.
+MIN_STRIP_SHARE = 0.07
+# Rows by which ledges may be off, as a share of the height.
+LEDGE_BLUR_SHARE = 0.004
+# Rows of which less is known are not compared.
+MIN_KNOWN_SHARE = 0.3
+# Weight of a line down a gap against the rows of ledges, where the party wall is in the gap.
+LINE_WEIGHT = 0.3
+# Change of the logarithm of the brightness that counts as an edge.
+EDGE_STEP = 0.06
+# Logistic regression of GapEvidence.features, over painted pairs of held-in facades.
+WEIGHTS = np.array([6.0, 2.0, 20.0, 12.0])
+BIAS = -20.8
+# Facades narrower than this share of their height are none.
+MIN_FACADE_ASPECT = 0.25
+# Columns farther from the photo's middle than this share of its width count nothing.
+MAX_CENTRE_DISTANCE = 0.75
+# Weight of the share that a facade has of the columns around the photo's middle.
+CENTRE_WEIGHT = 1.5
+# Standard deviation of the logarithm of width over height.
+ASPECT_SIGMA = 0.2
+
+
+class GapEvidence(NamedTuple):
+    """Evidence that columns between windows are a party wall.
+
+    Attributes
+    ----------
+    column : x in pixels of the picture.
+    features : (4,) mismatch of ledges and of windows, line down the gap, bare width.
+    """
+
+    column: int
+    features: Float64Array
+
+
+def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> list[GapEvidence]:
+    """Measure the evidence of every gap between the windows of a rectified picture.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 classes.
+    unknown : (h, w) bool, pixels that show no facade: hidden, or outside it.
+    """
+    import cv2
+
+    height, width = labels.shape
+    scale = WORKING_ROWS / height
+    size = (max(1, round(width * scale)), WORKING_ROWS)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    classes = cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
+    known = cv2.resize(unknown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) == 0
+    channels = np.log(small + 12.0)
+    bright = channels.mean(axis=2)
+    window = (classes == FacadeClass.WINDOW) & known
+    ledges = np.where(known, cv2.Sobel(bright, -1, 0, 1, ksize=3) / 4, 0.0)
+    ledges = np.clip(ledges, -0.5, 0.5)
+    upright = np.where(known & ~window, np.abs(cv2.Sobel(bright, -1, 1, 0, ksize=3)) / 4, 0.0)
+    rows = np.maximum(known.sum(axis=0), 1)
+    bare = (window.sum(axis=0) / rows <= MAX_WINDOW_SHARE) & (rows > 0.3 * WORKING_ROWS)
+    found = []
+    for start, stop in _runs(bare):
+        sides = _strips(start, stop, size[0])
+        if min(side.stop - side.start for side in sides) < MIN_STRIP_SHARE * WORKING_ROWS:
+            continue
+        profiles = [_ledge_profile(ledges, known, side) for side in sides]
+        shares = [window[:, side].sum(axis=1) / np.maximum(known[:, side].sum(axis=1), 1) for side in sides]
+        common = np.logical_and(*(known[:, side].mean(axis=1) > MIN_KNOWN_SHARE for side in sides))
+        lines = (upright[:, start:stop] > EDGE_STEP).sum(axis=0) / rows[start:stop]
+        lines = uniform_filter1d(lines, 3, mode="constant")  # a line leans by a little
+        # left of the party wall the gap continues what is left of it, and right of it what is right
+        gain = ledges[:, start:stop].T @ (_normalise(profiles[0]) - _normalise(profiles[1]))
+        column = int((np.cumsum(gain) / np.abs(gain).sum().clip(1e-9) + LINE_WEIGHT * lines).argmax())
+        features = [
+            1 - _correlation(*(profile[common] for profile in profiles)),
+            1 - _correlation(*(share[common] for share in shares)),
+            float(lines[max(0, column - 2) : column + 3].max()),
+            (stop - start) / WORKING_ROWS,
+        ]
+        found.append(GapEvidence(round((start + column + 0.5) / scale), np.array(features)))
+    return found
+
+
+def _runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return runs of True as (start, stop)."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in steps.reshape(-1, 2)]
+
+
+def _strips(start: int, stop: int, width: int) -> tuple[slice, slice]:
+    """Columns on both sides of a gap, without narrow ones at the ends of the picture."""
+    reach = round(STRIP_SHARE * WORKING_ROWS)
+    return slice(max(0, start - reach), start), slice(stop, min(width, stop + reach))
+
+
+def _ledge_profile(ledges: AnyArray, known: BoolArray, side: slice) -> AnyArray:
+    """Strength (h,) of the ledges at each row of a strip."""
+    profile = ledges[:, side].sum(axis=1) / np.maximum(known[:, side].sum(axis=1), 1)
+    smooth: AnyArray = gaussian_filter1d(profile, LEDGE_BLUR_SHARE * WORKING_ROWS)
+    return smooth
+
+
+def _normalise(profile: AnyArray) -> AnyArray:
+    """Scale a profile to length 1 around 0."""
+    centred = profile - profile.mean()
+    normalised: AnyArray = centred / max(float(np.linalg.norm(centred)), 1e-9)
+    return normalised
+
+
+def _correlation(a: AnyArray, b: AnyArray) -> float:
+    if len(a) < 8 or a.std() < 1e-9 or b.std() < 1e-9:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def choose_sides(
+    gaps: list[GapEvidence], size: tuple[int, int], centre: float, aspect: float | None
+) -> tuple[int, int]:
+    """Choose the columns of the facade that a photo is meant for: the most probable pair of sides.
+
+    The sides are gaps or ends of the picture. Gaps within the facade are no party walls, and its sides are; the
+    facade is wide, near what the photo was pointed at, and of the wall's proportions if these are known; if not, it has
+    at least two columns of windows.
+
+    Parameters
+    ----------
+    gaps : evidence of gaps between windows.
+    size : height and width of the picture.
+    centre : column that the photo was pointed at.
+    aspect : width over height of the wall; None if unknown.
+
+    Returns
+    -------
+    First column, and the one after the last.
+    """
+    height, width = size
+    odds = np.array([_party_wall_log_odds(gap.features) for gap in gaps])
+    columns = np.array([gap.column for gap in gaps])
+    sides = [(0, 0.0), *zip(columns.tolist(), np.logaddexp(0, -odds).tolist(), strict=True), (width, 0.0)]
+    place = np.arange(width)
+    weight = np.maximum(0.0, 1 - np.abs(place - centre) / (MAX_CENTRE_DISTANCE * width))
+    total = np.concatenate([[0.0], np.cumsum(weight / weight.sum())])
+    best, chosen = -np.inf, (0, width)
+    for k, (left, left_cost) in enumerate(sides):
+        for right, right_cost in sides[k + 1 :]:
+            if right - left < MIN_FACADE_ASPECT * height:
+                continue
+            within = (columns > left) & (columns < right)
+            if aspect is None and not within.any() and (left, right) != (0, width):
+                continue
+            score = CENTRE_WEIGHT * float(np.log(max(total[right] - total[left], 1e-3)))
+            score -= left_cost + right_cost + np.logaddexp(0, odds[within]).sum()
+            if aspect is not None:
+                score -= (np.log((right - left) / height / aspect) / ASPECT_SIGMA) ** 2 / 2
+            if score > best:
+                best, chosen = score, (left, right)
+    return chosen
+
+
+def _party_wall_log_odds(features: Float64Array) -> float:
+    """Logarithm of the odds that a gap is a party wall."""
+    return float(features @ WEIGHTS + BIAS)

@@ -1,0 +1,81 @@
+"""Party walls between painted facades in a row, and the sides of the one that a photo is meant for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.imagery.rectify.neighbours import GapEvidence, choose_sides, measure_gaps
+from facade_core.synth.facade import PaintedFacade, paint_facade
+
+HEIGHT = 480
+
+
+def on_street(facade: PaintedFacade) -> tuple[np.ndarray, np.ndarray]:
+    """Image and labels of a facade that stands on the lowest row of HEIGHT rows, below a sky."""
+    height, width = facade.labels.shape
+    image, labels = np.full((HEIGHT, width, 3), (150, 180, 220), np.uint8), np.full((HEIGHT, width), 6, np.uint8)
+    image[HEIGHT - height :], labels[HEIGHT - height :] = facade.image, facade.labels
+    return image, labels
+
+
+def row_of(*facades: PaintedFacade) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Image, labels and party walls, with a downpipe each, of facades in a row."""
+    parts = [on_street(facade) for facade in facades]
+    ends = np.cumsum([labels.shape[1] for _, labels in parts]).tolist()
+    image, labels = (np.concatenate(one, axis=1) for one in zip(*parts, strict=True))
+    for end in ends[:-1]:
+        image[60:, end - 2 : end + 2] = (90, 90, 85)
+    return image, labels, ends[:-1]
+
+
+def paint(width: float, height: float, seed: int, floors: int = 5, columns: int = 4) -> PaintedFacade:
+    return paint_facade(
+        (height, width), floors=floors, columns=columns, style="haussmann", metres_per_pixel=0.035, seed=seed
+    )
+
+
+def sides_of(image: np.ndarray, labels: np.ndarray, aspect: float | None = None) -> tuple[int, int]:
+    gaps = measure_gaps(image, labels, labels == 6)
+    return choose_sides(gaps, labels.shape, labels.shape[1] / 2, aspect)
+
+
+def test_a_facade_between_neighbours_is_told_from_them() -> None:
+    image, labels, (left, right) = row_of(paint(6, 14.6, 3, columns=2), paint(12, 15.8, 7), paint(7, 15.0, 5))
+    found = sides_of(image, labels)
+    assert np.abs(np.array(found) - (left, right)).max() <= 6
+
+
+def test_a_facade_without_neighbours_stays_whole() -> None:
+    for seed in (1, 4, 9):
+        image, labels, _ = row_of(paint(14, 15.5, seed))
+        assert sides_of(image, labels) == (0, image.shape[1])
+
+
+def gap(column: int, party_wall: bool) -> GapEvidence:
+    return GapEvidence(column, np.array([1.0, 0.8, 0.85, 0.1] if party_wall else [0.3, 0.1, 0.5, 0.08]))
+
+
+def test_what_the_photo_was_pointed_at_is_taken() -> None:
+    gaps = [gap(150, False), gap(300, True), gap(500, False), gap(700, True)]
+    assert choose_sides(gaps, (600, 1000), 500.0, None) == (300, 700)
+    assert choose_sides(gaps, (600, 1000), 100.0, None) == (0, 300)
+    assert choose_sides([], (600, 1000), 500.0, None) == (0, 1000)
+
+
+def test_a_single_column_of_windows_is_a_facade_only_if_the_wall_is_as_narrow() -> None:
+    gaps = [gap(400, True)]
+    assert choose_sides(gaps, (1000, 1000), 800.0, None) == (0, 1000)
+    assert choose_sides(gaps, (1000, 1000), 800.0, 0.6) == (400, 1000)
+
+
+def test_the_proportions_of_the_wall_decide_in_doubt() -> None:
+    doubtful = GapEvidence(600, np.array([0.8, 0.3, 0.73, 0.1]))
+    assert choose_sides([doubtful], (600, 1000), 500.0, 1.0) == (0, 600)
+    assert choose_sides([doubtful], (600, 1000), 500.0, 1000 / 600) == (0, 1000)
+
+
+@pytest.mark.parametrize("shape", [(40, 3), (3, 40), (500, 20)])
+def test_pictures_too_small_for_windows_have_no_gaps(shape: tuple[int, int]) -> None:
+    image, labels = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+    assert measure_gaps(image, labels, np.zeros(shape, bool)) == []
