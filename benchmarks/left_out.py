@@ -35,7 +35,7 @@ from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_picture
 from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
 from tasks.publish.published_run import PublishedBlock, open_published_run
 from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record
@@ -238,7 +238,7 @@ def _kinds(found: PublishedBlock, chart: np.ndarray) -> dict[str, np.ndarray]:
 
 def _sampled(one: Taken, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a panorama shows in directions (..., 3): colours (..., 3) uint8, and where it does, clear of what is before."""
-    share = project_directions_to_panorama(directions, one.pose)
+    share = project_directions_to_picture(directions, one.pose)
     left, top, width, height = one.pose.view
     rows, columns = one.image.shape[:2]
     x = ((share[..., 0] - left) % 1.0 / width * columns - 0.5).astype(np.float32)

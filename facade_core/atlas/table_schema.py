@@ -208,6 +208,14 @@ TABLES = {
                     "part of the full sphere that the picture holds",
                     "1",
                 ),
+                _column(
+                    "lens",
+                    "panorama lens_value",
+                    "float64",
+                    "lens of a perspective picture in pixels: size, focal lengths, centre, skew, fisheye, distortion",
+                    "",
+                    is_optional=True,
+                ),
             ),
         ),
         Table(

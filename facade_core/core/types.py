@@ -298,16 +298,52 @@ class ElevationRaster:
 
 
 @dataclass(frozen=True, slots=True)
+class Lens:
+    """Lens of a perspective or fisheye picture, in pixels of its size; the centre of the first pixel is at 0.5, 0.5.
+
+    A camera ray (X, Y, Z), x right, y down and z ahead, has the point x = X / Z, y = Y / Z, which a fisheye scales to the
+    angle from the axis. With r2 = x x + y y and f = (1 + radial) / (1 + denominator), polynomials in r2 without constant,
+    its pixel is centre + (focal[0] u + skew v, focal[1] v) for
+    u = f x + 2 p1 x y + p2 (r2 + 2 x x), v = f y + p1 (r2 + 2 y y) + 2 p2 x y.
+
+    Attributes
+    ----------
+    size : width and height.
+    focal : focal lengths across and down.
+    centre : principal point.
+    radial : at most four coefficients.
+    denominator : at most three coefficients.
+    tangential : p1, p2.
+    skew : pixels across for one unit down.
+    fisheye : whether the point is scaled to the angle.
+    """
+
+    size: tuple[int, int]
+    focal: tuple[float, float]
+    centre: tuple[float, float]
+    radial: tuple[float, ...] = ()
+    denominator: tuple[float, ...] = ()
+    tangential: tuple[float, float] = (0.0, 0.0)
+    skew: float = 0.0
+    fisheye: bool = False
+
+
+# A lens that looks down more steeply may be above the roofs.
+AERIAL_PITCH_DEG = -20.0
+
+
+@dataclass(frozen=True, slots=True)
 class Pose:
-    """Pose of an equirectangular panorama in the block's metric frame.
+    """Pose of a panorama, or of a perspective picture, in the block's metric frame.
 
     Attributes
     ----------
     x, y : metres.
     z : metres; None puts the camera above the terrain.
-    heading : degrees clockwise from grid north to the centre of the full panorama.
+    heading : degrees clockwise from grid north to the centre of the full panorama, or to the axis of the lens.
     pitch, roll : degrees, upwards and clockwise.
     view : (left, top, width, height) of the picture as shares of the full panorama.
+    lens : lens of a perspective picture; None for an equirectangular panorama.
     """
 
     x: float
@@ -317,6 +353,12 @@ class Pose:
     pitch: float = 0.0
     roll: float = 0.0
     view: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+    lens: Lens | None = None
+
+    @property
+    def is_aerial(self) -> bool:
+        """Return True for a picture of a lens that looks down, which may be from above the roofs."""
+        return self.lens is not None and self.pitch < AERIAL_PITCH_DEG
 
 
 @dataclass(frozen=True, slots=True)

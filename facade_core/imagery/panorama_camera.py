@@ -1,4 +1,4 @@
-"""Posed equirectangular pictures as cameras. Axes: geometry/README.md."""
+"""Posed pictures as cameras: equirectangular panoramas, and pictures of a lens. Axes: geometry/README.md."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array
+from facade_core.core.arrays import BoolArray, Float64Array, FloatArray
 from facade_core.core.errors import GeometryError
+from facade_core.core.lens_projection import project_camera_rays
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
 
@@ -16,6 +17,10 @@ from facade_core.geometry.equirectangular import upright_rotation
 GROUND_REACH_M = 15.0
 # Limit for roofs and walls without a layout: farther away, such an error exceeds the compared squares.
 WALL_REACH_M = 40.0
+# Aerial pictures have poses by photogrammetry: they reach to the distance at which a metre has so many of their pixels.
+MIN_AERIAL_PIXELS_PER_METRE = 6.0
+# Turn, in pixels, of pictures that do not continue across their border: larger than any picture.
+NO_TURN_PX = 1e12
 
 
 def camera_position(pose: Pose) -> Float64Array:
@@ -32,7 +37,7 @@ def camera_position(pose: Pose) -> Float64Array:
 
 
 def camera_from_world(pose: Pose) -> Float64Array:
-    """Compute the rotation (3, 3) of a panorama: heading clockwise from north, pitch up, roll clockwise."""
+    """Compute the rotation (3, 3) of a camera: heading clockwise from north, pitch up, roll clockwise."""
     heading, pitch, roll = np.radians([pose.heading, pose.pitch, pose.roll])
     upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
     pitched = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
@@ -41,8 +46,8 @@ def camera_from_world(pose: Pose) -> Float64Array:
     return rotation
 
 
-def project_directions_to_panorama(directions: Float64Array, pose: Pose) -> Float64Array:
-    """Project world directions to the full panorama.
+def project_directions_to_picture(directions: Float64Array, pose: Pose) -> Float64Array:
+    """Project world directions to the full panorama, or to the picture of a lens.
 
     Parameters
     ----------
@@ -51,8 +56,10 @@ def project_directions_to_panorama(directions: Float64Array, pose: Pose) -> Floa
 
     Returns
     -------
-    (..., 2) shares of width and height, from the top left.
+    (..., 2) shares of width and height, from the top left; NaN where a lens does not show the direction.
     """
+    if pose.lens is not None:
+        return project_camera_rays(pose.lens, np.asarray(directions, np.float64) @ camera_from_world(pose).T)
     camera = np.asarray(directions, np.float64) @ camera_from_world(pose).T
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
     latitude = np.arctan2(-camera[..., 1], np.hypot(camera[..., 0], camera[..., 2]))
@@ -60,7 +67,7 @@ def project_directions_to_panorama(directions: Float64Array, pose: Pose) -> Floa
 
 
 def is_in_view(share: Float64Array, pose: Pose) -> BoolArray:
-    """Test whether shares of the full panorama are in the part that the picture contains.
+    """Test whether shares of the full panorama, or of the picture of a lens, are in what the picture contains.
 
     Parameters
     ----------
@@ -71,6 +78,8 @@ def is_in_view(share: Float64Array, pose: Pose) -> BoolArray:
     -------
     (...,) bool.
     """
+    if pose.lens is not None:
+        return np.asarray(((share >= 0) & (share < 1)).all(axis=-1))
     left, top, width, height = pose.view
     return ((share[..., 0] - left) % 1.0 < width) & (share[..., 1] >= top) & (share[..., 1] < top + height)
 
@@ -83,3 +92,33 @@ def rotate_pose(pose: Pose, turn: Float64Array) -> Pose:
     axes = world_from_camera @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # right, ahead, up
     heading, pitch, roll = Rotation.from_matrix(axes).as_euler("ZXY", degrees=True)
     return replace(pose, heading=float(-heading % 360), pitch=float(pitch), roll=float(roll))
+
+
+def camera_reach(pose: Pose, reach: float) -> float:
+    """Return the distance in metres up to which a camera is used: `reach`, for an aerial picture as far as it is sharp."""
+    if pose.lens is None or not pose.is_aerial:
+        return reach
+    return max(reach, min(pose.lens.focal) / MIN_AERIAL_PIXELS_PER_METRE)
+
+
+def pixels_per_radian(pose: Pose, width: int) -> float:
+    """Return the resolution of a picture `width` pixels wide: of a panorama everywhere, of a lens on its axis."""
+    if pose.lens is None:
+        return width / pose.view[2] / (2 * np.pi)
+    return pose.lens.focal[0] * width / pose.lens.size[0]
+
+
+def pixels_per_radian_along(pose: Pose, width: int, rays: Float64Array) -> FloatArray | float:
+    """Return the resolution (n,) along world rays (n, 3), or that of all: a perspective lens widens towards its border."""
+    middle = pixels_per_radian(pose, width)
+    if pose.lens is None or pose.lens.fisheye:
+        return middle
+    cosine = rays @ camera_from_world(pose)[2] / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9)
+    return np.asarray(middle * np.maximum(cosine, 1e-2) ** -1.5)
+
+
+def is_any_in_view(pose: Pose, points: Float64Array) -> bool:
+    """Report whether a camera may show one of the world points (n, 3): a panorama always."""
+    if pose.lens is None:
+        return True
+    return bool(is_in_view(project_directions_to_picture(points - camera_position(pose), pose), pose).any())

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, UInt64Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array, ObjectArray, UInt64Array
 from facade_core.core.grouping import RowsByValue
 from facade_core.core.types import MappedGround, Pose, Street
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
@@ -17,7 +17,7 @@ from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import main_surface_mask
-from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
+from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M, camera_reach
 from facade_core.plan.facades import Facades
 from facade_core.plan.identity import SceneObjects, build_scene_objects
 
@@ -151,9 +151,16 @@ class Plan:
             return np.zeros(0, np.int64)
         corners = self.scene.charts.points_at_shares(ground, CORNER_SHARES)[..., :2]
         boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
-        places = shapely.MultiPoint([(pose.x, pose.y) for pose in self.poses])
-        near: Int64Array = ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MAX_POSE_SHIFT_M]
-        return near
+        _, near = self._near_cameras(boxes, GROUND_REACH_M)
+        found: Int64Array = ground[np.unique(near)]
+        return found
+
+    def _near_cameras(self, shapes: ObjectArray, reach: float) -> tuple[Int64Array, Int64Array]:
+        """Return the pairs of a camera (k,) and a shape (k,) that it may show, by its reach and the change of its pose."""
+        limits = [camera_reach(pose, reach) + MAX_POSE_SHIFT_M for pose in self.poses]
+        places = shapely.points([(pose.x, pose.y) for pose in self.poses])
+        camera, near = shapely.STRtree(shapes).query(places, predicate="dwithin", distance=limits)
+        return camera, near
 
     def walls_near_cameras(self) -> dict[int, list[int]]:
         """Return by building the plain walls and roofs of the core, no facades, that a panorama may show."""
@@ -168,8 +175,7 @@ class Plan:
         if not self.poses or not len(plain_charts):
             return {}
         places = np.array([(pose.x, pose.y, pose.z) for pose in self.poses])
-        tree = shapely.STRtree(shapely.points(places[:, :2]))
-        row, of = tree.query(charts.boxes[plain_charts], predicate="dwithin", distance=WALL_REACH_M + MAX_POSE_SHIFT_M)
+        of, row = self._near_cameras(charts.boxes[plain_charts], WALL_REACH_M)
         chart = plain_charts[row]
         before = np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normals()[chart]) > -MAX_POSE_SHIFT_M
         found: dict[int, list[int]] = {}

@@ -14,6 +14,7 @@ from facade_core.atlas.store import open_root, open_table, write_table
 from facade_core.atlas.table_schema import TABLES, TableValues
 from facade_core.core.arrays import Float64Array
 from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.lens_projection import LENS_VALUES, lens_from_values, lens_values
 from facade_core.core.types import Building, BuildingFinish, GroundArea, GroundWay, MappedGround, Pose, Street
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts, Mesh
@@ -110,6 +111,7 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             "position": np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
             "angles": np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
             "view": np.array([p.view for p in plan.poses]).reshape(-1, 4),
+            **_lens_columns(plan.poses),
         },
         "facades": _columns(plan.facades),
         "viewpoints": {
@@ -195,9 +197,11 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         ground=_ground_from_tables(tables["ways"], tables["areas"]),
         facades=_facades_from_table(tables["facades"]),
         poses=tuple(
-            Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
-            for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
-                *(poses[n].tolist() for n in ("position", "angles", "view")), strict=True
+            Pose(x, y, z, heading, pitch, roll, (left, top, width, height), lens_from_values(lens))
+            for (x, y, z), (heading, pitch, roll), (left, top, width, height), lens in zip(
+                *(poses[n].tolist() for n in ("position", "angles", "view")),
+                poses.get("lens", np.zeros((len(poses["view"]), LENS_VALUES))).tolist(),
+                strict=True,
             )
         ),
         rejected_buildings=tuple(
@@ -219,6 +223,14 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         painted_digests=cameras.get("painted", cameras["look"]),  # stores of before have one digest
         in_core=charts.get("own", np.ones(len(charts["id"]), bool)),
     )
+
+
+def _lens_columns(poses: Sequence[Pose]) -> dict[str, Float64Array]:
+    """Return the column of lenses, zeros of panoramas; no column without any lens."""
+    if all(pose.lens is None for pose in poses):
+        return {}
+    rows = [[0.0] * LENS_VALUES if pose.lens is None else lens_values(pose.lens) for pose in poses]
+    return {"lens": np.array(rows)}
 
 
 def _finishes_from_table(buildings: TableValues) -> tuple[BuildingFinish, ...]:

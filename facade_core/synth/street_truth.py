@@ -12,6 +12,7 @@ import shapely
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
+from facade_core.core.lens_projection import picture_rays
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
@@ -138,13 +139,13 @@ def render_street_panorama(
     ground: GroundPaint | None = None,
     sides: SidePaint | None = None,
 ) -> UInt8Array:
-    """Render the panorama of a camera: facades, cut-outs, plain other surfaces and a bright sky.
+    """Render the picture of a camera: facades, cut-outs, plain other surfaces and a bright sky.
 
     Parameters
     ----------
     street : the street.
     pose : pose of the camera.
-    width : pixels; the height is half of it.
+    width : pixels; the height of a panorama is half of it, of a picture of a lens as the lens has it.
     gain : exposure.
     seed : seed of the sensor noise, 1 % of full scale.
     ground : colours of the ground; mottled grey if None.
@@ -152,20 +153,25 @@ def render_street_panorama(
 
     Returns
     -------
-    image : (width / 2, width, 3) uint8.
+    image : (height, width, 3) uint8.
     """
-    height = width // 2
+    lens = pose.lens
+    height = width // 2 if lens is None else round(width * lens.size[1] / lens.size[0])
     rotation = camera_from_world(pose)
     longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    lens_rays = None if lens is None else picture_rays(lens, (height, width))
     image = np.empty((height, width, 3), np.float32)
     sheet, left = _facade_sheet(street)
     for top in range(0, height, ROWS_PER_BAND):
         rows = min(ROWS_PER_BAND, height - top)
         latitude = (0.5 - (np.arange(top, top + rows) + 0.5) / height) * np.pi
         camera = np.empty((rows, width, 3), np.float32)
-        camera[..., 0] = np.cos(latitude)[:, None] * np.sin(longitude)
-        camera[..., 1] = -np.sin(latitude)[:, None]
-        camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
+        if lens_rays is not None:
+            camera[:] = lens_rays[top : top + rows]
+        else:
+            camera[..., 0] = np.cos(latitude)[:, None] * np.sin(longitude)
+            camera[..., 1] = -np.sin(latitude)[:, None]
+            camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
         rays = camera @ rotation.astype(np.float32)
         image[top : top + rows] = _trace_colours(street, camera_position(pose), rays, sheet, left, ground, sides)
     image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)

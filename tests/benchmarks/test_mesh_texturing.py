@@ -17,7 +17,7 @@ from benchmarks.mesh_texturing.registered_rasters import (
 from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.charts import Mesh
-from facade_core.imagery.panorama_camera import camera_position, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, project_directions_to_picture
 
 POSE = Pose(4200.5, 7300.25, 2.5, heading=37.0, pitch=1.5, roll=-0.8)
 WALL = np.array([[0.0, 10, 0], [6, 10, 0], [6, 10, 4], [0, 10, 4]])
@@ -50,7 +50,7 @@ def test_a_view_shows_what_the_panorama_shows_in_its_directions() -> None:
     share = np.stack(np.meshgrid((np.arange(512) + 0.5) / 512, (np.arange(256) + 0.5) / 256), axis=-1)
     camera = perspective_cameras(POSE, 64)[5]
     found = cut_view(share.astype(np.float32), POSE, camera.rays())
-    expected = project_directions_to_panorama(camera.rays(), POSE)
+    expected = project_directions_to_picture(camera.rays(), POSE)
     away_from_border = (expected[..., 0] > 0.01) & (expected[..., 0] < 0.99)
     assert away_from_border.any()
     np.testing.assert_allclose(found[away_from_border], expected[away_from_border], atol=2e-3)

@@ -12,7 +12,12 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import (
+    camera_position,
+    is_in_view,
+    pixels_per_radian,
+    project_directions_to_picture,
+)
 
 # Side in metres of the world grid's squares whose colours are compared; larger than the error of a pose.
 GRID_SQUARE_M = 2.0
@@ -93,7 +98,7 @@ def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> Ground
     ).reshape(-1, 3)
     depth, hit = scene.caster.cast(centre, rays)
     distance = depth * np.hypot(rays[:, 0], rays[:, 1])
-    share = project_directions_to_panorama(rays, pose)
+    share = project_directions_to_picture(rays, pose)
     usable = (
         (hit != MISS)
         & (distance >= MIN_SAMPLE_DISTANCE_M)
@@ -104,8 +109,11 @@ def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> Ground
     if not usable.any():
         return GroundColourSamples(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view
-    columns = max(1, round(2 * RAYS_PER_TURN * wide))
-    small = cv2.resize(image, (columns, max(1, round(RAYS_PER_TURN * high))), interpolation=cv2.INTER_AREA)
+    columns, rows = max(1, round(2 * RAYS_PER_TURN * wide)), max(1, round(RAYS_PER_TURN * high))
+    if pose.lens is not None:  # as sharp on the axis
+        shrink = min(1.0, 2 * RAYS_PER_TURN / (2 * np.pi) / pixels_per_radian(pose, image.shape[1]))
+        columns, rows = (max(1, round(side * shrink)) for side in (image.shape[1], image.shape[0]))
+    small = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_AREA)
     column = ((share[usable, 0] - left) % 1.0 / wide * columns).astype(np.intp).clip(max=columns - 1)
     row = ((share[usable, 1] - top) / high * len(small)).astype(np.intp).clip(0, len(small) - 1)
     colour = small[row, column]

@@ -20,7 +20,7 @@ from facade_core.imagery.cameras.camera_view import (
     equalise_exposure,
     fuse_camera_views,
 )
-from facade_core.imagery.panorama_camera import GROUND_REACH_M, camera_position
+from facade_core.imagery.panorama_camera import GROUND_REACH_M, camera_position, camera_reach
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
@@ -125,15 +125,16 @@ def select_trusted_ground_texels(
 
 
 def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
-    """Rectify a chart in the common exposure, from MIN_GROUND_DISTANCE_M to GROUND_REACH_M."""
+    """Rectify a chart in the common exposure, from MIN_GROUND_DISTANCE_M to the camera's reach."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
-    return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= GROUND_REACH_M))
+    reach = camera_reach(camera.pose, GROUND_REACH_M)
+    return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= reach))
 
 
 def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:
-    """Horizontal distance in metres of each texel from a camera: (h, w) float32."""
+    """Horizontal distance in metres of each texel from a camera, of an aerial one the whole distance: (h, w) float32."""
     charts, step = scene.charts, 1 / float(scene.placement.texels_per_metre[chart])
     centre = camera_position(pose)
     x = (np.arange(int(scene.placement.width[chart]), dtype=np.float32) + 0.5) * step
@@ -142,7 +143,11 @@ def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:
     across, down = charts.axis_u[chart][:2], charts.axis_v[chart][:2]
     east = corner[0] + across[0] * x[None] + down[0] * y[:, None]
     north = corner[1] + across[1] * x[None] + down[1] * y[:, None]
-    distance: Float32Array = np.hypot(east, north).astype(np.float32)
+    level = np.hypot(east, north)
+    if pose.is_aerial:
+        up = charts.origin[chart][2] - centre[2]
+        level = np.hypot(level, up + charts.axis_u[chart][2] * x[None] + charts.axis_v[chart][2] * y[:, None])
+    distance: Float32Array = level.astype(np.float32)
     return distance
 
 

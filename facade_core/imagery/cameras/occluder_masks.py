@@ -1,4 +1,4 @@
-"""Occluders in panoramas (people, cars, plants), found by the facade parser."""
+"""Occluders in panoramas and pictures of a lens (people, cars, plants), found by the facade parser."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from itertools import product
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.core.lens_projection import picture_rays
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position, pixels_per_radian
 from facade_core.parsing.segmenter import parse
 
 # Perspective views around a panorama that the parser labels; it was trained on such pictures, not on bent
@@ -47,7 +48,7 @@ EDGE_RIM_DEG = 0.25
 
 
 def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
-    """Mask occluders of the ground in a panorama.
+    """Mask occluders of the ground in a panorama, or in a picture of a lens, which is parsed as it is.
 
     Six views around the camera are parsed. An object that any of them shows counts.
 
@@ -60,11 +61,13 @@ def mask_ground_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     -------
     (H, W) bool.
     """
+    if pose.lens is not None:
+        return _mask_picture_occluders(image, pose)
     return _mask_occluders(image, pose, (DOWNWARD_TILT_DEG,), (GROUND_TOP_DEG, GROUND_BOTTOM_DEG))
 
 
 def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
-    """Mask occluders of walls and roofs, and the sky, in a panorama.
+    """Mask occluders of walls and roofs, and the sky, in a panorama or a picture of a lens.
 
     Parses six more views than `mask_ground_occluders`, which look up.
 
@@ -77,6 +80,8 @@ def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
     -------
     (H, W) bool.
     """
+    if pose.lens is not None:
+        return _mask_picture_occluders(image, pose, sky=True)
     return _mask_occluders(
         image, pose, (DOWNWARD_TILT_DEG, -UPWARD_TILT_DEG), (BUILDING_TOP_DEG, BUILDING_BOTTOM_DEG), sky=True
     )
@@ -85,7 +90,7 @@ def mask_building_occluders(image: UInt8Array, pose: Pose) -> BoolArray:
 def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> BoolArray:
     """Mask a rim around the model's edges, where a small pose error shows the wrong surface.
 
-    Pixels outside the part that `mask_building_occluders` covers are masked too.
+    Pixels of a panorama outside the part that `mask_building_occluders` covers are masked too.
 
     Parameters
     ----------
@@ -99,13 +104,60 @@ def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> BoolAr
     """
     import cv2
 
-    rays = _ray_grid(BUILDING_TOP_DEG, BUILDING_BOTTOM_DEG)
-    _, hit = scene.caster.cast(camera_position(pose), rays @ camera_from_world(pose))
-    surface = np.where(hit == MISS, -1, scene.charts.surface[hit]).astype(np.float32)
     side = np.ones((2 * round(EDGE_RIM_DEG * PIXELS_PER_DEGREE) + 1,) * 2, np.uint8)
+    if pose.lens is not None:
+        size = _shrunken_size(pose, shape, np.degrees(PIXELS_PER_DEGREE))
+        ray = picture_rays(pose.lens, size)
+        is_shown: BoolArray = np.asarray(np.isfinite(ray).all(axis=-1))
+        surface = _seen_surfaces(scene, pose, np.where(is_shown[..., None], ray, [0.0, 0.0, 1.0]))
+        edge = _changes_within(surface, side) | ~is_shown
+        return np.asarray(cv2.resize(edge.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST) > 0)
+    surface = _seen_surfaces(scene, pose, _ray_grid(BUILDING_TOP_DEG, BUILDING_BOTTOM_DEG))
     around = cv2.copyMakeBorder(surface, 0, 0, len(side), len(side), cv2.BORDER_WRAP)
-    edge = (cv2.dilate(around, side) != cv2.erode(around, side))[:, len(side) : -len(side)]
+    edge = _changes_within(np.asarray(around, np.float32), side)[:, len(side) : -len(side)]
     return _project_to_picture(edge, shape, pose, BUILDING_TOP_DEG, fill=True)
+
+
+def _changes_within(surface: Float32Array, side: UInt8Array) -> BoolArray:
+    """Pixels (h, w) bool beside which, within a square `side`, another surface is."""
+    import cv2
+
+    changes: BoolArray = np.not_equal(cv2.dilate(surface, side), cv2.erode(surface, side))
+    return changes
+
+
+def _seen_surfaces(scene: Scene, pose: Pose, rays: Float64Array) -> Float32Array:
+    """Surface that each camera ray (h, w, 3) meets, -1 for none: (h, w) float32."""
+    _, hit = scene.caster.cast(camera_position(pose), rays @ camera_from_world(pose))
+    return np.where(hit == MISS, -1, scene.charts.surface[hit]).astype(np.float32)
+
+
+def _shrunken_size(pose: Pose, shape: tuple[int, ...], resolution: float) -> tuple[int, int]:
+    """Rows and columns of a picture of a lens at so many pixels per radian, or of the picture if it is coarser."""
+    shrink = min(1.0, resolution / pixels_per_radian(pose, shape[1]))
+    return max(1, round(shape[0] * shrink)), max(1, round(shape[1] * shrink))
+
+
+def _mask_picture_occluders(image: UInt8Array, pose: Pose, *, sky: bool = False) -> BoolArray:
+    """Occluders with a rim, and optionally the sky, in a picture of a lens at the scale of a view: (H, W) bool.
+
+    None in an aerial picture: the parser takes roofs from above for what stands before a facade.
+    """
+    import cv2
+    from skimage.morphology import remove_small_objects
+
+    if pose.is_aerial:
+        return np.zeros(image.shape[:2], bool)
+    focal = VIEW_SIDE / 2 / np.tan(np.radians(VIEW_WIDTH_DEG / 2))
+    size = _shrunken_size(pose, image.shape, focal)
+    parsing = parse(np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8))
+    is_occluder = remove_small_objects(parsing.occluded, max_size=MIN_OCCLUDER_PIXELS).astype(np.uint8)
+    rim = 2 * round(np.radians(OCCLUDER_RIM_DEG) * pixels_per_radian(pose, size[1])) + 1
+    hidden = cv2.dilate(is_occluder, np.ones((rim, rim), np.uint8)) > 0
+    if sky:
+        hidden |= parsing.labels == FacadeClass.SKY
+    shape = (image.shape[1], image.shape[0])
+    return np.asarray(cv2.resize(hidden.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0)
 
 
 def _ray_grid(top_deg: float, bottom_deg: float) -> Float64Array:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.arrays import BoolArray
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_views_by_squares, squares_to_texels
@@ -20,7 +21,7 @@ from facade_core.imagery.cameras.camera_view import (
     equalise_exposure,
     fuse_camera_views,
 )
-from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_position
+from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_position, camera_reach
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
@@ -68,7 +69,9 @@ def select_trusted_wall_texels(
 
 
 def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
-    """Texels (h, w) bool so far below a camera that objects on the ground may occlude them."""
+    """Texels (h, w) bool so far below a camera that objects on the ground may occlude them; no roof from above is."""
+    if scene.charts.kind[chart] == ChartKind.ROOF and camera.pose.is_aerial:
+        return np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), bool)
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
     return np.asarray(
         texel_points(scene, chart, rows, columns)[..., 2] < camera_position(camera.pose)[2] - MAX_UNCONFIRMED_DROP_M
@@ -76,10 +79,11 @@ def _low_texels(scene: Scene, chart: int, camera: PanoramaCamera) -> BoolArray:
 
 
 def _wall_view(scene: Scene, chart: int, camera: PanoramaCamera, coverage: BoolArray) -> ChartView:
-    """Rectify a chart in the common exposure, within WALL_REACH_M."""
+    """Rectify a chart in the common exposure, within the camera's reach."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
-    is_near = np.linalg.norm(points - camera_position(camera.pose), axis=2) <= WALL_REACH_M
+    reach = camera_reach(camera.pose, WALL_REACH_M)
+    is_near = np.linalg.norm(points - camera_position(camera.pose), axis=2) <= reach
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     return equalise_exposure(view, camera, coverage & is_near)
 

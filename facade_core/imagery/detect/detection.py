@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, FloatArray, UInt8Array
-from facade_core.core.types import Box
+from facade_core.core.types import Box, Pose
 from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
 from facade_core.imagery.detect.plates import is_plate
@@ -119,15 +119,17 @@ def detect_on_panorama_strip(image: UInt8Array, plates_top: float = PLATES_TOP_S
     return FacesPlatesAndText(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
 
 
-def detect_on_panorama(image: UInt8Array, view: tuple[float, float, float, float]) -> FacesPlatesAndText:
-    """Detect faces, plates and text on a panorama, in a band of its full height.
+def detect_on_panorama(image: UInt8Array, pose: Pose) -> FacesPlatesAndText:
+    """Detect faces, plates and text on a panorama, in a band of its full height, or on a picture of a lens.
 
     Parameters
     ----------
-    image : (H, W, 3) uint8, the part `view` of the full panorama.
-    view : left, top, width and height of that part, see `facade_core.core.types.Pose`.
+    image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
+    pose : pose of the camera.
     """
-    _, top, wide, share = view
+    if pose.lens is not None:
+        return detect_faces_plates_text(image)
+    _, top, wide, share = pose.view
     first, middle, last = (
         min(len(image), max(0, round((row - top) / share * len(image))))
         for row in (SEARCH_TOP_SHARE, HORIZON_SHARE, SEARCH_BOTTOM_SHARE)

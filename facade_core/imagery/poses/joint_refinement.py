@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, rotate_pose
+from facade_core.imagery.panorama_camera import camera_position, pixels_per_radian, rotate_pose
 from facade_core.imagery.poses.bundle_adjustment import BundleAdjustment
 from facade_core.imagery.poses.shared_walls import PatchMatches, SurfaceCorrelation, match_patches_between_panoramas
 from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_line_angle
@@ -142,6 +142,8 @@ def downscale_panorama(image: UInt8Array, pose: Pose) -> UInt8Array:
     import cv2
 
     shrink = MAX_TURN_PIXELS * pose.view[2] / image.shape[1]
+    if pose.lens is not None:
+        shrink = MAX_TURN_PIXELS / (2 * np.pi) / pixels_per_radian(pose, image.shape[1])
     if shrink >= 1:
         return image
     size = (max(1, round(image.shape[1] * shrink)), max(1, round(image.shape[0] * shrink)))

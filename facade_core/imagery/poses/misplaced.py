@@ -58,8 +58,10 @@ def explain_misplacement(scene: Scene, image: UInt8Array, pose: Pose, edges: Out
 
     Returns
     -------
-    The explanation, "" if nothing contradicts the pose.
+    The explanation, "" if nothing contradicts the pose, and for pictures of a lens.
     """
+    if pose.lens is not None:  # a part of the outlines fits by chance
+        return ""
     min_fit = max(MIN_OTHER_FIT, best_fit + MIN_FIT_GAIN)
     if int((edges.weight > 0).sum()) < MIN_OUTLINE_GROUPS or min_fit > 1:
         return ""

@@ -8,11 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int16Array, Int64Array, UInt8Array
+from facade_core.core.lens_projection import lens_array, project_ray
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.panorama_camera import (
+    NO_TURN_PX,
+    camera_from_world,
+    camera_position,
+    is_in_view,
+    pixels_per_radian,
+    project_directions_to_picture,
+)
 
 # Farther edges, in metres, do not constrain a position.
 MAX_OUTLINE_DISTANCE_M = 60.0
@@ -85,7 +93,7 @@ class Gradients:
     Attributes
     ----------
     slope : (h, w, 6) int16, three channels across, then three down, in eighths of grey levels per pixel.
-    turn : pixels of a full turn.
+    turn : pixels of a full turn, NO_TURN_PX of a lens.
     left : first column of the picture in the full panorama.
     top : first row likewise.
     blur : blur in pixels.
@@ -117,7 +125,10 @@ class CameraPositionEstimate:
 
 
 def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
-    """Sample the edges of walls and roofs that a camera sees against other surfaces or the sky."""
+    """Sample the edges of walls and roofs that a camera sees against other surfaces or the sky.
+
+    A lens shows a part of them.
+    """
     centre = camera_position(pose)
     ends = _surface_edges(scene, centre)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -127,6 +138,9 @@ def sample_visible_outlines(scene: Scene, pose: Pose) -> OutlineSamples:
     along = (ends[:, 1] - ends[:, 0]) / np.maximum(length, 1e-9)[:, None]
     point = ends[edge, 0] + ((number + 0.5) / count[edge] * length[edge])[:, None] * along[edge]
     along = along[edge]
+    if pose.lens is not None:
+        is_shown = is_in_view(project_directions_to_picture(point - centre, pose), pose)
+        point, along, edge, number = point[is_shown], along[is_shown], edge[is_shown], number[is_shown]
     is_visible, is_sky = _visible_outline(scene, centre, point, along)
     point, along, edge, number, is_sky = (
         point[is_visible],
@@ -207,26 +221,31 @@ def _visible_outline(
 
 
 def image_gradients(image: UInt8Array, pose: Pose, turn_pixels: int, blur: float) -> Gradients:
-    """Compute the gradients of a panorama after downscaling.
+    """Compute the gradients of a picture after downscaling.
 
     Parameters
     ----------
     image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
     pose : pose of the camera.
-    turn_pixels : pixels of a full turn at most.
+    turn_pixels : pixels of a full turn at most, of a lens on its axis.
     blur : Gaussian blur in pixels.
     """
     import cv2
 
     left, top, width, _ = pose.view
     shrink = min(1.0, turn_pixels * width / image.shape[1])
+    if pose.lens is not None:
+        shrink = min(1.0, turn_pixels / (2 * np.pi) / pixels_per_radian(pose, image.shape[1]))
     size = (round(image.shape[1] * shrink), round(image.shape[0] * shrink))
     downscaled = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if shrink < 1 else image
     rim = int(4 * blur)
-    wrapped = cv2.copyMakeBorder(downscaled, 0, 0, rim, rim, cv2.BORDER_WRAP if width == 1 else cv2.BORDER_REPLICATE)
+    border = cv2.BORDER_WRAP if width == 1 and pose.lens is None else cv2.BORDER_REPLICATE
+    wrapped = cv2.copyMakeBorder(downscaled, 0, 0, rim, rim, border)
     soft = cv2.GaussianBlur(wrapped, (0, 0), blur)
     slope = [cv2.Sobel(soft, cv2.CV_16S, *order, ksize=3)[:, rim:-rim] for order in ((1, 0), (0, 1))]
     turn = size[0] / width
+    if pose.lens is not None:
+        return Gradients(np.concatenate(slope, axis=2), NO_TURN_PX, 0.0, 0.0, blur)
     return Gradients(np.concatenate(slope, axis=2), turn, left * turn, top * turn / 2, blur)
 
 
@@ -250,7 +269,15 @@ def outline_fit(
     place = camera_position(pose) + offset
     geometry = (picture.turn, picture.left, picture.top)
     response = _edge_response(
-        outline.point, outline.along, outline.group, place, camera, geometry, picture.slope, len(outline.weight)
+        outline.point,
+        outline.along,
+        outline.group,
+        place,
+        camera,
+        geometry,
+        lens_array(pose.lens),
+        picture.slope,
+        len(outline.weight),
     )
     step = response / 8 * picture.blur * np.sqrt(2 * np.pi)
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
@@ -349,6 +376,7 @@ def _edge_response(
     place: Float64Array,
     camera: Float64Array,
     geometry: tuple[float, float, float],
+    lens: Float64Array,
     slope: Int16Array,
     groups: int,
 ) -> Float64Array:
@@ -365,8 +393,15 @@ def _edge_response(
                 c[i] = 0.0
                 for j in range(3):
                     c[i] += camera[i, j] * (point[k, j] + 0.02 * end * along[k, j] - place[j])
+            if len(lens):
+                share_x, share_y = project_ray(lens, c[0], c[1], c[2])
+                at[end, 0], at[end, 1] = share_x * columns, share_y * rows
+                continue
             at[end, 0] = (np.arctan2(c[0], c[2]) / (2 * np.pi) + 0.5) * turn - left
             at[end, 1] = (0.5 + np.arctan2(c[1], np.hypot(c[0], c[2])) / np.pi) * turn / 2 - top
+        if not np.isfinite(at).all():
+            count[group[k]] += 1
+            continue
         du, dv = at[1, 0] - at[0, 0], at[1, 1] - at[0, 1]
         du -= turn * np.round(du / turn)
         norm = np.hypot(du, dv) + 1e-12

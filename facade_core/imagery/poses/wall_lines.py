@@ -11,7 +11,12 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import (
+    camera_position,
+    is_in_view,
+    pixels_per_radian,
+    project_directions_to_picture,
+)
 from facade_core.imagery.rectify.line_segments import detect_line_segments
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
@@ -107,7 +112,7 @@ def _largest_walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
     distance, chart = scene.caster.cast(camera_position(pose), rays)
     facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normals()[chart])
     usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(MIN_FACING_DEG)))
-    usable &= is_in_view(project_directions_to_panorama(rays, pose), pose)
+    usable &= is_in_view(project_directions_to_picture(rays, pose), pose)
     area = np.cos((0.5 - (np.arange(SCAN_WIDTH // 2) + 0.5) / (SCAN_WIDTH // 2)) * np.pi)[:, None] * np.ones(
         (1, SCAN_WIDTH)
     )
@@ -128,7 +133,7 @@ def _lines_on_wall(
     extent = np.array([placement.height[chart], placement.width[chart]]) / placement.texels_per_metre[chart]
     density = min(
         MAX_PIXELS_PER_METRE,
-        1.2 * image.shape[1] / pose.view[2] / (2 * np.pi) / distance,
+        1.2 * pixels_per_radian(pose, image.shape[1]) / distance,
         MAX_RASTER_SIDE / extent.max(),
     )
     size = tuple(max(8, round(float(side) * density)) for side in extent)

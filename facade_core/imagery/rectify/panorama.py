@@ -15,16 +15,17 @@ from facade_core.core.grouping import RowsByValue
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import (
-    camera_from_world,
     camera_position,
+    camera_reach,
     is_in_view,
-    project_directions_to_panorama,
+    pixels_per_radian_along,
+    project_directions_to_picture,
 )
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.resampling import (
     ChartTexelGrid,
-    PanoramaProjection,
     compute_texel_footprints,
+    picture_projection,
     resample_panorama,
 )
 
@@ -116,9 +117,15 @@ def nearby_panoramas(scene: Scene, charts: Int32Array, poses: Sequence[Pose]) ->
     """
     middle = scene.charts.points_at_shares(charts, np.array([[0.5, 0.5]]))[:, 0, :2]
     # sampled points are at most the diagonal's length away from the chart's middle
-    max_distance = MAX_SIGHTING_DISTANCE_M + 2 * np.hypot(*scene.charts.size[charts].T)
-    places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
-    place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=max_distance)
+    margin = 2 * np.hypot(*scene.charts.size[charts].T)
+    reach = np.array([camera_reach(pose, MAX_SIGHTING_DISTANCE_M) for pose in poses])
+    positions = np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)
+    places = shapely.STRtree(shapely.points(positions))
+    place, panorama = places.query(
+        shapely.points(middle), predicate="dwithin", distance=reach.max(initial=MAX_SIGHTING_DISTANCE_M) + margin
+    )
+    is_near = np.linalg.norm(positions[panorama] - middle[place], axis=1) <= reach[panorama] + margin[place]
+    place, panorama = place[is_near], panorama[is_near]
     grouped = RowsByValue(place)
     return [np.sort(panorama[grouped.rows_with(chart)]) for chart in range(len(charts))]
 
@@ -183,21 +190,21 @@ def _point_views(
     middle = points.mean(axis=0)
     radius = np.linalg.norm(points - middle, axis=1).max()
     offset = places - middle
-    is_near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= max_distance + radius)
+    reach = np.array([camera_reach(pose, max_distance) for pose in poses])
+    is_near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
     for index in np.flatnonzero(is_near).tolist():
         pose, (_, width) = poses[index], image_sizes[index]
         rays = points - places[index]
         distance = np.linalg.norm(rays, axis=1)
         sine = -(rays @ normal) / np.maximum(distance, 1e-9)
         usable = (
-            (distance <= max_distance)
+            (distance <= reach[index])
             & (sine >= np.sin(np.radians(MIN_FACING_DEG)))
-            & is_in_view(project_directions_to_panorama(rays, pose), pose)
+            & is_in_view(project_directions_to_picture(rays, pose), pose)
         )
         usable[usable] = _are_points_visible(scene, chart, places[index], rays[usable])
         if usable.any():
-            pixels_per_radian = width / pose.view[2] / (2 * np.pi)
-            resolution = pixels_per_radian / distance[usable] * np.sqrt(sine[usable])
+            resolution = pixels_per_radian_along(pose, width, rays[usable]) / distance[usable] * np.sqrt(sine[usable])
             yield _PointView(index, usable, resolution, sine[usable])
 
 
@@ -213,7 +220,7 @@ def rectify_chart_from_panorama(
     ----------
     scene : scene that contains the chart.
     chart : index of the chart.
-    image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
+    image : (H, W, 3) uint8, of a panorama the part `pose.view`, of a lens the whole picture at any scale.
     pose : pose of the camera.
     size : height and width of the raster; the chart's size in the atlas gives the atlas's texels.
     occluded : (H, W) bool, occluders in the panorama.
@@ -237,22 +244,20 @@ def rectify_chart_from_panorama(
     right = charts.axis_u[chart] * (placement.width[chart] / placement.texels_per_metre[chart] / columns)
     down = charts.axis_v[chart] * (placement.height[chart] / placement.texels_per_metre[chart] / rows)
     corner = charts.origin[chart] - place
-    left, top, width, height = pose.view
-    turn, half = image.shape[1] / width, image.shape[0] / height
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)
     quality = np.empty((rows, columns), np.float32)
     raster = ChartTexelGrid(corner, right, down, charts.normals()[chart])
     compute_texel_footprints(
         raster,
-        PanoramaProjection(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
+        picture_projection(pose, image.shape),
         np.sin(np.radians(MIN_FACING_DEG)),
         footprints,
         seen,
         quality,
     )
     _clear_hidden(scene, chart, place, raster, seen)
-    rgb = resample_panorama(image, pose.view, footprints, seen)
+    rgb = resample_panorama(image, pose, footprints, seen)
     occluded = None if occluded is None else _occluded_texels(occluded, footprints, seen)
     return ChartView(rgb, seen, quality * seen, occluded)
 

@@ -1,4 +1,4 @@
-"""Resampling of panoramas to a chart's texels: the pixels that each texel covers, and their mean."""
+"""Resampling of panoramas and pictures of a lens to a chart's texels: the pixels that each texel covers, and their mean."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
+from facade_core.core.lens_projection import lens_array, project_ray
 from facade_core.core.numba_cache import njit
+from facade_core.core.types import Pose
+from facade_core.imagery.panorama_camera import NO_TURN_PX, camera_from_world
 from facade_core.imagery.rectify.area_means import build_pyramid, write_parallelogram_mean
 
 # Colour distance to the bottom row within which pixels above belong to the same flat mask.
@@ -36,17 +39,18 @@ class ChartTexelGrid(NamedTuple):
 
 
 class PanoramaProjection(NamedTuple):
-    """Projection of a panorama.
+    """Projection of a panorama or a lens.
 
     Attributes
     ----------
     camera : (3, 3) rotation.
-    turn : pixels per full turn.
+    turn : pixels per full turn, NO_TURN_PX of a lens.
     half : pixels per half turn, vertically.
     left : pixels of the full panorama left of the picture.
     top : pixels above it.
     height : height of the picture.
     width : width of the picture.
+    lens : lens as `lens_array` gives it, empty for a panorama.
     """
 
     camera: Float64Array
@@ -56,17 +60,32 @@ class PanoramaProjection(NamedTuple):
     top: float
     height: int
     width: int
+    lens: Float64Array
 
 
-def resample_panorama(
-    image: UInt8Array, view: tuple[float, float, float, float], footprints: Float32Array, seen: BoolArray
-) -> UInt8Array:
-    """Resample a panorama to the seen texels, and clear texels that its flat mask hides.
+def picture_projection(pose: Pose, shape: tuple[int, ...]) -> PanoramaProjection:
+    """Return the projection of a picture of a shape (rows, columns, ...)."""
+    left, top, width, height = pose.view
+    turn, half = shape[1] / width, shape[0] / height
+    return PanoramaProjection(
+        camera_from_world(pose),
+        turn if pose.lens is None else NO_TURN_PX,
+        half,
+        left * turn,
+        top * half,
+        shape[0],
+        shape[1],
+        lens_array(pose.lens),
+    )
+
+
+def resample_panorama(image: UInt8Array, pose: Pose, footprints: Float32Array, seen: BoolArray) -> UInt8Array:
+    """Resample a picture to the seen texels, and clear texels that the flat mask of a panorama hides.
 
     Parameters
     ----------
-    image : (H, W, 3) uint8, the part `view` of the full panorama.
-    view : left, top, width and height of that part.
+    image : (H, W, 3) uint8, of a panorama the part `pose.view`.
+    pose : pose of the camera.
     footprints : (h, w, 6), see `compute_texel_footprints`.
     seen : (h, w) bool; changed in place.
 
@@ -78,12 +97,14 @@ def resample_panorama(
     if not seen.any():
         return rgb
     used = footprints[seen]
-    turn = image.shape[1] / view[2]
+    view = pose.view
+    turn = image.shape[1] / view[2] if pose.lens is None else NO_TURN_PX
     margin = float(np.abs(used[:, 2:]).max()) + 3.0  # pixels around texel centres that are read
     first, columns = _needed_columns(used[:, 0], margin, image.shape[1], turn)
     upper = max(0, int(used[:, 1].min() - margin))
     lower = min(len(image), int(used[:, 1].max() + margin) + 1)
-    mask = _mask_top(image, columns, round((MASK_TOP_SHARE - view[1]) / view[3] * len(image)), lower)
+    highest = round((MASK_TOP_SHARE - view[1]) / view[3] * len(image)) if pose.lens is None else len(image)
+    mask = _mask_top(image, columns, highest, lower)
     runs = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1)  # slices are copied much faster than columns
     part = build_pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
     _resample_texels(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
@@ -132,7 +153,7 @@ def _mask_top(image: UInt8Array, columns: Int64Array, highest: int, lower: int) 
 @njit(cache=True, nogil=True)
 def compute_texel_footprints(
     raster: ChartTexelGrid,
-    lens: PanoramaProjection,
+    projection: PanoramaProjection,
     grazing: float,
     footprints: Float32Array,
     seen: BoolArray,
@@ -143,7 +164,7 @@ def compute_texel_footprints(
     Parameters
     ----------
     raster : texels of the chart.
-    lens : projection of the picture.
+    projection : projection of the picture.
     grazing : sine of the smallest viewing angle.
     footprints : (h, w, 6) centre x, y and both sides of the covered parallelogram; written.
     seen : (h, w) bool, the texel is inside the picture and not at a grazing angle; written.
@@ -151,7 +172,8 @@ def compute_texel_footprints(
     """
     rows, columns = seen.shape
     corner, right, down, normal = raster
-    camera, turn, half, left, top = lens.camera, lens.turn, lens.half, lens.left, lens.top
+    camera, turn, half = projection.camera, projection.turn, projection.half
+    left, top, lens = projection.left, projection.top, projection.lens
     # corners of the row of texels at hand: above and below
     x = np.empty((2, columns + 1))
     y = np.empty((2, columns + 1))
@@ -163,6 +185,10 @@ def compute_texel_footprints(
             cx = camera[0, 0] * px + camera[0, 1] * py + camera[0, 2] * pz
             cy = camera[1, 0] * px + camera[1, 1] * py + camera[1, 2] * pz
             cz = camera[2, 0] * px + camera[2, 1] * py + camera[2, 2] * pz
+            if len(lens):
+                across, along = project_ray(lens, cx, cy, cz)
+                x[r % 2, c], y[r % 2, c] = across * projection.width, along * projection.height
+                continue
             x[r % 2, c] = (np.arctan2(cx, cz) / (2 * np.pi) + 0.5) * turn - left
             y[r % 2, c] = (0.5 + np.arctan2(cy, np.hypot(cx, cz)) / np.pi) * half - top
         if r == 0:
@@ -186,8 +212,8 @@ def compute_texel_footprints(
                 square += ray * ray
             sine = facing / np.sqrt(square)
             area = footprints[r - 1, c, 2] * footprints[r - 1, c, 5] - footprints[r - 1, c, 3] * footprints[r - 1, c, 4]
-            quality[r - 1, c] = min(1.0, np.sqrt(abs(area))) * max(sine, 0.0)
-            inside = mx < lens.width and my >= 0 and my < lens.height
+            quality[r - 1, c] = min(1.0, np.sqrt(abs(area))) * max(sine, 0.0) if area == area else 0.0  # not a number
+            inside = mx < projection.width and my >= 0 and my < projection.height
             seen[r - 1, c] = inside and sine >= grazing
 
 

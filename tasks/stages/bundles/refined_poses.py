@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 from facade_core.atlas.journal import Record, read_journal
@@ -16,7 +17,7 @@ def pose_from_record(pose: Pose, record: PoseRecord | None) -> Pose:
     if record is None or record["status"] != "done":
         return pose
     x, y, z, heading, pitch, roll = record["pose"]
-    return Pose(x, y, z, heading, pitch, roll, pose.view)
+    return replace(pose, x=x, y=y, z=z, heading=heading, pitch=pitch, roll=roll)
 
 
 def is_rejected_panorama(record: Record | None) -> bool:

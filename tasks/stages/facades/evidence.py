@@ -276,7 +276,9 @@ def _view_of_panorama(
 
 def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:
     """Return faces, plates and text on a panorama; its facades share them."""
-    return _cached_detections(path, *_file_stamps(path), pose.view)
+    # the same at any place
+    unplaced = Pose(0.0, 0.0, None, 0.0, view=pose.view, lens=pose.lens)
+    return _cached_detections(path, *_file_stamps(path), unplaced)
 
 
 def _file_stamps(path: Path) -> tuple[int, int]:
@@ -291,10 +293,8 @@ def _read_without_fringes(path: Path, _size: int, _modified: int) -> UInt8Array:
 
 
 @lru_cache(maxsize=64)
-def _cached_detections(
-    path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]
-) -> FacesPlatesAndText:
-    return detect_on_panorama(read_panorama(path), view)
+def _cached_detections(path: Path, _size: int, _modified: int, pose: Pose) -> FacesPlatesAndText:
+    return detect_on_panorama(read_panorama(path), pose)
 
 
 def _widen(hidden: BoolArray) -> BoolArray:

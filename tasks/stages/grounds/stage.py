@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from catalogs.block.reader import Block
+from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -42,11 +42,10 @@ def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
     if not len(charts):
         return []
     cameras = index_usable_panoramas(block, plan, group, _is_over_ground)
-    corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
     texels = plan.texel_counts()
     units = []
     for index, (chart, name) in enumerate(zip(charts.tolist(), ground_piece_names(plan), strict=True)):
-        taken = cameras.near(corners[index], GROUND_REACH_M)
+        taken = cameras.near(plan.scene.charts, [chart], GROUND_REACH_M)
         key = ground_key(run, plan, chart, taken)
         memory = ground_memory(int(texels[chart]), [one.path for one in taken])
         units.append(Unit(index, name, (key,), (chart, taken), memory, (chart,)))
@@ -62,7 +61,9 @@ def _name(number: int) -> str:
     return f"ground-{number:016x}"
 
 
-def _is_over_ground(record: PoseRecord | None) -> bool:
+def _is_over_ground(pose: Pose, record: PoseRecord | None) -> bool:
+    if pose.is_aerial:
+        return record is not None and record["status"] == "done"
     height = None if record is None or record["status"] != "done" else record.get("over_ground_m")
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
 

@@ -37,7 +37,7 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
     path, carried = unit.arguments
     plan = load_run_plan(run)
     picture, given = read_panorama(path), plan.poses[unit.index]
-    if given.view == (0.0, 0.0, 1.0, 1.0):
+    if given.lens is None and given.view == (0.0, 0.0, 1.0, 1.0):
         check_full_panorama(picture)
     found = refine_pose(plan.scene, picture, given, height_is_assumed=carried)
     pose = found.pose

@@ -11,6 +11,7 @@ import numpy as np
 from catalogs.block.digest import model_file_digests
 from catalogs.file_digest import file_digest
 from facade_core.core.arrays import Float64Array
+from facade_core.core.lens_projection import lens_values
 from facade_core.core.types import Pose, TrainedModelFiles
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
@@ -59,8 +60,9 @@ def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
 
 
 def pose_key_parts(pose: Pose) -> list[object]:
-    """Return the key part of a pose: place, angles and view."""
-    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
+    """Return the key part of a pose: place, angles and view, and the lens of a perspective picture."""
+    lens = [] if pose.lens is None else [lens_values(pose.lens)]
+    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view), *lens]
 
 
 def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:

@@ -142,7 +142,7 @@ def _occluder_bits(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> Boo
     of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
     bits = _MASKS.get(of)
     if bits is None:
-        seen = detect_on_panorama(image, one.pose.view)
+        seen = detect_on_panorama(image, one.pose)
         hidden = hides(image, one.pose)
         bits = np.packbits(hidden | seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else hidden)
         _MASKS[of] = bits

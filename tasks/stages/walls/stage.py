@@ -9,6 +9,7 @@ from pathlib import Path
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.arrays import IntArray
+from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.panorama_camera import WALL_REACH_M
 from facade_core.plan.plan import Plan
@@ -59,7 +60,7 @@ def wall_building_names(plan: Plan) -> list[str]:
     return [plan.scene.names[building] for building in plan.walls_near_cameras()]
 
 
-def _is_placed(record: Record | None) -> bool:
+def _is_placed(_pose: Pose, record: Record | None) -> bool:
     return record is not None and record["status"] == "done"
 
 
