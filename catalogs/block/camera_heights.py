@@ -11,7 +11,7 @@ from catalogs.features import format_reason_notes
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.types import Building, ElevationRaster
-from facade_core.geometry.ground.terrain import build_terrain, source_ground_height
+from facade_core.geometry.ground.terrain import Terrain, build_terrain, source_ground_height
 
 # Heights above the ground of a camera in a hand, on a tripod, a car or a mast, metres.
 CAMERA_HEIGHT_RANGE_M = (0.5, 8.0)
@@ -40,7 +40,7 @@ def correct_camera_heights(
 
     Parameters
     ----------
-    panoramas : panoramas of the block.
+    panoramas : panoramas, or pictures of lenses, of the block; those that look down keep their heights, with a note.
     buildings : its buildings, whose bases are the ground without a raster.
     elevation : raster of its ground, None without one.
     camera_height : usual height of a camera above the ground, metres.
@@ -49,6 +49,13 @@ def correct_camera_heights(
     -------
     The panoramas, and a note on each correction.
     """
+    from_above = [one for one in panoramas if one.pose.is_aerial and one.pose.z is not None]
+    if from_above:
+        others = [one for one in panoramas if one not in from_above]
+        corrected, notes = correct_camera_heights(others, buildings, elevation, camera_height)
+        corrected_by_id = {one.id: one for one in corrected}
+        note = _describe_aerial(_heights_above_ground(from_above, build_terrain(buildings, elevation)))
+        return tuple(corrected_by_id.get(one.id, one) for one in panoramas), (*notes, note)
     stated = [index for index, one in enumerate(panoramas) if one.pose.z is not None]
     if not stated:
         return tuple(panoramas), ()
@@ -84,6 +91,20 @@ def correct_camera_heights(
     shifted, notes = _with_heights(panoramas, stated, new, sound, how)
     rest, more = _with_heights(shifted, stated, unknown, ~sound, _ignored(above[~sound]))
     return rest, notes + more
+
+
+def _heights_above_ground(pictures: Sequence[PosedPanorama], terrain: Terrain) -> Float64Array:
+    level = terrain.interpolate(np.array([(one.pose.x, one.pose.y) for one in pictures], np.float64))
+    return np.array([one.pose.z for one in pictures], np.float64) - level
+
+
+def _describe_aerial(above: Float64Array) -> str:
+    """Return the note on heights of pictures that look down, which no usual camera height can check."""
+    low, high = float(above.min()), float(above.max())
+    return (
+        f"pictures that look down ({len(above)}) kept at their heights, {low:.0f} to {high:.0f} m above the ground; where they "
+        "are of another datum than the ground, add the difference"
+    )
 
 
 def _is_ground_stated(buildings: Sequence[Building], elevation: ElevationRaster | None) -> bool:

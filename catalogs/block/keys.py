@@ -147,6 +147,15 @@ class PanoramasSection(_Keys):
     poses: str | None = None
 
 
+class CamerasSection(_Keys):
+    """Section `imagery.cameras`: folder, file of poses and lenses, its CRS, and control points of a local frame."""
+
+    path: Annotated[str, Field(min_length=1)]
+    poses: Annotated[str, Field(min_length=1)]
+    control: Annotated[str, Field(min_length=1)] | None = None
+    crs: str | None = None
+
+
 class AerialSection(_Keys):
     """Section `imagery.aerial`: orthophoto and its CRS."""
 
@@ -162,10 +171,11 @@ class PhotosSection(_Keys):
 
 
 class ImagerySection(_Keys):
-    """Section `imagery`: exemplars, panoramas, photos, orthophoto and the treatment of people and vehicles."""
+    """Section `imagery`: exemplars, panoramas, posed pictures, photos, orthophoto, treatment of people and vehicles."""
 
     exemplars: PathSection | None = None
     panoramas: PanoramasSection | None = None
+    cameras: CamerasSection | None = None
     photos: PhotosSection | None = None
     aerial: AerialSection | None = None
     privacy: Privacy = "blur"

@@ -19,7 +19,15 @@ _VARIABLE = re.compile(r"\$\{(\w+)\}")
 # Characters of a variable's value: shorter ones occur in any path.
 _MIN_HIDDEN_LENGTH = 4
 # Keys that name a folder of pictures; other keys name a file.
-FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
+FOLDER_KEYS = (
+    "imagery.exemplars.path",
+    "imagery.photos.path",
+    "imagery.panoramas.path",
+    "imagery.cameras.path",
+    "texture.materials",
+)
+# Keys that name a file, or a folder of files that belong together.
+FILE_OR_FOLDER_KEYS = ("imagery.cameras.poses",)
 
 
 def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path, ...]]:
@@ -42,6 +50,7 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         ("imagery.exemplars.path", imagery.exemplars),
         ("imagery.photos.path", imagery.photos),
         ("imagery.panoramas.path", imagery.panoramas),
+        ("imagery.cameras.path", imagery.cameras),
         ("imagery.aerial.path", imagery.aerial),
         ("texture.roof_material.path", keys.texture.roof_material),
     ):
@@ -55,8 +64,12 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         named["models.layout"] = [keys.models.layout]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
+    if imagery.cameras:
+        named["imagery.cameras.poses"] = [imagery.cameras.poses]
+        if imagery.cameras.control:
+            named["imagery.cameras.control"] = [imagery.cameras.control]
     return {
-        key: tuple(resolve_path(key, text, block, is_folder=key in FOLDER_KEYS) for text in texts)
+        key: tuple(resolve_path(key, text, block, is_folder=key in FOLDER_KEYS + FILE_OR_FOLDER_KEYS) for text in texts)
         for key, texts in named.items()
     }
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
 
@@ -27,6 +28,7 @@ from catalogs.crs import parse_crs
 from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from catalogs.readers.pictures.materials import MaterialPicture, read_material_pictures
+from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import (
     SHIPPED_MODELS,
@@ -42,7 +44,6 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
     from catalogs.readers.pictures.aerial import Orthophoto
-    from catalogs.readers.pictures.panoramas import PosedPanorama
 
 __all__ = ["Block", "TextureSettings", "read_block"]
 
@@ -166,19 +167,9 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
     separation, geoid_notes = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), extent)
-    panoramas: tuple[PosedPanorama, ...] = ()
-    broken_panoramas: tuple[Fault, ...] = ()
-    far: tuple[str, ...] = ()
-    if "imagery.panoramas.path" in files:
-        from catalogs.readers.pictures.panoramas import read_panoramas
-
-        poses = files.get("imagery.panoramas.poses", (None,))[0]
-        found = file.call_reader(
-            "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
-        )
-        panoramas, heights = correct_camera_heights(found.items, built.items, terrain, keys.texture.viewpoint_height)
-        broken_panoramas = found.faults
-        far = format_reason_notes(feature_ids_by_reason(found.remarks)) + heights
+    panoramas, broken_panoramas, far = _read_posed_pictures(
+        keys, files, frame, extent, partial(_correct_heights, keys, built.items, terrain), file
+    )
     return Block(
         crs=frame,
         buildings=built.items,
@@ -197,6 +188,66 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         digest="",
         **_read_settings(keys, files, file, separation),
     )
+
+
+CorrectHeights = Callable[[Sequence[PosedPanorama]], tuple[tuple[PosedPanorama, ...], tuple[str, ...]]]
+
+
+def _correct_heights(
+    keys: BlockFileSettings,
+    buildings: Sequence[Building],
+    terrain: ElevationRaster | None,
+    pictures: Sequence[PosedPanorama],
+) -> tuple[tuple[PosedPanorama, ...], tuple[str, ...]]:
+    return correct_camera_heights(pictures, buildings, terrain, keys.texture.viewpoint_height)
+
+
+def _read_posed_pictures(
+    keys: BlockFileSettings,
+    files: NamedFiles,
+    frame: CRS,
+    extent: Bounds,
+    correct: CorrectHeights,
+    file: BlockFileErrorContext,
+) -> tuple[tuple[PosedPanorama, ...], tuple[Fault, ...], tuple[str, ...]]:
+    """Return panoramas and perspective pictures with poses, faults, and notes."""
+    pictures: tuple[PosedPanorama, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    notes: tuple[str, ...] = ()
+    if "imagery.panoramas.path" in files:
+        from catalogs.readers.pictures.panoramas import read_panoramas
+
+        poses = files.get("imagery.panoramas.poses", (None,))[0]
+        found = file.call_reader(
+            "imagery.panoramas", read_panoramas, files["imagery.panoramas.path"][0], poses, frame, extent
+        )
+        pictures, heights = correct(found.items)
+        faults = found.faults
+        notes = format_reason_notes(feature_ids_by_reason(found.remarks)) + heights
+    if keys.imagery.cameras is not None:
+        from catalogs.readers.pictures.cameras.cameras import read_cameras
+
+        posed = file.call_reader(
+            "imagery.cameras",
+            read_cameras,
+            files["imagery.cameras.path"][0],
+            files["imagery.cameras.poses"][0],
+            frame,
+            extent,
+            files.get("imagery.cameras.control", (None,))[0],
+            keys.imagery.cameras.crs,
+        )
+        taken = {one.path.name for one in pictures}
+        twice = tuple(
+            Fault(one.path.name, "panorama", f"a panorama is named {one.path.name} too; rename one of them")
+            for one in posed.items
+            if one.path.name in taken
+        )
+        cameras, heights = correct([one for one in posed.items if one.path.name not in taken])
+        pictures += cameras
+        faults += posed.faults + twice
+        notes += format_reason_notes(feature_ids_by_reason(posed.remarks)) + heights
+    return pictures, faults, notes
 
 
 def city_part_file_values(part: Block, whole: Block) -> dict[str, object]:

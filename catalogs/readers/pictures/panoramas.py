@@ -129,7 +129,7 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
             continue
         posed += 1
-        if not math.isfinite(pose.x + pose.y) or (bounds and _distance_outside(pose, bounds) > MAX_DISTANCE_M):
+        if not math.isfinite(pose.x + pose.y) or (bounds and distance_outside(pose, bounds) > MAX_DISTANCE_M):
             remarks.append(Remark(path.stem, "panoramas of another place skipped", None))
             continue
         alike = same_size.setdefault(path.stat().st_size, [])
@@ -152,10 +152,10 @@ def read_panoramas(
         example = next(iter(sources))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
-    return PosedPanoramas(tuple(items), tuple(faults), (*remarks, *_outdated_remarks(items)))
+    return PosedPanoramas(tuple(items), tuple(faults), (*remarks, *outdated_remarks(items)))
 
 
-def _outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
+def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
     """Return remarks on panoramas that are much older than a nearby one."""
     import shapely
 
@@ -201,7 +201,8 @@ def _missing_pose_reason(source: SourcePose | None, poses: Path | None, entry: S
     return f"{lacking}; give its pose in {poses.name if poses else 'a poses file'}, or remove it"
 
 
-def _distance_outside(pose: Pose, bounds: Sequence[float]) -> float:
+def distance_outside(pose: Pose, bounds: Sequence[float]) -> float:
+    """Return the distance of a pose from bounds (xmin, ymin, xmax, ymax), metres, 0 inside."""
     xmin, ymin, xmax, ymax = bounds
     return math.hypot(max(xmin - pose.x, 0.0, pose.x - xmax), max(ymin - pose.y, 0.0, pose.y - ymax))
 
@@ -258,7 +259,7 @@ def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], Sourc
     ValueError with the remedy where the picture is no equirectangular panorama.
     """
     with open_picture(path) as image:
-        pano, gps = _gpano_fields(image), _exif_gps(image)
+        pano, gps = _gpano_fields(image), read_exif_gps(image)
         width, height = image.size
         turned, taken = _is_rotated(image), exif_capture_date(image)
     view = _gpano_view(pano)
@@ -274,7 +275,7 @@ def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], Sourc
             f"is {width} x {height} pixels{whole}, and an equirectangular panorama is twice as wide as high; "
             "give the whole one or its GPano tags, or remove it"
         )
-    return view, *_embedded_pose(pano, gps), taken
+    return view, *embedded_pose(pano, gps), taken
 
 
 def read_exif_pose(path: Path) -> SourcePose | None:
@@ -283,10 +284,11 @@ def read_exif_pose(path: Path) -> SourcePose | None:
     None without a position. Headings from magnetic north are taken as true.
     """
     with open_picture(path) as image:
-        return _embedded_pose({}, _exif_gps(image))[0]
+        return embedded_pose({}, read_exif_gps(image))[0]
 
 
-def _embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple[SourcePose | None, bool]:
+def embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple[SourcePose | None, bool]:
+    """Return the pose that GPano and GPS tags state, and whether its heading is from magnetic north."""
     try:
         lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
         lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
@@ -344,7 +346,7 @@ def _is_rotated(image: Image) -> bool:
         return False
 
 
-def _exif_gps(image: Image) -> dict[str, TagValue]:
+def read_exif_gps(image: Image) -> dict[str, TagValue]:
     """Return the EXIF GPS tags by name; none where the EXIF is damaged."""
     from PIL.ExifTags import GPSTAGS
 

@@ -124,7 +124,7 @@ def read_poses_file(path: Path) -> PosesFile:
         if text.lstrip().startswith(("{", "[")):
             stated_crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
         else:
-            stated_crs, records = None, list(_csv_records(text))
+            stated_crs, records = None, list(csv_records(text))
     except Exception as error:  # libraries raise errors of any class
         if is_system_error(error):
             raise
@@ -163,7 +163,8 @@ def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue 
     return -total if letter.upper()[:1] in ("S", "W") else total
 
 
-def _csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
+def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
+    """Yield the rows of a table with the names of their pictures; a row that is unusable as an error."""
     lines = text.splitlines()
     while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
         del lines[0]
@@ -310,7 +311,7 @@ def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, Pos
             rotation = _rotation_matrix(shot["rotation"])
             centre = -rotation.T @ _parse_vector(shot["translation"])
             lon, lat, _ = to_lonlat.transform(centre[0], centre[1], centre[2])
-            heading, pitch, roll = _angles(rotation)
+            heading, pitch, roll = camera_angles(rotation)
         except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
             yield Path(name).name, error
         else:
@@ -337,7 +338,7 @@ def camera_angles_from_rotation(axis_angle: Iterable[float]) -> tuple[float, flo
     ValueError
         For an invalid vector.
     """
-    return _angles(_rotation_matrix(axis_angle))
+    return camera_angles(_rotation_matrix(axis_angle))
 
 
 def _rotation_matrix(axis_angle: Iterable[float]) -> Float64Array:
@@ -347,7 +348,7 @@ def _rotation_matrix(axis_angle: Iterable[float]) -> Float64Array:
     return np.asarray(cv2.Rodrigues(_parse_vector(axis_angle).reshape(3, 1))[0], np.float64)
 
 
-def _angles(camera_from_world: Float64Array) -> tuple[float, float, float]:
+def camera_angles(camera_from_world: Float64Array) -> tuple[float, float, float]:
     """Return heading, pitch and roll in degrees of a camera: x right, y down, z forward; world east, north, up."""
     right, _, forward = camera_from_world
     heading = math.atan2(forward[0], forward[1])

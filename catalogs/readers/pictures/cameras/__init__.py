@@ -1,0 +1,1 @@
+"""Readers of perspective pictures with poses: COLMAP, OpenSfM, Agisoft Metashape, tables."""

@@ -1,0 +1,175 @@
+"""Reader of tables of cameras: position, omega-phi-kappa or yaw-pitch-roll, and focal length of each picture."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from catalogs.crs import LONLAT
+from catalogs.features import Remark
+from catalogs.printable_text import short_repr
+from catalogs.reader_errors import short_message, to_single_line
+from catalogs.readers.pictures.cameras.camera_file import (
+    CameraFile,
+    LensOfSize,
+    SourceCamera,
+    check_lens,
+    check_position,
+    rotation_from_heading,
+    rotation_from_omega_phi_kappa,
+)
+from catalogs.readers.pictures.pose_fields import find_likely_radians, read_field
+from catalogs.readers.pictures.poses import PoseRecord, csv_records
+from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
+from facade_core.core.types import Lens
+
+MAX_ROWS = 200_000
+# Angles of photogrammetry, and degrees of their units.
+_ANGLE = re.compile(r"^(omega|phi|kappa)[\s_.]*[\[(]?(deg|degrees?|°|rad|radians?|gon|grads?)?[\])]?$")
+_DEGREES = {"rad": math.degrees(1.0), "gon": 0.9, "gra": 0.9}
+_FOCAL_NAMES = {
+    "px": ("focal_px", "focal_length_px", "f_px", "focal_pixels", "focal"),
+    "mm": ("focal_mm", "focal_length_mm", "f_mm"),
+    "35mm": ("focal_35mm", "focal_length_35mm", "focal_length_in_35mm", "f35"),
+}
+_COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
+# Diagonal of a frame of 35 mm film, and the least focal length in pixels: a smaller one is in millimetres.
+_DIAGONAL_35MM = math.hypot(36, 24)
+_MIN_FOCAL_PX = 100.0
+_HINT = "give file, x, y, z (or lon, lat), omega, phi, kappa (or heading, pitch, roll) and focal_px"
+_RADIANS_REASON = (
+    "omega, phi and kappa of {file} taken as degrees, and all are within 6.3; where they are radians, call them omega_rad, "
+    "phi_rad, kappa_rad"
+)
+
+
+def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
+    """Read a CSV of cameras.
+
+    Angles are in degrees where their field states no unit. omega, phi and kappa turn the axes of the frame of x and y;
+    heading is clockwise from north, pitch is up from the horizon (-90 looks down), roll is clockwise. The focal length is
+    focal_px (pixels), focal_mm with sensor_width_mm, or focal_35mm. Optional: width and height of the picture for which
+    pixels count, cx, cy, k1, k2, k3, p1, p2 of OpenCV.
+
+    Raises
+    ------
+    InputError
+        Where it holds no camera.
+    """
+    try:
+        records = list(csv_records(text))
+    except (ValueError, IndexError) as error:
+        raise InputError(f"{name} is no table of cameras ({short_message(error)}); {_HINT}") from error
+    if not records:
+        raise InputError(f"{name} holds no rows; {_HINT}")
+    if len(records) > MAX_ROWS:
+        raise InputError(f"{name} has more than {MAX_ROWS} rows; give those of this block")
+    cameras: dict[str, SourceCamera | str] = {}
+    is_geographic = False
+    small: list[bool] = []
+    for picture, record in records:
+        if picture in cameras:
+            cameras[picture] = f"{name} gives {picture} twice; remove one"
+            continue
+        try:
+            camera, uses_lonlat = _camera(record, crs, small)
+        except (ValueError, TypeError, OverflowError) as error:
+            cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
+        else:
+            cameras[picture] = camera
+            is_geographic |= uses_lonlat
+    remarks = list(find_likely_radians(name, [record for _, record in records if isinstance(record, dict)]))
+    if len(small) > 1 and all(small):
+        remarks.append(Remark("omega, phi, kappa", _RADIANS_REASON.format(file=name), None))
+    return CameraFile(name, cameras, crs=LONLAT if is_geographic else crs, remarks=tuple(remarks))
+
+
+def _camera(record: PoseRecord, crs: str | None, small: list[bool]) -> tuple[SourceCamera, bool]:
+    """Return the camera of a row, and whether its position is longitude and latitude."""
+    if isinstance(record, Exception):
+        raise record
+    value = {key: _number(read_field(record, key, crs), key) for key in ("x", "y", "z", "lon", "lat")}
+    uses_lonlat = value["x"] is None or value["y"] is None
+    east, north = (value["lon"], value["lat"]) if uses_lonlat else (value["x"], value["y"])
+    if east is None or north is None:
+        raise ValueError("neither x and y nor lon and lat are given")
+    angles = {found[1]: (found[2] or "", record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
+    if len(angles) == 3:
+        turns = [_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")]
+        if not any(unit for unit, _ in angles.values()):
+            small.append(
+                all(abs(turn) <= 2 * math.pi for turn in turns) and not all(turn.is_integer() for turn in turns)
+            )
+        rotation = rotation_from_omega_phi_kappa(*turns)
+    else:
+        heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))
+        if heading is None or pitch is None:
+            raise ValueError("neither omega, phi and kappa nor heading and pitch are given")
+        if abs(pitch) > 90 or abs(heading) > 720 or abs(roll or 0.0) > 360:
+            raise ValueError(
+                f"heading {heading:g}, pitch {pitch:g}, roll {roll or 0:g} are no degrees; where they are radians, "
+                "call the fields heading_rad, pitch_rad, roll_rad"
+            )
+        rotation = rotation_from_heading(heading, pitch, roll or 0.0)
+    centre = check_position([east, north, value["z"] or 0.0])
+    return SourceCamera(centre, rotation, _lens(record), value["z"] is not None), uses_lonlat
+
+
+def _angle(name: str, unit: str, value: object) -> float:
+    turn = _number(value, name)
+    if turn is None:
+        raise ValueError(f"{name} is empty")
+    degrees = turn * _DEGREES.get(unit[:3], 1.0)
+    if abs(degrees) > 720:
+        raise ValueError(f"{name} is {turn:g} {unit or 'degrees'}, more than two turns; check its unit")
+    return degrees
+
+
+def _lens(record: JsonObject) -> LensOfSize:
+    """Return the lens of a row for the size of its picture."""
+    plain = {str(key).strip().lower().replace(" ", "_"): content for key, content in record.items() if content != ""}
+
+    def value(name: str) -> float | None:
+        return _number(plain.get(name), name)
+
+    unit, focal = next(
+        ((unit, value(name)) for unit, names in _FOCAL_NAMES.items() for name in names if plain.get(name) is not None),
+        ("", None),
+    )
+    if focal is None:
+        raise ValueError("no focal length is given: focal_px, focal_mm with sensor_width_mm, or focal_35mm")
+    sensor = value("sensor_width_mm")
+    if unit == "mm" and not sensor:
+        raise ValueError("focal_mm needs sensor_width_mm, the width of the sensor")
+    if unit == "px" and focal < _MIN_FOCAL_PX:
+        raise ValueError(f"a focal length of {focal:g} pixels is none; call millimetres focal_mm, with sensor_width_mm")
+    stated = (value("width"), value("height"))
+    cx, cy = value("cx"), value("cy")
+    k1, k2, k3, p1, p2 = (value(name) or 0.0 for name in _COEFFICIENTS)
+
+    def lens_of_size(size: tuple[int, int]) -> Lens:
+        width, height = (int(stated[0]), int(stated[1])) if stated[0] and stated[1] else size
+        pixels = focal
+        if unit == "mm":
+            pixels = focal / (sensor or 1.0) * width
+        elif unit == "35mm":
+            pixels = focal / _DIAGONAL_35MM * math.hypot(width, height)
+        centre = (width / 2 if cx is None else cx, height / 2 if cy is None else cy)
+        radial = (k1, k2, k3) if k1 or k2 or k3 else ()
+        return check_lens(Lens((width, height), (pixels, pixels), centre, radial, (), (p1, p2)))
+
+    return lens_of_size
+
+
+def _number(value: object, key: str) -> float | None:
+    """Return a finite number, None for an empty cell."""
+    if value is None or value == "":
+        return None
+    try:
+        number = float(str(value))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{key} is {short_repr(value)}, not a finite number")
+    return number

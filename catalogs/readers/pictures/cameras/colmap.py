@@ -1,0 +1,213 @@
+"""Reader of COLMAP models, text and binary: cameras, images, and points to check them by."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from io import BufferedReader
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.reader_errors import short_message, to_single_line
+from catalogs.readers.pictures.cameras.camera_file import (
+    CameraFile,
+    SourceCamera,
+    check_lens,
+    check_position,
+    rotation_from_quaternion,
+)
+from facade_core.core.arrays import Float64Array
+from facade_core.core.errors import InputError
+from facade_core.core.lens_projection import project_camera_rays
+from facade_core.core.regular_files import open_regular
+from facade_core.core.types import Lens
+
+# Models of COLMAP by number: names, and how many parameters they have.
+MODELS = {
+    0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4), 2: ("SIMPLE_RADIAL", 4), 3: ("RADIAL", 5), 4: ("OPENCV", 8),
+    5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12), 7: ("FOV", 5), 8: ("SIMPLE_RADIAL_FISHEYE", 4),
+    9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12), 11: ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+}  # fmt: skip
+PARAMETERS = dict(MODELS.values())
+# Size of the files, bytes: those of images list the points of each.
+MAX_CAMERAS_BYTES = 64 * 2**20
+MAX_IMAGES_BYTES = 4 * 2**30
+MAX_IMAGES = 200_000
+MAX_NAME_BYTES = 4096
+# Bytes of a line that lists points of a picture.
+MAX_LINE_BYTES = 64 * 2**20
+# Points by which rotations are checked, and the least share of them that must be in the pictures they were found in.
+CHECKED_POINTS = 3000
+MIN_CHECKED = 50
+MIN_SEEN_SHARE = 0.5
+_POINT_BYTES = 24
+
+
+def read_colmap(path: Path) -> CameraFile:
+    """Read the model of which a file, or the folder, is given.
+
+    Raises
+    ------
+    InputError
+        Where a file of the model is missing, is no such file, or the points contradict the rotations.
+    """
+    folder = path if path.is_dir() else path.parent
+    suffix = ".bin" if (path.suffix == ".bin" if path.is_file() else not (folder / "images.txt").is_file()) else ".txt"
+    files = [folder / f"{part}{suffix}" for part in ("cameras", "images")]
+    for file in files:
+        if not file.is_file():
+            raise InputError(f"{file} is missing; a COLMAP model has cameras{suffix} and images{suffix} in one folder")
+    is_text = suffix == ".txt"
+    try:
+        with open_regular(files[0], MAX_CAMERAS_BYTES) as stream:
+            lenses = dict(_text_lenses(stream) if is_text else _binary_lenses(stream))
+    except (ValueError, struct.error, IndexError, OverflowError) as error:
+        raise InputError(f"{files[0]} is not COLMAP's ({short_message(error)}); export the model again") from error
+    cameras: dict[str, SourceCamera | str] = {}
+    numbers: dict[int, str] = {}
+    try:
+        with open_regular(files[1], MAX_IMAGES_BYTES) as stream:
+            for number, values, camera, name in _text_images(stream) if is_text else _binary_images(stream):
+                if len(cameras) >= MAX_IMAGES:
+                    raise ValueError(f"it has more than {MAX_IMAGES} pictures")
+                numbers[number] = name
+                cameras[name] = _camera(files[1].name, name, values, lenses.get(camera, "its camera is not listed"))
+    except (ValueError, struct.error, IndexError, OverflowError) as error:
+        raise InputError(f"{files[1]} is not COLMAP's ({short_message(error)}); export the model again") from error
+    _check_by_points(folder / f"points3D{suffix}", {n: cameras[name] for n, name in numbers.items()}, is_text=is_text)
+    return CameraFile(files[1].name, cameras, is_local=True)
+
+
+def _camera(file: str, name: str, values: list[float], lens: Lens | str) -> SourceCamera | str:
+    try:
+        if isinstance(lens, str):
+            raise ValueError(lens)
+        rotation = rotation_from_quaternion(*values[:4])
+        centre = check_position(-rotation.T @ np.array(values[4:]))
+    except ValueError as error:
+        return f"{file}: {to_single_line(name[:80])}: {short_message(error)}; mend that entry"
+    return SourceCamera(centre, rotation, lambda _: lens)
+
+
+def _lens(model: str, width: int, height: int, values: list[float]) -> Lens | str:
+    """Return the lens of COLMAP's parameters, or why it is not read."""
+    if model not in PARAMETERS:
+        return f"its camera model {model[:40]} is unknown"
+    if len(values) != PARAMETERS[model]:
+        return f"its camera {model} has {len(values)} parameters, and {PARAMETERS[model]} are needed"
+    if "PRISM" in model or model == "FOV":
+        return f"its camera model {model} is not read; run colmap image_undistorter, and give its model and pictures"
+    size = (width, height)
+    focals = 2 if model in ("PINHOLE", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV") else 1
+    focal = (values[0], values[focals - 1])
+    centre, rest = (values[focals], values[focals + 1]), tuple(values[focals + 2 :])
+    fisheye = model.endswith("FISHEYE")
+    radial, tangential = rest, (0.0, 0.0)
+    denominator: tuple[float, ...] = ()
+    if model in ("OPENCV", "FULL_OPENCV"):
+        radial, tangential = (*rest[:2], *rest[4:5]), (rest[2], rest[3])
+        denominator = rest[5:]
+    try:
+        return check_lens(Lens(size, focal, centre, radial, denominator, tangential, fisheye=fisheye))
+    except ValueError as error:
+        return str(error)
+
+
+def _text_lines(stream: BufferedReader) -> Iterator[str]:
+    """Yield the lines without comments, empty ones too; the first 200 bytes decide whether it is text."""
+    if b"\0" in stream.peek(200)[:200]:
+        raise ValueError("it is no text")
+    while line := stream.readline(MAX_LINE_BYTES):
+        if not line.endswith(b"\n") and len(line) >= MAX_LINE_BYTES:
+            raise ValueError("it has a line without end")
+        if not line.startswith(b"#"):
+            yield line.decode(errors="replace").strip()
+
+
+def _text_lenses(stream: BufferedReader) -> Iterator[tuple[int, Lens | str]]:
+    for line in _text_lines(stream):
+        if line:
+            number, model, width, height, *values = line.split()
+            yield int(number), _lens(model, int(width), int(height), [float(value) for value in values])
+
+
+def _text_images(stream: BufferedReader) -> Iterator[tuple[int, list[float], int, str]]:
+    lines = _text_lines(stream)
+    for line in lines:
+        if not line:
+            continue
+        number, *values, camera, name = line.split(maxsplit=9)
+        if len(values) != 7:
+            raise ValueError("a line of a picture has too few numbers")
+        next(lines, "")  # its points
+        yield int(number), [float(value) for value in values], int(camera), name
+
+
+def _unpack(stream: BufferedReader, form: str) -> tuple[float, ...]:
+    size = struct.calcsize(f"<{form}")
+    return struct.unpack(f"<{form}", stream.read(size))
+
+
+def _binary_lenses(stream: BufferedReader) -> Iterator[tuple[int, Lens | str]]:
+    (count,) = _unpack(stream, "Q")
+    for _ in range(int(count)):
+        number, model, width, height = _unpack(stream, "iiQQ")
+        if model not in MODELS:
+            raise ValueError(f"camera model {model} is unknown")
+        name, parameters = MODELS[int(model)]
+        yield int(number), _lens(name, int(width), int(height), list(_unpack(stream, f"{parameters}d")))
+
+
+def _binary_images(stream: BufferedReader) -> Iterator[tuple[int, list[float], int, str]]:
+    (count,) = _unpack(stream, "Q")
+    for _ in range(int(count)):
+        number, *values, camera = _unpack(stream, "i7di")
+        name = bytearray()
+        while (octet := stream.read(1)) != b"\0":
+            if not octet or len(name) > MAX_NAME_BYTES:
+                raise ValueError("it is truncated")
+            name += octet
+        (points,) = _unpack(stream, "Q")
+        stream.seek(int(points) * _POINT_BYTES, 1)
+        yield int(number), list(values), int(camera), name.decode(errors="replace")
+
+
+def _check_by_points(path: Path, cameras: dict[int, SourceCamera | str], *, is_text: bool) -> None:
+    """Raise InputError where most points of the model are outside of the pictures in which they were found."""
+    if not path.is_file():
+        return
+    seen = total = 0
+    try:
+        with open_regular(path, MAX_IMAGES_BYTES) as stream:
+            for point, track in islice(_text_points(stream) if is_text else _binary_points(stream), CHECKED_POINTS):
+                for number in track[:20]:
+                    camera = cameras.get(number)
+                    if isinstance(camera, SourceCamera):
+                        share = project_camera_rays(camera.lens((0, 0)), camera.rotation @ (point - camera.centre))
+                        seen += bool(((share >= 0) & (share <= 1)).all())
+                        total += 1
+    except (ValueError, struct.error, IndexError, OverflowError) as error:
+        raise InputError(f"{path} is not COLMAP's ({short_message(error)}); remove it, or export it again") from error
+    if total >= MIN_CHECKED and seen < MIN_SEEN_SHARE * total:
+        raise InputError(
+            f"{path.parent}: only {100 * seen / total:.0f} % of its points are in the pictures in which they were found; its "
+            "rotations are no COLMAP ones (QW, QX, QY, QZ from world to camera, right-handed): export the model again"
+        )
+
+
+def _text_points(stream: BufferedReader) -> Iterator[tuple[Float64Array, list[int]]]:
+    for line in _text_lines(stream):
+        if values := line.split():
+            yield np.array(values[1:4], np.float64), [int(value) for value in values[8::2]]
+
+
+def _binary_points(stream: BufferedReader) -> Iterator[tuple[Float64Array, list[int]]]:
+    (count,) = _unpack(stream, "Q")
+    for _ in range(int(count)):
+        _, x, y, z, *_, length = _unpack(stream, "Q3d3BdQ")
+        if length > MAX_IMAGES:
+            raise ValueError("a point has more pictures than a model has")
+        track = np.frombuffer(stream.read(8 * int(length)), "<i4")
+        yield np.array([x, y, z]), track[::2].tolist()

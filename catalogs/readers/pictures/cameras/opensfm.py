@@ -1,0 +1,126 @@
+"""Reader of the perspective shots of OpenSfM reconstructions; equirectangular ones are panoramas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import cast
+
+import numpy as np
+
+from catalogs.features import Remark
+from catalogs.printable_text import short_repr
+from catalogs.reader_errors import short_message, to_single_line
+from catalogs.readers.pictures.cameras.camera_file import (
+    CameraFile,
+    SourceCamera,
+    ToLonLat,
+    check_lens,
+    check_position,
+)
+from facade_core.core.arrays import Float64Array
+from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
+from facade_core.core.types import Lens
+
+_PANORAMA_TYPES = ("equirectangular", "spherical")
+_PANORAMA_REASON = "equirectangular shots of {file} left out; name the file under imagery.panoramas for them"
+
+
+def read_opensfm(name: str, parts: list[JsonObject]) -> CameraFile:
+    """Read the shots of the reconstructions of a file; only the first has a frame that the others share.
+
+    Raises
+    ------
+    InputError
+        Where it has no shots, or several local parts.
+    """
+    cameras: dict[str, SourceCamera | str] = {}
+    panoramas = []
+    references = [part.get("reference_lla") for part in parts if part.get("shots")]
+    if not references:
+        raise InputError(f"{name} holds no shots; give a reconstruction of OpenSfM")
+    if any(reference != references[0] for reference in references):
+        raise InputError(
+            f"{name} holds {len(references)} parts in frames of their own; keep the one that shows the block"
+        )
+    if references[0] is None and len(references) > 1:
+        raise InputError(
+            f"{name} holds {len(references)} parts without reference_lla; keep the one that shows the block"
+        )
+    for part in parts:
+        lenses = {key: _lens(camera) for key, camera in part.get("cameras", {}).items()}
+        for picture, shot in part.get("shots", {}).items():
+            lens = lenses.get(str(shot.get("camera")), "its camera is not listed")
+            if lens is None:
+                panoramas.append(picture)
+                continue
+            try:
+                if isinstance(lens, str):
+                    raise ValueError(lens)
+                rotation = rotation_from_vector(shot["rotation"])
+                centre = check_position(-rotation.T @ check_position(shot["translation"]))
+            except (ValueError, TypeError, KeyError) as error:
+                cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
+            else:
+                cameras[picture] = SourceCamera(centre, rotation, lambda _, lens=lens: lens)  # type: ignore[misc]
+    remarks = tuple(Remark(to_single_line(one[:80]), _PANORAMA_REASON.format(file=name), None) for one in panoramas)
+    to_lonlat = None if references[0] is None else topocentric_to_lonlat(name, references[0])
+    return CameraFile(name, cameras, is_local=to_lonlat is None, to_lonlat=to_lonlat, remarks=remarks)
+
+
+def rotation_from_vector(vector: Iterable[float]) -> Float64Array:
+    """Return the rotation (3, 3) of an axis-angle vector in radians; ValueError for one of more than a turn."""
+    from scipy.spatial.transform import Rotation
+
+    values = check_position([float(value) for value in vector])
+    if (angle := float(np.linalg.norm(values))) > 2 * math.pi + 1e-3:
+        raise ValueError(f"its rotation of {angle:g} radians is more than a turn (OpenSfM has radians, not degrees)")
+    return np.asarray(Rotation.from_rotvec(values).as_matrix())
+
+
+def topocentric_to_lonlat(name: str, reference: JsonObject) -> ToLonLat:
+    """Return the conversion of east, north and up around a reference_lla."""
+    from pyproj import Transformer
+
+    try:
+        lon, lat = float(reference["longitude"]), float(reference["latitude"])
+        height = float(reference.get("altitude") or 0.0)
+        if not (abs(lon) <= 360 and abs(lat) <= 90 and abs(height) <= 1e4):
+            raise ValueError(f"its reference_lla {short_repr([lon, lat, height])} is no place on earth")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{name}: its reference_lla is none ({short_message(error)}); mend it") from error
+    transformer = Transformer.from_pipeline(
+        f"+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84 +lon_0={lon} +lat_0={lat} +h_0={height}"
+        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    )
+    return lambda points: np.stack(transformer.transform(points[:, 0], points[:, 1], points[:, 2]), axis=1)
+
+
+def _lens(camera: JsonObject) -> Lens | str | None:
+    """Return the lens of a camera, why it has none, or None for a panorama."""
+    kind = str(camera.get("projection_type", "perspective"))
+    if kind in _PANORAMA_TYPES:
+        return None
+    try:
+        width, height = int(camera["width"]), int(camera["height"])
+
+        def value(*keys: str, default: float | None = None) -> float:
+            found = next((camera[key] for key in keys if key in camera), default)
+            if found is None:
+                raise ValueError(f"its camera states no {keys[0]}")
+            return float(cast(float, found))
+
+        longest = max(width, height)
+        focal = (longest * value("focal_x", "focal"), longest * value("focal_y", "focal", "focal_x"))
+        # the first pixel of OpenSfM has its centre at 0
+        centre = (width / 2 + longest * value("c_x", default=0.0), height / 2 + longest * value("c_y", default=0.0))
+        k = tuple(value(f"k{i}", default=0.0) for i in range(1, 5))
+        if kind in ("fisheye", "fisheye_opencv"):
+            return check_lens(Lens((width, height), focal, centre, k, fisheye=True))
+        if kind in ("perspective", "brown", "simple_radial", "radial"):
+            tangential = (value("p1", default=0.0), value("p2", default=0.0))
+            return check_lens(Lens((width, height), focal, centre, k[:3], (), tangential))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        return short_message(error)
+    return f"its projection_type {kind[:40]} is not read; undistort the pictures (opensfm undistort), and give these"
