@@ -20,7 +20,7 @@ import numpy as np
 import psutil
 
 from benchmarks import mesh_texturing
-from benchmarks.mesh_texturing.cases import Case, amsterdam_cases, street_cases
+from benchmarks.mesh_texturing.cases import Case, amsterdam_cases, perspective_cases, street_cases
 from benchmarks.mesh_texturing.comparison import (
     ComparedView,
     Sampler,
@@ -63,6 +63,8 @@ def measure(cases: Sequence[Case], environments: Path, pictures: Path | None, *,
                 texture_by_meshlab, place, environments, case.scene.mesh, case.images, case.poses, case.texels
             )
             try:
+                if any(pose.lens is not None for pose in case.poses):
+                    raise RuntimeError("its rasters are cut from panoramas")
                 texture, used = by_meshlab()
                 if twice:
                     again, _ = by_meshlab()
@@ -147,6 +149,8 @@ def main() -> None:
     parser.add_argument("--buildings", type=int, default=8, help="houses on the street, an even number; 0 for none")
     parser.add_argument("--cameras", type=int, default=5)
     parser.add_argument("--width", type=int, default=2048, help="pixels of a panorama of the street")
+    parser.add_argument("--perspective", type=int, default=0, help="perspective pictures of the street; 0 for none")
+    parser.add_argument("--perspective-width", type=int, default=1200, help="pixels of such a picture")
     parser.add_argument("--twice", action="store_true", help="texture a second time, and tell whether it is the same")
     parser.add_argument("--pictures", type=Path, help="folder for views: truth, ours, plain, meshlab")
     parser.add_argument(
@@ -161,6 +165,10 @@ def main() -> None:
     if options.buildings:
         size = {name: getattr(options, name) for name in ("seed", "buildings", "cameras", "width")}
         cases |= {f"street, {poses} poses": found for poses, found in street_cases(**size).items()}
+    if options.perspective:
+        size = {"seed": options.seed, "buildings": options.buildings or 8}
+        found = perspective_cases(**size, pictures=options.perspective, width=options.perspective_width)
+        cases |= {f"perspective pictures, {poses} poses": each for poses, each in found.items()}
     if options.data:
         cases["amsterdam"] = amsterdam_cases(options.data)
     load = os.getloadavg()[0]

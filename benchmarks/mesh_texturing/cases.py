@@ -15,12 +15,14 @@ from benchmarks.cameras import photographed_street
 from benchmarks.poses import refined_poses
 from catalogs.block.reader import read_block
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
-from facade_core.core.types import Pose, Street
+from facade_core.core.lens_projection import picture_rays
+from facade_core.core.types import Lens, Pose, Street
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import main_surface_mask
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
 from facade_core.synth.street_truth import (
     SyntheticStreet,
@@ -33,6 +35,11 @@ from tasks.stages.shared.images import read_panorama
 
 # Points of rays that meet nothing, metres.
 FAR_M = 1000.0
+# Lens of the perspective pictures: width of four, height of three, 67 degrees across, a little distorted.
+LENS_FOCAL_WIDTHS = 0.75
+LENS_DISTORTION = (-0.08, 0.01)
+# How far the stated poses of these pictures are off, metres and degrees.
+PICTURE_NOISE_M, PICTURE_NOISE_DEG = 0.1, 0.5
 # Colour of what a method that only projects has no picture of.
 UNSEEN_GREY = 128
 
@@ -116,9 +123,61 @@ def street_cases(*, seed: int, buildings: int, cameras: int, width: int) -> dict
     }
 
 
+def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -> dict[str, list[Case]]:
+    """Build a painted street with so many perspective pictures of both sides, by whether poses are true, off or refined.
+
+    A panorama from the middle of the street is held out. `off` is PICTURE_NOISE_M and PICTURE_NOISE_DEG; `refined` starts
+    there, each picture by itself.
+    """
+    street = synthetic_street(buildings, seed=seed, with_roofs=True)
+    ground, sides = ground_pattern_painter(street), side_pattern_painter(street)
+    lens = Lens((width, width * 3 // 4), (LENS_FOCAL_WIDTHS * width,) * 2, (width / 2, width * 3 / 8), LENS_DISTORTION)
+    rng = np.random.default_rng(seed)
+    taken, off = [], []
+    for number in range(pictures):
+        side = 1 if number % 2 else -1
+        x, y = street.world_point((number + 0.5) / pictures * street.length, -3.0 * side)
+        ahead = street.axis[::-1] * [-1, 1] * side
+        heading = float(np.degrees(np.arctan2(*ahead)) + rng.uniform(-35, 35))
+        pitch, roll = float(rng.uniform(-6, 14)), float(rng.normal(0, 1))
+        pose = Pose(float(x), float(y), float(rng.uniform(1.6, 2.6)), heading, pitch, roll, lens=lens)
+        image = render_street_panorama(
+            street, pose, width, gain=float(rng.uniform(0.8, 1.0)), seed=number, ground=ground, sides=sides
+        )
+        taken.append(Panorama(image, pose, _cutouts_in_panorama(street, pose, width)))
+        step, turn = (one / np.linalg.norm(one) for one in rng.normal(0, 1, (2, 3)))
+        shift, angles = PICTURE_NOISE_M * step, PICTURE_NOISE_DEG * turn
+        off.append(
+            replace(
+                pose,
+                x=pose.x + float(shift[0]),
+                y=pose.y + float(shift[1]),
+                z=float(pose.z or 0.0) + float(shift[2]),
+                heading=heading + float(angles[0]),
+                pitch=pitch + float(angles[1]),
+                roll=roll + float(angles[2]),
+            )
+        )
+    middle = Pose(*map(float, street.world_point(street.length / 2, 0.0)), 2.5, 0.0)
+    bare = replace(street, cutouts=tuple(np.zeros_like(cutout) for cutout in street.cutouts))
+    truth = render_street_panorama(bare, middle, 2048, seed=pictures, ground=ground, sides=sides)
+    held_out = Panorama(truth, middle, np.zeros(truth.shape[:2], bool))
+    line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
+    refined = [refine_pose(street.scene, one.image, pose).pose for one, pose in zip(taken, off, strict=True)]
+    return {
+        name: [Case(street.scene, (line,), street.charts, tuple(taken), tuple(poses), held_out)]
+        for name, poses in (("true", [one.pose for one in taken]), ("off", off), ("refined", refined))
+    }
+
+
 def _cutouts_in_panorama(street: SyntheticStreet, pose: Pose, width: int) -> np.ndarray:
-    """Return the pixels (width / 2, width) bool of a panorama that show a cut-out."""
-    rays = panorama_rays(np.array([0.0, 1.0]), width) @ _from_upright(pose)
+    """Return the pixels (height, width) bool of a picture that show a cut-out."""
+    if pose.lens is None:
+        rays = panorama_rays(np.array([0.0, 1.0]), width) @ _from_upright(pose)
+    else:
+        rays = picture_rays(pose.lens, (width * pose.lens.size[1] // pose.lens.size[0], width)) @ camera_from_world(
+            pose
+        )
     depth, _ = street.scene.caster.cast(camera_position(pose), rays)
     points = camera_position(pose) + np.where(np.isfinite(depth), depth, FAR_M)[..., None] * rays
     return is_behind_cutout(street, points, pose, assumed_pose=pose)

@@ -13,7 +13,7 @@ from benchmarks.mesh_texturing.registered_rasters import FaceTexture, cut_view, 
 from facade_core.export.pictures.rendering import average_samples
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
-from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, is_in_view, project_directions_to_picture
 
 # Pixels to a side of a view, and rays along each side of a pixel.
 SIDE_PX, SAMPLES = 480, 2
@@ -96,7 +96,7 @@ def compare_views(case: Case, samplers: Mapping[str, Sampler]) -> list[ComparedV
 
 
 def _regions(case: Case, rays: np.ndarray, depth: np.ndarray, chart: np.ndarray) -> dict[str, np.ndarray]:
-    """Return walls, with roofs, and ground: where a camera shows them with nothing in front, and everywhere."""
+    """Return walls with roofs, roofs, and ground: where a camera shows them with nothing in front, and everywhere."""
     held = case.held_out
     there = (chart != MISS) & (depth < MAX_DISTANCE_M) & ~_occluded(held, rays)
     points = camera_position(held.pose) + np.where(there, depth, 1.0)[..., None] * rays
@@ -107,7 +107,8 @@ def _regions(case: Case, rays: np.ndarray, depth: np.ndarray, chart: np.ndarray)
         reached, _ = case.scene.caster.cast(camera_position(one.pose), to / distance[..., None])
         seen |= (reached > distance - TOLERANCE_M) & (distance < MAX_DISTANCE_M) & ~_occluded(one, to)
     ground = case.scene.charts.kind[chart] == ChartKind.GROUND
-    kinds = {"walls": there & ~ground, "ground": there & ground}
+    roof = case.scene.charts.kind[chart] == ChartKind.ROOF
+    kinds = {"walls": there & ~ground, "ground": there & ground, "roofs": there & roof}
     return {
         f"{kind}, {where}": mask & (seen if where == "seen" else True)
         for kind, mask in kinds.items()
@@ -118,12 +119,14 @@ def _regions(case: Case, rays: np.ndarray, depth: np.ndarray, chart: np.ndarray)
 def _occluded(one: Panorama, rays: np.ndarray) -> np.ndarray:
     """Return where something hides the block on a panorama along rays, or the panorama ends there."""
     mask, pose = one.occluded, one.pose
-    share = project_directions_to_panorama(rays, pose)
+    share = project_directions_to_picture(rays, pose)
     left, top, width, height = pose.view
     rows, columns = mask.shape
+    inside = is_in_view(share, pose)
+    share = np.where(inside[..., None], share, 0.0)
     column = ((share[..., 0] - left) % 1.0 / width * columns).astype(int).clip(0, columns - 1)
     row = ((share[..., 1] - top) / height * rows).astype(int).clip(0, rows - 1)
-    return np.asarray(mask[row, column] | ~is_in_view(share, pose))
+    return np.asarray(mask[row, column] | ~inside)
 
 
 def measure_likeness(views: Sequence[ComparedView]) -> dict[str, dict[str, object]]:

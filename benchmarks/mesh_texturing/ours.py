@@ -22,10 +22,12 @@ from facade_core.imagery.cameras.occluder_masks import (
     mask_model_edges,
 )
 from facade_core.imagery.cameras.walls import fuse_wall_view
+from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M, camera_position, is_any_in_view
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
+from tasks.stages.bundles.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, VIEW_SHARES
 from tasks.stages.facades.captures import MAX_PANORAMAS
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
@@ -58,9 +60,9 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
         if chart in known:
             continue
         if scene.charts.kind[chart] == ChartKind.GROUND:
-            view = fuse_ground_view(scene, chart, ground)
+            view = fuse_ground_view(scene, chart, _nearest_cameras(case, chart, ground, GROUND_REACH_M))
         elif chart in case.other_walls:
-            view = fuse_wall_view(scene, chart, built)
+            view = fuse_wall_view(scene, chart, _nearest_cameras(case, chart, built, WALL_REACH_M))
         else:
             continue
         if view is not None:
@@ -70,6 +72,20 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
     materials = MaterialField(scene, case.streets, seed=1)
     texture = KnownTexture(_Reader(case, known), known, (), walls)
     return {chart: finish_chart(scene, materials, chart, texture)[0] for chart in range(len(scene.charts))}
+
+
+def _nearest_cameras(case: Case, chart: int, cameras: Sequence[PanoramaCamera], reach: float) -> list[PanoramaCamera]:
+    """Return the nearest cameras that may show a chart, as many as a run takes."""
+    points = case.scene.charts.points_at_shares(np.array([chart]), VIEW_SHARES)[0]
+    middle = points.mean(axis=0)
+    away = [float(np.linalg.norm(camera_position(camera.pose)[:2] - middle[:2])) for camera in cameras]
+    near = [
+        number
+        for number in np.argsort(away, kind="stable").tolist()
+        if is_any_in_view(cameras[number].pose, points)
+        and np.linalg.norm(points[:, :2] - camera_position(cameras[number].pose)[:2], axis=1).min() <= reach
+    ]
+    return [cameras[number] for number in sorted(near[:MAX_PANORAMAS_PER_SURFACE])] or list(cameras[:1])
 
 
 def _hide(camera: PanoramaCamera, occluded: np.ndarray) -> PanoramaCamera:

@@ -16,7 +16,7 @@ from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import RayCaster
-from facade_core.imagery.panorama_camera import camera_position, project_directions_to_panorama
+from facade_core.imagery.panorama_camera import camera_position, project_directions_to_picture
 
 # Views of a panorama: headings around it, and the field of view of each, degrees.
 HEADINGS, FIELD_OF_VIEW_DEG = 8, 90.0
@@ -104,7 +104,7 @@ def perspective_cameras(pose: Pose, size: int, *, pitches: Sequence[float] = PIT
 
 def cut_view(image: np.ndarray, pose: Pose, rays: np.ndarray) -> np.ndarray:
     """Return what a panorama shows along world rays (h, w, 3), as (h, w, channels)."""
-    share = project_directions_to_panorama(rays, pose)
+    share = project_directions_to_picture(rays, pose)
     left, top, width, height = pose.view
     rows, columns = image.shape[:2]
     x = ((share[..., 0] - left) % 1.0 / width * columns - 0.5).astype(np.float32)
