@@ -158,7 +158,8 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
                 roll=roll + float(angles[2]),
             )
         )
-    middle = Pose(*map(float, street.world_point(street.length / 2, 0.0)), 2.5, 0.0)
+    east, north = street.world_point(street.length / 2, 0.0).tolist()
+    middle = Pose(east, north, 2.5, 0.0)
     bare = replace(street, cutouts=tuple(np.zeros_like(cutout) for cutout in street.cutouts))
     truth = render_street_panorama(bare, middle, 2048, seed=pictures, ground=ground, sides=sides)
     held_out = Panorama(truth, middle, np.zeros(truth.shape[:2], bool))

@@ -71,7 +71,11 @@ def read_run_panoramas(run: Path) -> RunPanoramas:
     source = read_run_block_file(run)
     if source is None:
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
-    found = tuple((f"{run.resolve().name}/{one.path.name}", one.path) for one in read_block(source).panoramas)
+    found = tuple(
+        (f"{run.resolve().name}/{one.path.name}", one.path)
+        for one in read_block(source).panoramas
+        if one.pose.lens is None
+    )
     if not found:
         raise InputError(
             f"{source}: its imagery has no panoramas, which are what is learnt from; add some, or use --real"

@@ -388,6 +388,15 @@ def test_binary_models_that_are_cut_off_are_refused(tmp_path: Path, pictures: Pa
         read(pictures, folder)
 
 
+def test_lenses_pass_through_the_file_of_a_part_of_a_city(tmp_path: Path, pictures: Path) -> None:
+    from catalogs.block.extract import read_city_part_file, write_city_part_file
+
+    found = read(pictures, write_colmap(tmp_path / "model", POSES, SAME)).items
+    bare = tuple(replace(one, pose=replace(one.pose, lens=None)) for one in found)
+    write_city_part_file(tmp_path / "part.npz", {"panoramas": (*found, *bare)})
+    assert read_city_part_file(tmp_path / "part.npz")["panoramas"] == (*found, *bare)
+
+
 def test_local_frames_come_from_the_same_cameras() -> None:
     """The writer of the tests turns cameras and centres alike."""
     pose = POSES["3.jpg"]
