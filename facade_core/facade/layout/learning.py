@@ -66,6 +66,8 @@ _PASSES = 3
 _LEARNING_RATE = 0.08
 # Floors whose step or height differs by more than this factor from the others are no progression.
 _MAX_FLOOR_RATIO = 2.2
+# Doors and shops that end higher above the ground line, in window heights, are signs and awnings.
+_MAX_ENTRANCE_GAP = 0.5
 # Facades of the database for which policies are optimised.
 _POLICY_FACADES = 30
 
@@ -303,13 +305,12 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
     for elements, domain in layouts:
         facade = fit_columns_and_floors(elements, domain)
         for e in elements:
-            if e.label == label:
-                gap = max(0.02, (facade.ground - e.y1) / facade.size[1])
+            gap = max(0.02, (facade.ground - e.y1) / facade.size[1])
+            if e.label == label and gap < _MAX_ENTRANCE_GAP:
                 found.append((e.width / facade.size[0], e.height / facade.size[1], gap))
     if len(found) < count:
         return np.array([[1.4, 1.5, 0.05]])
     values = np.log(np.array(found))
-    values = values[values[:, 2] < 0.5]  # no entrance hangs higher
     sizes: Float64Array = np.exp(
         KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_
     )

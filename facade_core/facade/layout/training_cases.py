@@ -7,12 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
+from facade_core.facade.layout.visible_region import visible_region_boxes
 
-# Kinds of the benchmark; training also uses the others.
+# Kinds of the published figures; training also uses left and upper, the benchmark the others.
 BENCHMARK_KINDS = ("right", "lower", "region", "sparse")
 CASE_KINDS = (*BENCHMARK_KINDS, "left", "upper")
+OTHER_KINDS = ("middle", "corner", "holes", "most", "trees")
+# Cells of a raster that trees are drawn on, along a side.
+_TREE_CELLS = 48
 
 
 def hide_part(
@@ -20,12 +25,13 @@ def hide_part(
 ) -> tuple[list[Element], list[Rectangle]]:
     """Hide a part of a layout and return the visible elements and the visible region.
 
-    Half of the facade is hidden, a random rectangle of 30-50 %, or all but 25-35 % of the elements. An element that
-    intersects the visible region is visible.
+    Half of the facade is hidden, a random rectangle of 30-50 %, all but 25-35 % of the elements ("sparse"), a third to
+    two thirds of its width ("middle"), a corner of 30-60 %, two to four rectangles ("holes"), all but a rectangle of 30 %
+    ("most"), or one to three crowns with trunks ("trees"). An element that intersects the visible region is visible.
 
     Parameters
     ----------
-    kind : one of CASE_KINDS.
+    kind : one of CASE_KINDS or OTHER_KINDS.
     domain : (x0, y0, x1, y1) of the facade.
     """
     x0, y0, x1, y1 = domain
@@ -45,11 +51,49 @@ def hide_part(
         c, d = a + w * (x1 - x0), b + h * (y1 - y0)
         around = [(x0, y0, x1, b), (x0, d, x1, y1), (x0, b, a, d), (c, b, x1, d)]
         region = [r for r in around if r[0] < r[2] and r[1] < r[3]]
+    elif kind in OTHER_KINDS:
+        region = _hide_cells(kind, domain, rng)
     else:
         count = max(1, round(rng.uniform(0.25, 0.35) * len(elements)))
         seen = [elements[i] for i in np.sort(rng.permutation(len(elements))[:count])]
         return seen, [(e.x0, e.y0, e.x1, e.y1) for e in seen]
     return [e for e in elements if any(_intersects(e, r) for r in region)], region
+
+
+def _hide_cells(kind: str, domain: Rectangle, rng: np.random.Generator) -> list[Rectangle]:
+    """Return the visible boxes of a facade with one of OTHER_KINDS hidden, on a raster."""
+    y, x = (np.mgrid[:_TREE_CELLS, :_TREE_CELLS] + 0.5) / _TREE_CELLS
+
+    def inside(a: float, b: float, width: float, height: float) -> BoolArray:
+        covered: BoolArray = (x >= a) & (x < a + width) & (y >= b) & (y < b + height)
+        return covered
+
+    hidden = np.zeros(x.shape, bool)
+    if kind == "middle":
+        width = rng.uniform(0.33, 0.67)
+        hidden |= inside(rng.uniform(0.1, 0.9 - width), 0, width, 1)
+    elif kind == "corner":
+        share = rng.uniform(0.3, 0.6)
+        width = rng.uniform(share, 1)
+        height = share / width
+        hidden |= inside(rng.integers(2) * (1 - width), rng.integers(2) * (1 - height), width, height)
+    elif kind == "holes":
+        for _ in range(rng.integers(2, 5)):
+            width, height = rng.uniform(0.2, 0.5, 2)
+            hidden |= inside(*rng.uniform(0, (1 - width, 1 - height)), width, height)
+    elif kind == "most":
+        width = rng.uniform(0.35, 0.85)
+        height = 0.3 / width
+        hidden |= ~inside(*rng.uniform(0, (1 - width, 1 - height)), width, height)
+    else:
+        for _ in range(rng.integers(1, 4)):
+            at, top, radius, tall = rng.uniform((0, 0.2, 0.12, 0.15), (1, 0.8, 0.3, 0.4)).tolist()
+            ragged = 1 + 0.15 * np.sin(5 * np.arctan2(y - top, x - at) + rng.uniform(0, 6))
+            hidden |= np.hypot((x - at) / radius, (y - top) / tall) < ragged
+            hidden |= (np.abs(x - at) < 0.025) & (y > top)
+    scale = np.array([domain[2] - domain[0], domain[3] - domain[1]] * 2) / _TREE_CELLS
+    boxes = np.array(visible_region_boxes(hidden), float).reshape(-1, 4) * scale + np.array(domain[:2] * 2)
+    return [(a, b, c, d) for a, b, c, d in boxes.tolist()]
 
 
 def mirror_layout(elements: Sequence[Element], domain: Rectangle) -> list[Element]:

@@ -95,3 +95,11 @@ def test_the_shipped_model_holds_every_fifth_facade_out():
     numbers = {int(name.rsplit("#", 1)[1]) for name in default_layout_model().training_set}
     assert all((number - 1) % 5 for number in numbers)
     assert len(numbers) == 253
+
+
+def test_sizes_of_shops_leave_out_those_that_hang_higher():
+    windows = [Element("window", x, y, x + 1, y + 1.5) for x in (1, 4) for y in (1, 4)]
+    shop, sign = Element("shop", 1, 8, 3, 9.9), Element("shop", 1, 3, 1.5, 7.9)
+    sizes = learning._typical_sizes([([*windows, shop, sign], (0.0, 0.0, 6.0, 10.0))] * 4, "shop", 2, 0)
+    assert sizes[:, 2].max() < 0.5
+    assert sizes[:, 0] == pytest.approx([2.0] * len(sizes))
