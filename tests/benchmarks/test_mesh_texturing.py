@@ -104,3 +104,21 @@ def test_views_are_taken_from_where_the_panorama_was() -> None:
     cameras = perspective_cameras(POSE, 10)
     assert all(isinstance(camera, PerspectiveCamera) for camera in cameras)
     np.testing.assert_allclose([camera.position for camera in cameras], camera_position(POSE)[None].repeat(16, 0))
+
+
+def test_perspective_pictures_are_off_by_what_is_said_and_look_at_houses() -> None:
+    from benchmarks.mesh_texturing.cases import PICTURE_NOISE_DEG, PICTURE_NOISE_M, perspective_cases
+    from facade_core.imagery.panorama_camera import camera_from_world
+
+    found = perspective_cases(seed=3, buildings=2, pictures=3, width=96)
+    (true,), (off,) = found["true"], found["off"]
+    for one, stated in zip(true.taken, off.poses, strict=True):
+        assert one.image.shape == (72, 96, 3)
+        assert one.pose.lens == stated.lens
+        np.testing.assert_allclose(np.linalg.norm(camera_position(stated) - camera_position(one.pose)), PICTURE_NOISE_M)
+        turn = camera_from_world(stated) @ camera_from_world(one.pose).T
+        assert 0 < np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 1.1 * PICTURE_NOISE_DEG
+        # across the street, not along it
+        start, end = (np.array(point) for point in true.streets[0].line.coords)
+        along = (end - start) / np.linalg.norm(end - start)
+        assert abs(camera_from_world(one.pose)[2, :2] @ along) < 0.75
