@@ -79,12 +79,14 @@ def _hide_cells(kind: str, domain: Rectangle, rng: np.random.Generator) -> list[
         hidden |= inside(rng.integers(2) * (1 - width), rng.integers(2) * (1 - height), width, height)
     elif kind == "holes":
         for _ in range(rng.integers(2, 5)):
-            width, height = rng.uniform(0.2, 0.5, 2)
-            hidden |= inside(*rng.uniform(0, (1 - width, 1 - height)), width, height)
+            width, height = rng.uniform(0.2, 0.5, 2).tolist()
+            left, top = rng.uniform(0, (1 - width, 1 - height)).tolist()
+            hidden |= inside(left, top, width, height)
     elif kind == "most":
         width = rng.uniform(0.35, 0.85)
         height = 0.3 / width
-        hidden |= ~inside(*rng.uniform(0, (1 - width, 1 - height)), width, height)
+        left, top = rng.uniform(0, (1 - width, 1 - height)).tolist()
+        hidden |= ~inside(left, top, width, height)
     else:
         for _ in range(rng.integers(1, 4)):
             at, top, radius, tall = rng.uniform((0, 0.2, 0.12, 0.15), (1, 0.8, 0.3, 0.4)).tolist()
