@@ -116,11 +116,11 @@ def estimate_pictured_turn(view: ChartView, camera: CameraFrame, texels_per_metr
 
     Parameters
     ----------
-    view : the rectified wall; occluders do not count.
+    view : the rectified wall; what the parser takes for occluders counts too, as it may be the other building.
     camera : the camera in the wall's frame.
     texels_per_metre : density of the view.
     """
-    ends = detect_line_segments(view.rgb, view.clear, max(MIN_LINE_PIXELS, LINE_LENGTH_M[0] * texels_per_metre))
+    ends = detect_line_segments(view.rgb, view.seen, max(MIN_LINE_PIXELS, LINE_LENGTH_M[0] * texels_per_metre))
     ends = ends / texels_per_metre
     along = ends[:, 1] - ends[:, 0]
     length = np.hypot(*along.T)

@@ -70,10 +70,10 @@ def test_pictures_without_level_lines_say_nothing() -> None:
         assert not estimate_pictured_turn(bare, CAMERAS[0], DENSITY).is_other
 
 
-def test_lines_of_occluders_do_not_count() -> None:
+def test_another_building_that_is_taken_for_an_occluder_is_found() -> None:
     view = seen_wall(CAMERAS[0], turn_deg=30.0)
     hidden = ChartView(view.rgb, view.seen, view.quality, view.seen)
-    assert estimate_pictured_turn(hidden, CAMERAS[0], DENSITY).other_support == 0.0
+    assert estimate_pictured_turn(hidden, CAMERAS[0], DENSITY).is_other
 
 
 @pytest.mark.parametrize("behind", [-4.0, 6.0])
