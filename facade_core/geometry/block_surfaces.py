@@ -13,6 +13,7 @@ from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Street
 from facade_core.geometry.buildings.chimneys import build_chimneys
+from facade_core.geometry.buildings.closing import concatenate_facets, missing_walls
 from facade_core.geometry.buildings.dormers import build_dormers
 from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
 from facade_core.geometry.buildings.extrusion import Extrusion, add_extrusion_charts, facets_entirely_above
@@ -197,6 +198,8 @@ def add_building_charts(
     found = extract_shell_facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
+    if (missing := missing_walls(found)) is not None:
+        found = concatenate_facets(found, missing)
     add_facet_charts(target, found)
     add_skirt_charts(target, found, outline, terrain)
     return outline, found

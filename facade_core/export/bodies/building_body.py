@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 
 from facade_core.core.arrays import BoolArray, Float64Array, IntArray
-from facade_core.export.bodies.curtains import add_walls_below_edges
 from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import (
@@ -28,6 +27,7 @@ from facade_core.export.bodies.patches import (
     weld_polygons,
 )
 from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.geometry.buildings.curtains import curtains_below_edges
 from facade_core.geometry.charts import ChartKind
 
 # Open edges up to this height above the lowest corner belong to the foot of a building, metres.
@@ -150,7 +150,7 @@ def _close_shell(
         largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
         kept = [kept[i] for i in largest]
     shell = split_edges_at_corners(whole.subset(kept))
-    covers = _cover_open_loops(add_walls_below_edges(shell, origin), ground)
+    covers = _cover_open_loops(_add_curtains(shell, origin), ground)
     if covers is None:
         return None
     done = triangulate_nonplanar_polygons(_collapse_pinched_edges(triangulate_nonplanar_polygons(covers)))
@@ -162,6 +162,20 @@ def _close_shell(
         return None
     left = [i for i in sorted(set(range(len(whole.patches))) - set(kept)) if whole.patches[i].chart >= 0]
     return added + sum(area[i] for i in left), done, whole.subset(left)
+
+
+def _add_curtains(shell: PolygonMesh, origin: Float64Array) -> PolygonMesh:
+    """Add walls from open edges down to the lowest corner of a shell."""
+    used = sorted({c for patch in shell.patches for ring in patch.rings for c in ring})
+    base = float(shell.points[used, 2].min())
+    edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
+    polygons = [curtain.rings() for curtain in curtains_below_edges(edges, base)]
+    if not polygons:
+        return shell
+    before = [[shell.points[list(ring)] for ring in patch.rings] for patch in shell.patches]
+    charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
+    semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
+    return weld_polygons([*before, *polygons], charts, semantics, origin)
 
 
 def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[PolygonMesh, list[int]]:

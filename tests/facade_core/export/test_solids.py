@@ -11,7 +11,6 @@ import shapely
 from facade_core.core.grouping import group_rows
 from facade_core.core.types import Building, Roof, Street
 from facade_core.export.bodies.building_body import build_body
-from facade_core.export.bodies.curtains import add_walls_below_edges
 from facade_core.export.bodies.patches import (
     MeshPolygon,
     PolygonMesh,
@@ -64,25 +63,6 @@ def test_what_is_not_planar_is_cut_into_triangles_and_stays_closed() -> None:
     flat = triangulate_nonplanar_polygons(body)
     assert is_closed(flat.patches)
     assert len(flat.patches) == len(body.patches) + 1
-
-
-def test_a_model_without_its_party_wall_gets_one() -> None:
-    foot = [[0.0, 0, 0], [0, 4, 0], [6, 4, 0], [6, 0, 0]]
-    gable = [[6.0, 0, 3], [6, 4, 3], [6, 2, 5]]
-    north = [[6.0, 4, 0], [0, 4, 0], [0, 4, 3], [6, 4, 3]]
-    south = [[0.0, 0, 0], [6, 0, 0], [6, 0, 3], [0, 0, 3]]
-    slopes = [[[0.0, 0, 3], [6, 0, 3], [6, 2, 5], [0, 2, 5]], [[6.0, 4, 3], [0, 4, 3], [0, 2, 5], [6, 2, 5]]]
-    west = [[0.0, 4, 0], [0, 0, 0], [0, 0, 3], [0, 2, 5], [0, 4, 3]]
-    shell = of([foot, north, south, *slopes, west])
-    assert not is_closed(shell.patches)
-    closed = add_walls_below_edges(shell, ORIGIN)
-    assert is_closed(closed.patches)
-    (added,) = (patch for patch in closed.patches if patch.chart < 0)
-    np.testing.assert_allclose(closed.area_vector(added), [4 * 3 + 4, 0, 0], atol=1e-6)
-    with_gable = add_walls_below_edges(of([foot, north, south, *slopes, west, gable]), ORIGIN)
-    (below,) = (patch for patch in with_gable.patches if patch.chart < 0)
-    np.testing.assert_allclose(with_gable.area_vector(below), [12, 0, 0], atol=1e-6)
-    assert is_closed(with_gable.patches)
 
 
 @pytest.mark.parametrize("shape", ["flat", "gabled", "hipped", "mansard", "skillion"])
