@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from catalogs.printable_text import format_count
 from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE
 
@@ -51,6 +50,7 @@ def plan_command(city_file: Path, at_once: int, workers: int, as_json: bool) -> 
 
 def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: int, at_once: int) -> list[str]:
     """Return the lines of an estimate, one for each fact."""
+    from catalogs.printable_text import format_count
     from flows.console import format_duration
 
     def describe_time(quantity: str) -> str:

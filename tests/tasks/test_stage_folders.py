@@ -85,7 +85,7 @@ def test_every_data_file_is_declared() -> None:
             file = path.relative_to(ROOT).as_posix()
             if path.is_dir() or "__pycache__" in path.parts:
                 continue
-            if path.suffix not in (".py", ".pyi", ".pyc", ".md") and file not in declared:
+            if path.suffix not in (".py", ".pyi", ".pyc", ".md", ".typed") and file not in declared:
                 undeclared += [file] if not file.startswith(NOT_LOADED_BY_STAGES) else []
     assert undeclared == []
     assert all((ROOT / file).is_file() for file in declared)
