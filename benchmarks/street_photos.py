@@ -4,7 +4,7 @@ Of each photo: the photo with the outline of the facade that was found in it, th
 the facade, black where something stands before it), what the run says of it, and the verdict by eye out of street_photos.json:
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
-the half `tuned`; those of the half `judged` were judged once.
+the half `tuned`; those of the half `judged` were judged once. The sheet in docs/stages is drawn with --licensed.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from tasks.stages.facades.photos import crop_facade_photo
 from tasks.stages.shared.images import read_bounded_picture
 
 VERDICTS = ("good", "small flaws", "visible flaws", "unusable", "refused")
+# Folders of sets whose licence permits a copy of their pictures.
+LICENSED = ("facades/ecp/", "streetphotos/swiss/")
 CHOSEN = Path(__file__).with_suffix(".json")
 ROW_PX, WIDEST_PX, TEXT_PX, GAP_PX = 260, 280, 30, 6
 
@@ -94,10 +96,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=default, help="folder with facades/ and streetphotos/")
     parser.add_argument("--half", choices=("tuned", "judged"), default="judged")
     parser.add_argument("--out", type=Path, help="picture file of the sheet; none is drawn without it")
+    parser.add_argument("--licensed", action="store_true", help="draw only photos of sets whose licence permits a copy")
     options = parser.parse_args(arguments)
     cases = read_cases(options.half)
     if options.out is not None:
-        rows = [draw_case(options.data, case) for case in cases]
+        drawn = [case for case in cases if not options.licensed or case.path.startswith(LICENSED)]
+        rows = [draw_case(options.data, case) for case in drawn]
         pairs = [np.concatenate(rows[k::2]) for k in (0, 1)]
         height = max(map(len, pairs))
         sheet = np.full((height, sum(column.shape[1] for column in pairs), 3), 255, np.uint8)
