@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -45,6 +46,8 @@ EARLIER_QUALITY = 0.25
 PICTURED, LONGEST, GREY = 0.02, 320, 176
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 MIN_SHOWN_SHARE = 0.3
+# Occluders are looked for in a view of so many texels where the raster has fewer, at most so many times finer to a side.
+PARSED_VIEW_TEXELS, MAX_FINER = 500_000, 2.0
 
 
 @dataclass(frozen=True)
@@ -269,8 +272,15 @@ def _view_of_panorama(
     view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private)
     if not view.seen.any():
         return view
-    alpha = np.where(view.seen, 255, 0).astype(np.uint8)
-    in_front, _ = clean_occluder_mask(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
+    finer = min(MAX_FINER, math.sqrt(PARSED_VIEW_TEXELS / (size[0] * size[1])))
+    parsed = view
+    if finer > 1:
+        fine_size = (round(finer * size[0]), round(finer * size[1]))
+        parsed = rectify_chart_from_panorama(plan.scene, chart, image, pose, fine_size)
+    alpha = np.where(parsed.seen, 255, 0).astype(np.uint8)
+    found = parse(np.dstack([parsed.rgb, alpha]), model=parser).occluded & parsed.seen
+    occluded_share = resize_image(np.where(found, 255, 0).astype(np.uint8), size)
+    in_front, _ = clean_occluder_mask((occluded_share >= 128) & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 
