@@ -18,9 +18,10 @@ import shapely
 from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street, refined, shown_reader
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.types import Pose, Street
 from facade_core.export.pictures.rendering import encode_image, render_perspective
-from facade_core.export.pictures.stage_pictures import StoredFacade, iterate_stage_pictures, read_chart_raster
+from facade_core.export.pictures.stage_pictures import StoredFacade, iterate_stage_pictures
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import WallRole, main_surface_mask

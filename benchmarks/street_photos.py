@@ -4,7 +4,7 @@ Of each photo: the photo with the outline of the facade that was found in it, th
 the facade, black where something stands before it), what the run says of it, and the verdict by eye out of street_photos.json:
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
-the half `tuned`; those of the half `judged` were judged once. The sheet in docs/stages is drawn with --licensed.
+the half `tuned`; those of the half `judged` were judged once. The sheet in docs/look is drawn with --licensed.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.arrays import AnyArray, Int64Array, IntArray, UInt8Array, UInt64Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from facade_core.core.zarr_types import StoreArray
+from facade_core.core.zarr_types import StoreArray, StoreGroup
 from facade_core.geometry.chart_packing import THIN_DIVISOR, ChartPlacements
 
 
@@ -75,6 +75,12 @@ def read_rasters(array: StoreArray, placement: ChartPlacements, layout: TexelLay
             block = np.asarray(array[page, y : y + height, x : x + width])
         flat[layout.texel_slice(placement, c)] = block.reshape(-1, *array.shape[3:])
     return flat
+
+
+def read_chart_raster(group: StoreGroup, placement: ChartPlacements, chart: int, name: str) -> AnyArray:
+    """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
+    flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
+    return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 
 def write_rasters(

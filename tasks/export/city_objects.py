@@ -175,8 +175,8 @@ def _roof_attributes(row: JsonObject) -> JsonObject:
 
 def facade_layouts(results: PublishedBlock, buildings: IntArray) -> dict[int, list[Element]]:
     """Read the elements of finished facades by chart, in metres, with ledges detected in their pictures."""
+    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.bodies.ledges import detect_ledges
-    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement = results.plan.scene.placement
     layouts = {}

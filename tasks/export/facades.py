@@ -75,8 +75,8 @@ def _annotate_facades(
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
+    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.pictures.annotations import AnnotatedFacade
-    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades = results.select_finished_facades(buildings)
     said = PngInfo()

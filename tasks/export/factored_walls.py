@@ -110,8 +110,8 @@ def _build_libraries(
     results: PublishedBlock, facades: Sequence[int]
 ) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
     """Build a library for each exemplar in use and for each photographed facade; map facades to them."""
+    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.factored.library import build_library
-    from facade_core.export.pictures.stage_pictures import read_chart_raster
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
@@ -190,8 +190,8 @@ def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
 
 
 def _read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
+    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.factored.wall_decomposition import StoredFacadeWall
-    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement, chart = results.plan.scene.placement, int(results.plan.facades.chart[index])
     seed, labels = (

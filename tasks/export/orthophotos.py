@@ -64,8 +64,8 @@ def write_cogs(results: PublishedBlock, buildings: IntArray, folder: Path) -> tu
     files : files to open first.
     notes : remarks for the user.
     """
+    from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_plane
-    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades, source = results.plan.facades, results.textured_mesh
     drawn = set(source.select_charts(buildings).tolist())

@@ -12,12 +12,12 @@ from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
-from facade_core.export.pictures.stage_pictures import read_chart_raster
 from facade_core.facade.correction import rasterise_boxes
 from facade_core.parsing.segmenter import facade_surroundings_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS

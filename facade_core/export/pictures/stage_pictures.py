@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import StoreError
@@ -132,12 +132,6 @@ class StoredFacade:
     def draw_sample(self, seed: int) -> UInt8Array:
         """Draw a variation from the middle of the hierarchy."""
         return self.hierarchy.sample(len(self.hierarchy.levels) // 2, seed)
-
-
-def read_chart_raster(group: StoreGroup, placement: ChartPlacements, chart: int, name: str) -> AnyArray:
-    """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
-    flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
-    return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 
 def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:

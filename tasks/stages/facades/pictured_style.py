@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facade_core.atlas.rasters import read_chart_raster
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.stage_pictures import read_chart_raster
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.plan.plan import Plan
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE

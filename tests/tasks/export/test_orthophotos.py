@@ -12,7 +12,7 @@ import pytest
 import rasterio
 
 from catalogs.features import safe_file_stem
-from facade_core.export.pictures.stage_pictures import read_chart_raster
+from facade_core.atlas.rasters import read_chart_raster
 from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
 
