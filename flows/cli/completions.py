@@ -11,7 +11,7 @@ from flows.cli.output import print_line
 from flows.cli.paths import EXISTING_FILE
 
 
-@click.command("complete")
+@click.command("complete", short_help="Complete the layout of a facade, in several ways.")
 @click.argument("file", metavar="IMAGE|JSON", type=EXISTING_FILE)
 @click.option("--n", "count", type=click.IntRange(1, 32), default=5, show_default=True, help="Number of completions.")
 def complete_command(file: Path, count: int) -> None:

@@ -27,6 +27,9 @@ from catalogs.readers.vectors.colours import Colour
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
+# Statements of which all else is a name.
+_NAME_KEYS = ("o ", "g ", "usemtl ", "mtllib ")
+
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
 VERTEX_COLOUR_REASON = "OBJ files with a colour at each vertex: read without it; state Kd of materials, or export PLY"
@@ -144,11 +147,11 @@ def _parse_obj(path: Path) -> _ObjContent:
 
 
 def _logical_lines(path: Path) -> Iterator[str]:
-    """Yield the lines of a file, joined after a backslash."""
+    """Yield the lines of a file, joined after a backslash, which in a name is a character like others."""
     start = ""
     with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         for line in file:
-            if line.endswith("\\\n"):
+            if line.endswith("\\\n") and (start or not line.lstrip().startswith(_NAME_KEYS)):
                 start += line[:-2] + " "
             else:
                 yield start + line if start else line

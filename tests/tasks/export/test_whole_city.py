@@ -361,7 +361,7 @@ def test_blocks_that_are_not_done_are_named(undisturbed: Run, tmp_path: Path) ->
     notes = export_run(whole, "gpkg", tmp_path / "some.gpkg").notes
     assert len(notes) == 2
     assert notes[0].startswith("block none: left out")
-    assert notes[1].startswith("block failed: export_once as published before")
+    assert notes[1].startswith("block failed: exported as published before")
     for name in ("done", "failed"):
         (whole / "blocks" / name / "current").unlink()
     with pytest.raises(InputError, match="none of its 3 blocks has published"):
