@@ -100,7 +100,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     if not (rectified or cut.has_facade):
         raise ImageError(f"{path.name}: no facade is found in it; {REMEDY}")
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
-    if not 1 / MAX_STRETCH <= across / down <= MAX_STRETCH:
+    if not rectified and not 1 / MAX_STRETCH <= across / down <= MAX_STRETCH:
         facade = cut.image.shape[1] / cut.image.shape[0]
         raise ImageError(
             f"{path.name}: its facade is {facade:.2g} times as wide as high, its wall {size[1] / size[0]:.2g}: "

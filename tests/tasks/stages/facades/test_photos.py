@@ -127,10 +127,14 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
     assert notes == ("neighbour cut off",)
     assert asked == [(50.0, pytest.approx(2 / 3))]
-    with pytest.raises(
-        ImageError, match=r"w1-f4\.png: its facade is 0\.33 times as wide as high, its wall 1: it shows"
-    ):
-        read_facade_photo(path, True, (300, 300))
+    assert read_facade_photo(path, True, (300, 300)).fit.stretched == pytest.approx(3.0), "rectified by its user"
+
+
+def test_a_photo_of_other_proportions_than_its_wall_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f6.png"
+    Image.fromarray(from_below(PAINTED.image)).save(path)
+    with pytest.raises(ImageError, match=r"w1-f6\.png: its facade is .* times as wide as high, its wall 5: it shows"):
+        read_facade_photo(path, False, (80, 400))
 
 
 def test_the_outline_is_that_in_the_photo(tmp_path: Path) -> None:
