@@ -55,7 +55,7 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplar
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from default" in text
     assert "streets    2 of" in text
-    assert "1 panoramas with a pose, 0 photos named after a facade, 5 of no use yet" in text
+    assert "1 panorama with a pose, 0 photos named after a facade, 5 of no use yet" in text
     assert "5 pictures (unposed-0.jpg, unposed-1.jpg, unposed-2.jpg, ...): no pose; give its pose in" in text
     assert len(found.facades) < found.wall_count
     block = read_block(tmp_path / "mine.yaml")
