@@ -68,14 +68,9 @@ def test_every_stage_of_a_facade_is_a_picture(address: str) -> None:
     block = json.loads(get(f"{address}/api/block"))
     photos = [facade["id"] for facade in block["facades"] if facade.get("photo")]
     pictures = {facade["source"] for facade in block["facades"] if facade.get("photo")}
-    others = [
-        f["id"]
-        for f in block["facades"]
-        if not f.get("photo")
-        and f["role"] == "street"
-        and f["source"] not in pictures  # those take their building's style
-    ]
-    backs = [facade["id"] for facade in block["facades"] if facade["role"] == "back"]
+    # the others of a pictured building take its style, and show no exemplar
+    rest = [f for f in block["facades"] if not f.get("photo") and f["source"] not in pictures]
+    others, backs = ([f["id"] for f in rest if f["role"] == role] for role in ("street", "back"))
     assert photos
     assert others
     assert backs
