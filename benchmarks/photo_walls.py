@@ -1,9 +1,9 @@
 """Walls from pictures: `python -m benchmarks.photo_walls [--data DIR]` prints one JSON object.
 
-painted: views of walls on painted streets, before some of which a facade of another house is pasted that the model lacks:
+painted: views of walls on painted streets. A facade of a house that the model lacks is pasted in front of some of them:
 turned by 10 to 60 degrees (`turned`), or parallel to the wall and 2 to 5 m before it (`parallel`); `right`, views of at most a
 tenth of it. Poses are off by 0.1 m and 0.3 degrees. views, and those that are rejected: by each picture alone (`alone`), and
-with the other pictures of the wall (`together`). Views of which it hides a tenth to seven tenths count for neither.
+with the other pictures of the wall (`together`). Views that it hides by a tenth to seven tenths are not counted.
 
 amsterdam: with --data, both example blocks are run, with two exemplars; of the walls that a panorama shows: their area, the
 share that wears a picture of another building, by eye (`wrong_share`, WRONG_VIEWS), and that is inpainted; flags of the
@@ -72,7 +72,7 @@ class Pasted(NamedTuple):
     picture: np.ndarray
 
 
-def painted(streets: int) -> dict[str, Any]:
+def count_painted_views(streets: int) -> dict[str, Any]:
     """Count the rejected views of painted walls, by what they show."""
     counts: dict[str, Counter[str]] = {kind: Counter() for kind in ("right", "turned", "parallel")}
     for seed in range(3, 3 + streets):
@@ -239,7 +239,7 @@ def main() -> None:
     options = parser.parse_args()
     result: dict[str, Any] = {"benchmark": "photo_walls"}
     if options.streets:
-        result["painted"] = painted(options.streets)
+        result["painted"] = count_painted_views(options.streets)
     if options.data:
         with tempfile.TemporaryDirectory(prefix="photo-walls-") as folder:
             result["amsterdam"] = amsterdam(options.data, options.out or Path(folder), options.sheet)

@@ -2,10 +2,10 @@
 
 Posts, signals, signs, wires, bare trees, fences, scaffolds and parasols are drawn before facades that the parser was not
 trained on: the held-out folds of ECP and CMP, and Art-Deco. recall: share of their pixels that is masked with its rim
-(`clean_occluder_mask`), by kind; found: share of the occluders of which half is masked. cutouts: posts, signs and bare
+(`clean_occluder_mask`), by kind; found: share of the occluders that are masked by half or more. cutouts: posts, signs and bare
 trees of photos (occluders/) before the same facades. swiss: share of labelled fences, and of signs and signals, that is
 masked in the Swiss test photos, in photos as taken. False masks on clean walls: `benchmarks.parsing --sets clean`. --sheet
-keeps a picture of one occluder of each kind, and what was masked.
+writes a picture of one occluder of each kind with its mask.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from catalogs.readers.vectors.colours import Colour
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 
-# Statements of which all else is a name.
+# Statements whose operand is a name up to the end of the line.
 _NAME_KEYS = ("o ", "g ", "usemtl ", "mtllib ")
 
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")

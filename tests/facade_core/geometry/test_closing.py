@@ -21,7 +21,7 @@ SLOPES = [[[0.0, 0, 3], [6, 0, 3], [6, 2, 5], [0, 2, 5]], [[6.0, 4, 3], [0, 4, 3
 PLAN = shapely.box(0, 0, 6, 4)
 
 
-def facets_of(polygons: Sequence[tuple[str, Sequence[Sequence[float]]]], plan: shapely.Polygon = PLAN) -> Facets:
+def collect_facets(polygons: Sequence[tuple[str, Sequence[Sequence[float]]]], plan: shapely.Polygon = PLAN) -> Facets:
     vertices, triangles, semantic = [], [], []
     for name, ring in polygons:
         first = len(vertices)
@@ -41,7 +41,7 @@ def facets_of(polygons: Sequence[tuple[str, Sequence[Sequence[float]]]], plan: s
 
 
 def house(*walls: Sequence[Sequence[float]], roofs: Sequence[Sequence[Sequence[float]]] = SLOPES) -> Facets:
-    return facets_of([("ground", FOOT), *(("wall", wall) for wall in walls), *(("roof", roof) for roof in roofs)])
+    return collect_facets([("ground", FOOT), *(("wall", wall) for wall in walls), *(("roof", roof) for roof in roofs)])
 
 
 def open_metres(facets: Facets) -> float:
@@ -84,4 +84,4 @@ def test_an_overhanging_roof_and_a_roof_on_posts_stay_open() -> None:
         [[6.6, 4.6, 2.4], [-0.6, 4.6, 2.4], [-0.6, 2, 5], [6.6, 2, 5]],
     ]
     assert missing_walls(house(NORTH, SOUTH, WEST, east, roofs=wide)) is None
-    assert missing_walls(facets_of([("ground", FOOT), *(("roof", roof) for roof in SLOPES)])) is None
+    assert missing_walls(collect_facets([("ground", FOOT), *(("roof", roof) for roof in SLOPES)])) is None

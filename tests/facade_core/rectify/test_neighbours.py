@@ -19,7 +19,7 @@ def on_street(facade: PaintedFacade) -> tuple[np.ndarray, np.ndarray]:
     return image, labels
 
 
-def row_of(*facades: PaintedFacade) -> tuple[np.ndarray, np.ndarray, list[int]]:
+def paint_row(*facades: PaintedFacade) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Image, labels and party walls, with a downpipe each, of facades in a row."""
     parts = [on_street(facade) for facade in facades]
     ends = np.cumsum([labels.shape[1] for _, labels in parts]).tolist()
@@ -35,21 +35,21 @@ def paint(width: float, height: float, seed: int, floors: int = 5, columns: int 
     )
 
 
-def sides_of(image: np.ndarray, labels: np.ndarray, aspect: float | None = None) -> tuple[int, int]:
+def find_sides(image: np.ndarray, labels: np.ndarray, aspect: float | None = None) -> tuple[int, int]:
     gaps = measure_gaps(image, labels, labels == 6)
     return choose_sides(gaps, labels.shape, labels.shape[1] / 2, aspect)
 
 
 def test_a_facade_between_neighbours_is_told_from_them() -> None:
-    image, labels, (left, right) = row_of(paint(6, 14.6, 3, columns=2), paint(12, 15.8, 7), paint(7, 15.0, 5))
-    found = sides_of(image, labels)
+    image, labels, (left, right) = paint_row(paint(6, 14.6, 3, columns=2), paint(12, 15.8, 7), paint(7, 15.0, 5))
+    found = find_sides(image, labels)
     assert np.abs(np.array(found) - (left, right)).max() <= 6
 
 
 def test_a_facade_without_neighbours_stays_whole() -> None:
     for seed in (1, 4, 9):
-        image, labels, _ = row_of(paint(14, 15.5, seed))
-        assert sides_of(image, labels) == (0, image.shape[1])
+        image, labels, _ = paint_row(paint(14, 15.5, seed))
+        assert find_sides(image, labels) == (0, image.shape[1])
 
 
 def gap(column: int, party_wall: bool) -> GapEvidence:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,6 +14,7 @@ from pyproj import CRS, Transformer
 from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
 from catalogs.reader_errors import fault_reason, is_system_error, short_message, to_single_line
+from catalogs.readers.json_text import parse_json
 from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera, picture_name
 from catalogs.readers.pictures.cameras.camera_tables import read_camera_table
 from catalogs.readers.pictures.cameras.colmap import read_colmap
@@ -158,9 +158,10 @@ def _read_camera_file(path: Path, crs: str | None) -> CameraFile:
     try:
         text = content.decode("utf-8-sig")
         if text.lstrip().startswith(("{", "[")):
-            parts = json.loads(text)
-            parts = [parts] if isinstance(parts, dict) else parts
-            if not all(isinstance(part, dict) and isinstance(part.get("shots", {}), dict) for part in parts):
+            value = parse_json(content, str(path))
+            listed = value if isinstance(value, list) else [value]
+            parts = [part for part in listed if isinstance(part, dict) and isinstance(part.get("shots", {}), dict)]
+            if len(parts) < len(listed):
                 raise ValueError("its JSON is no reconstruction")
             return read_opensfm(path.name, parts)
         return read_camera_table(path.name, text, crs)

@@ -46,7 +46,7 @@ _POINT_BYTES = 24
 
 
 def read_colmap(path: Path) -> CameraFile:
-    """Read the model of which a file, or the folder, is given.
+    """Read a COLMAP model, named by its folder or by one of its files.
 
     Raises
     ------

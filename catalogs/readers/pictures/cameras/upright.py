@@ -29,7 +29,7 @@ def upright_camera(lens: Lens, rotation: Float64Array, orientation: int) -> tupl
 
 
 def _quarter_turn(lens: Lens) -> Lens:
-    """Return the lens of a picture turned clockwise by a quarter: x right is what was up."""
+    """Return the lens of a picture turned clockwise by a quarter: its x axis is the former upward axis."""
     if lens.skew:
         raise ValueError("is turned by its EXIF, and its calibration has a skew; save it upright, and pose it again")
     p1, p2 = lens.tangential
