@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import threading
 import time
 import uuid
@@ -227,6 +228,20 @@ def _track_quietly() -> None:
             os.environ["PYTHONWARNINGS"] = stated
 
 
+@contextmanager
+def _block_interrupts() -> Iterator[None]:
+    """Block SIGINT in threads started meanwhile, and so in their processes, from the first instruction on.
+
+    Ctrl-C in a terminal reaches every process of its group. Workers end with the run, in silence; one that still imports
+    its modules would print where it was.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _start_local_cluster(workers: int) -> LocalCluster:
     """Start local processes; tries again once if one dies. Raises ClusterGone."""
     from distributed import LocalCluster
@@ -235,13 +250,14 @@ def _start_local_cluster(workers: int) -> LocalCluster:
     cause: Exception | None = None
     for _ in range(2):
         try:
-            return LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-            )
+            with _block_interrupts():
+                return LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    host="127.0.0.1",
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
         except Exception as error:
             log.warning("local workers do not start: %s", error)
             cause = error

@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import platform
-import signal
 import threading
 import time
 import uuid
@@ -96,11 +95,7 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> WorkerPlugin:
 
     class Prepared(WorkerPlugin):
         async def setup(self, worker: Worker) -> None:
-            if (
-                asked is None
-            ):  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
-                signal.signal(signal.SIGINT, signal.SIG_IGN)
-            elif said := diff_environment(asked, environment_versions()):
+            if asked is not None and (said := diff_environment(asked, environment_versions())):
                 line = f"worker {worker.name} at {worker.address} {said}; it is not used"
                 worker.log_event(LOG_TOPIC, line)
                 logging.getLogger("distributed.worker").error(line)

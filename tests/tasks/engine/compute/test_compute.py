@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -74,6 +75,19 @@ def test_a_failing_unit_fails_alone(where: compute.Compute) -> None:
     assert good.result()[0] == 9
     with pytest.raises(ValueError, match="unit 3"):
         bad.result()
+
+
+def blocked_signals() -> set[signal.Signals | int]:
+    return set(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+
+
+def test_ctrl_c_reaches_this_process_only_and_no_worker_from_its_first_instruction(tmp_path: Path) -> None:
+    """Also one started in place of one that died; a mask is inherited, so it holds while modules are imported."""
+    with connect(2, None, str(tmp_path)) as made:
+        with pytest.raises(WorkersDiedError):
+            made.submit(die).result()
+        assert signal.SIGINT in made.submit(blocked_signals).result()
+        assert signal.SIGINT not in blocked_signals()
 
 
 def test_libraries_keep_to_one_thread_where_units_run(where: compute.Compute) -> None:
