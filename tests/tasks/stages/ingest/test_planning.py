@@ -134,3 +134,11 @@ def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.Monk
     assert plan_reuse_key(replace(block, seed=99, photos={})) == key
     monkeypatch.setattr("tasks.stages.ingest.planning.stage_code_digest", lambda stage: "other")
     assert plan_reuse_key(block) != key
+
+
+def test_the_number_of_facades_does_not_depend_on_the_resolution(tmp_path: Path) -> None:
+    found = {}
+    for texels in (1, 16):
+        block = write_block(tmp_path / f"{texels}", texture={"texels_per_metre": texels})
+        found[texels] = set(ingested(block, tmp_path / f"out-{texels}")[1].facades.id)
+    assert found[1] == found[16]
