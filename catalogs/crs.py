@@ -100,6 +100,22 @@ def coordinate_transform(
     return transform
 
 
+def is_same_frame(one: str, other: str) -> bool:
+    """Return whether two CRS give a place the same coordinates, to a metre where lengths are metres.
+
+    Compared in the middle of the area of use that either states; names of the same system differ between programs.
+    """
+    frames = [parse_crs(one), parse_crs(other)]
+    areas = [frame.area_of_use for frame in frames if frame.area_of_use is not None]
+    if frames[0].equals(frames[1], ignore_axis_order=True) or not areas:
+        return True
+    area = areas[0]
+    place = (np.array([(area.west + area.east) / 2]), np.array([(area.south + area.north) / 2]))
+    (x, y), (u, v) = (coordinate_transform(LONLAT, frame)(*place) for frame in frames)
+    tolerance = 1.0 if all(frame.is_projected for frame in frames) else 1e-5
+    return bool(np.hypot(x - u, y - v)[0] <= tolerance)
+
+
 def metres_per_height_unit(crs: CRS | str) -> float:
     """Return the metres per unit of heights in a CRS.
 

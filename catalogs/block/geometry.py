@@ -26,6 +26,7 @@ from catalogs.crs import (
     check_block_crs,
     choose_block_crs,
     coordinate_transform,
+    is_same_frame,
     note_outside_area_of_use,
     parse_crs,
     parse_metric_crs,
@@ -36,7 +37,7 @@ from catalogs.readers.formats import read_buildings, read_centrelines, read_grou
 from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
 from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
 from facade_core.core.arrays import Float64Array
-from facade_core.core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.types import Building, MappedGround, Street
 
 if TYPE_CHECKING:
@@ -152,7 +153,9 @@ def _read_building_sources(
         if crs is None:
             raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
         file.call_reader("buildings.crs", parse_crs, crs)
-        source = replace(source, crs=crs, faults=tuple(_name_file_in_fault(fault, path) for fault in source.faults))
+        remarks = (*source.remarks, *_overruled_frame(path, source.crs, "buildings", keys.buildings.crs))
+        faults = tuple(_name_file_in_fault(fault, path) for fault in source.faults)
+        source = replace(source, crs=crs, faults=faults, remarks=remarks)
         if is_unstated:
             source = replace(source, remarks=(*source.remarks, Remark(path.name, _UNSTATED_FRAME_REASON, None)))
         sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
@@ -160,6 +163,19 @@ def _read_building_sources(
         names = ", ".join(map(str, files["buildings.path"]))
         raise file.make_error("buildings.path", f"{names} holds no buildings; give a file that does")
     return sources
+
+
+def _overruled_frame(path: Path, stated: str | None, section: str, given: str | None) -> tuple[Remark, ...]:
+    """Return a remark if the block file gives another frame than a file states; none if the stated one is unknown."""
+    try:
+        if stated is None or given is None or is_same_frame(stated, given):
+            return ()
+    except InputError:  # the reason to give another
+        return ()
+    reason = (
+        f"files that state {stated} taken in {given}, as {section}.crs says; remove that unless the files are wrong"
+    )
+    return (Remark(path.name, reason, None),)
 
 
 def _source_keys(
@@ -185,8 +201,10 @@ def _read_centrelines(
     assert keys.streets is not None
     given = _source_keys("streets", keys.streets, files, file)
     source = file.call_reader("streets.path", read_centrelines, files["streets.path"][0], given)
-    faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
-    source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
+    path, crs = files["streets.path"][0], keys.streets.crs or source.crs or keys.crs or sources[0].crs
+    faults = tuple(_name_file_in_fault(fault, path) for fault in source.faults)
+    remarks = (*source.remarks, *_overruled_frame(path, source.crs, "streets", keys.streets.crs))
+    source = replace(source, crs=crs, faults=faults, remarks=remarks)
     file.call_reader("streets.crs", parse_crs, source.crs)
     if not source.items and not source.faults:
         raise file.make_error("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
@@ -201,7 +219,14 @@ def _read_ground_sources(
         return []
     given = _source_keys("ground", keys.ground, files, file)
     found = [file.call_reader("ground.path", read_ground_features, path, given) for path in files["ground.path"]]
-    placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
+    placed = [
+        replace(
+            one,
+            crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs,
+            remarks=(*one.remarks, *_overruled_frame(path, one.crs, "ground", keys.ground.crs)),
+        )
+        for path, one in zip(files["ground.path"], found, strict=True)
+    ]
     for one in placed:
         file.call_reader("ground.crs", parse_crs, one.crs)
     return placed

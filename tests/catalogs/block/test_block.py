@@ -284,3 +284,15 @@ def test_a_file_without_a_frame_is_named(folder: Path) -> None:
         (folder / "block.yaml").write_text(lines % given)
         notes = read_block(folder / "block.yaml").notes
         assert sum("state no frame" in note for note in notes) == count
+
+
+@pytest.mark.parametrize(("given", "count"), [("EPSG:3067", 0), ("EPSG:25835", 0), ("EPSG:28992", 1)])
+def test_a_frame_that_overrules_the_one_a_file_states_is_noted(given: str, count: int, folder: Path) -> None:
+    """No note where both name the same coordinates, as of two systems for one zone."""
+    house = shapely.box(386_000, 6_672_000, 386_010, 6_672_010)
+    geopandas.GeoDataFrame({"height": [9.0]}, geometry=[house], crs="EPSG:3067").to_file(folder / "a.gpkg")
+    text = f"name: a\nbuildings: {{path: a.gpkg, crs: {given}}}\nimagery: {{exemplars: {{path: facades}}}}"
+    (folder / "b.yaml").write_text(text)
+    found = [note for note in read_block(folder / "b.yaml").notes if "files that state EPSG:3067" in note]
+    assert len(found) == count
+    assert all("a.gpkg" in note and "buildings.crs" in note for note in found)
