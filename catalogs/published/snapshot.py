@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     import icechunk
 
 
+# Link to the folder of the current snapshot, beside `current`.
+LATEST_LINK_NAME = "latest"
+
+
 @dataclass(frozen=True)
 class SnapshotFolder(Generic[F]):
     """Folder OUT/published/ID of a snapshot, or the folder in which it is being written: paths, locks and store."""
@@ -227,6 +231,18 @@ def set_current_snapshot(snapshot: SnapshotFolder[F], expected_tag: str | None =
     pointer = snapshot.out / ".current.tmp"
     pointer.write_text(snapshot.id + "\n")
     os.replace(pointer, snapshot.out / "current")
+    _link_latest(snapshot.out, snapshot.id)
+
+
+def _link_latest(out: Path, id: str) -> None:
+    """Point OUT/latest to a snapshot for people; nothing reads it, and where links are not supported there is none."""
+    link, new = out / LATEST_LINK_NAME, out / f".{LATEST_LINK_NAME}.tmp"
+    if link.exists() and not link.is_symlink():
+        return
+    with suppress(OSError):
+        new.unlink(missing_ok=True)
+        new.symlink_to(Path("published") / id, target_is_directory=True)
+        os.replace(new, link)
 
 
 def _read_pointer(out: F) -> SnapshotFolder[F]:

@@ -23,6 +23,7 @@ from tasks.stages.streets.tags import list_street_commit_tags
 LEFTOVER_PATTERNS = (
     "published/.*.tmp",
     ".current.tmp",
+    ".latest.tmp",
     "published/*/.files.json.*.tmp",
     ".catalog.json.*.tmp",
     ".seen-*",

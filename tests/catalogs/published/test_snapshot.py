@@ -25,6 +25,13 @@ def publish_snapshot(out: Path, id: str) -> SnapshotFolder[Path]:
     return snapshot
 
 
+def test_a_file_named_latest_stays(tmp_path: Path) -> None:
+    (tmp_path / "latest").write_text("mine")
+    set_current_snapshot(publish_snapshot(tmp_path, "ONE"))
+    assert (tmp_path / "latest").read_text() == "mine"
+    assert find_current_snapshot(tmp_path) is not None
+
+
 def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
     assert find_current_snapshot(tmp_path) is None
     with pytest.raises(InputError, match="current cannot be read"):
@@ -34,6 +41,8 @@ def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
         set_current_snapshot(snapshot)
         assert current_snapshot(tmp_path) == find_current_snapshot(tmp_path) == snapshot
         assert (snapshot.id, snapshot.out) == (snapshot.folder.name, tmp_path)
+        assert (tmp_path / "latest" / "summary.json").samefile(snapshot.summary)
+    assert not (tmp_path / "latest").readlink().is_absolute(), "a copy of the folder links into itself"
     assert [path.name for path in tmp_path.glob("*current*")] == ["current"]
     assert second.read_run_summary() == {
         "block": "b",
