@@ -90,6 +90,7 @@ def test_both_workers_killed_in_a_street(two: Cluster, tmp_path: Path) -> None:
     wait_until(lambda: forgotten.exists() and str(*kept) in forgotten.read_text().split())
 
 
+@pytest.mark.long
 def test_a_stopped_worker_costs_what_it_had_and_no_more(two: Cluster) -> None:
     pids = both(two)
     with two.lease(10) as lease:

@@ -82,6 +82,7 @@ def test_help_is_shown_without_a_home(place: Path, home: bool) -> None:
     assert "Texture a block." in done.stdout
 
 
+@pytest.mark.long
 def test_a_block_is_planned_run_and_queried(place: Path) -> None:
     block, out = str(place / "block.yaml"), str(place / "out")
     planned = run_as_nobody(place, "flows", "plan", block)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 import zarr
 from PIL import Image
 
@@ -61,6 +62,7 @@ def picture(path: Path, camera: tuple[float, ...]) -> None:
     Image.fromarray(image).save(path, quality=95)
 
 
+@pytest.mark.long
 def test_facade_ground_and_roof_are_taken_from_perspective_pictures(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
     (folder / "images").mkdir(parents=True)

@@ -76,6 +76,7 @@ def test_a_facade_from_a_photo_fits_what_it_declares(
     assert_fits(facade_memory(texels, FacadeImagery(photo)), taken)
 
 
+@pytest.mark.long
 def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
     taken, texels = measured("retargeted", (240, 320), (600, 1000))
     assert_fits(facade_memory(texels, FacadeImagery(exemplar=(0, "e"))), taken)
