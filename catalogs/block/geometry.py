@@ -20,6 +20,7 @@ from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.axis_mistakes import swapped_places
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
+from catalogs.buildings.surface_heights import measure_assumed_heights
 from catalogs.crs import (
     LONLAT,
     bounds_to_lonlat,
@@ -118,6 +119,9 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     if not built.items:
         raise _empty_error("buildings", keys, files, bounds, built.faults, file)
     extent = buildings_extent_with_margin(built.items)
+    if keys.buildings.heights is not None:
+        built, measured = _measure_heights(built, files, frame, extent, file)
+        notes += measured
     shops, entrances = _shops_and_entrances(files, frame, extent)
     around = shapely.box(*extent) if area is None else area.buffer(GROUND_MARGIN_M, join_style="mitre")
     lying = _read_ground_sources(keys, files, sources, file)
@@ -176,6 +180,22 @@ def _overruled_frame(path: Path, stated: str | None, section: str, given: str | 
         f"files that state {stated} taken in {given}, as {section}.crs says; remove that unless the files are wrong"
     )
     return (Remark(path.name, reason, None),)
+
+
+def _measure_heights(
+    built: BlockBuildings, files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFileErrorContext
+) -> tuple[BlockBuildings, tuple[str, ...]]:
+    """Return the buildings with heights measured on the raster that the block file names, and notes."""
+    key = "buildings.heights.path"
+    if "terrain.path" not in files:
+        raise file.make_error(key, "the ground below is unknown; give terrain: {path: ...} too")
+    from catalogs.readers.pictures.elevation import read_elevation
+
+    surface, ground = (
+        file.call_reader(name, read_elevation, files[name][0], frame, extent) for name in (key, "terrain.path")
+    )
+    items, notes = measure_assumed_heights(built.items, surface, ground, files[key][0].name)
+    return replace(built, items=items), notes
 
 
 def _source_keys(

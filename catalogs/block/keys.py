@@ -113,7 +113,7 @@ class PartSection(PathSection):
 
 
 class BuildingsSection(_Keys):
-    """Section `buildings`: files, CRS, code page, offset, level of detail and upward axis."""
+    """Section `buildings`: files, CRS, code page, offset, level of detail, upward axis and raster of heights."""
 
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
@@ -121,6 +121,7 @@ class BuildingsSection(_Keys):
     offset: Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
     lod: str | None = None
     up: Literal["y", "z"] | None = None
+    heights: PathSection | None = None
 
 
 class StreetsSection(_Keys):

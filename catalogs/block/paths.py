@@ -46,6 +46,7 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
     for key, holder in (
         ("streets.path", keys.streets),
         ("terrain.path", keys.terrain),
+        ("buildings.heights.path", keys.buildings.heights),
         ("part.path", keys.part),
         ("imagery.exemplars.path", imagery.exemplars),
         ("imagery.photos.path", imagery.photos),
