@@ -57,7 +57,7 @@ def measure_assumed_heights(
         notes.append(f"heights of {format_count(measured, 'building')} measured on {source} instead of assumed")
     if low:
         notes.append(
-            f"{format_count(low, 'building')} under {MIN_HEIGHT_M:g} m on {source}, whose heights stay assumed"
+            f"{format_count(low, 'building')} under {MIN_HEIGHT_M:g} m on {source}, which keep the assumed height"
         )
     if unseen:
         notes.append(f"{format_count(unseen, 'building')} without heights on {source}, which keep the assumed height")
