@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array, Int32Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -77,6 +77,16 @@ class PerspectiveCamera:
         x = (np.arange(width) + 0.5 - width / 2) / focal
         y = (np.arange(height)[rows] + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
+        directions: Float64Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions
+
+    def rays_through(self, pixel: Int64Array) -> Float64Array:
+        """Return world unit directions (k, 3) through the centres of some pixels (k,), by their flat indices."""
+        height, width = self.size
+        forward, right, down, focal = self.axes()
+        row, column = np.divmod(pixel, width)
+        x, y = (column + 0.5 - width / 2) / focal, (row + 0.5 - height / 2) / focal
+        rays = forward + x[:, None] * right + y[:, None] * down
         directions: Float64Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         return directions
 

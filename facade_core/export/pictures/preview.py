@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.export.pictures.rendering import PictureInProgress
-from facade_core.export.pictures.views import paint_view
+from facade_core.export.pictures.rendering import PictureInProgress, average_samples
+from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.translator.translators import pixel_footprint
 
@@ -30,4 +30,5 @@ def draw_preview(picture: PictureInProgress, materials: MaterialField, facades: 
     covered = pixel_footprint(rays, picture.scene.charts.normals()[picture.chart], round(2 * np.pi * focal))
     flat = picture.rgb.reshape(-1, 3)
     flat[picture.pixel] = materials.colour(picture.chart, picture.camera.position + rays, covered)
-    return paint_view(picture, [facades])
+    picture.paint(facades)
+    return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)

@@ -9,7 +9,7 @@ from io import BytesIO
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Int32Array, Int64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.grouping import RowsByValue
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
@@ -66,29 +66,47 @@ class PictureInProgress:
         ----------
         rasters : raster (h, w, 3) by chart; it may be coarser than the atlas.
         """
-        charts, place = self.scene.charts, self.scene.placement
-        ahead, right, down, focal = self.camera.axes()
-        height, width = self.camera.size
-        pinhole = filtering.PinholeCamera(self.camera.position, ahead, right, down, focal, width, height)
-        axes = np.stack([charts.axis_u, charts.axis_v, charts.normals()], axis=1)
         for chart, raster in rasters.items():
-            here = self._by_chart.rows_with(chart)
-            if not len(here):
-                continue
-            depth = self.depth[here]
-            share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
-            density = place.texels_per_metre[chart] * share
-            levels = filtering.build_mip_pyramid(
-                raster, float(depth.max() / focal * density.max()) * filtering.MAX_ANISOTROPY
-            )
-            flat = self.rgb.reshape(-1, 3)
-            filtering.paint_pixels(
-                flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels
-            )
+            if len(self._by_chart.rows_with(chart)):
+                self.paint_chart(chart, raster.shape, self.build_levels(chart, raster))
 
-    def apply_haze(self) -> UInt8Array:
-        """Return the painted picture (h, w, 3) uint8 with haze that grows from the nearest pixel."""
-        nearest = self.depth.min(initial=np.inf)
+    def build_levels(self, chart: int, raster: UInt8Array) -> filtering.MipPyramid:
+        """Return the mip levels of a chart's raster that its pixels need; those of a denser picture need no more."""
+        depth, density = self.depth[self._by_chart.rows_with(chart)], self._texel_density(chart, raster.shape)
+        coarsest = float(depth.max(initial=0.0) / self._pinhole.focal * density.max())
+        return filtering.build_mip_pyramid(raster, coarsest * filtering.MAX_ANISOTROPY)
+
+    def paint_chart(self, chart: int, shape: tuple[int, ...], levels: filtering.MipPyramid) -> None:
+        """Paint, in place, the pixels of a chart from the mip levels of its raster, whose shape is given."""
+        here, charts = self._by_chart.rows_with(chart), self.scene.charts
+        density = self._texel_density(chart, shape)
+        flat, origin = self.rgb.reshape(-1, 3), charts.origin[chart]
+        filtering.paint_pixels(
+            flat, self.pixel[here], self.depth[here], self._pinhole, origin, self._chart_axes[chart], density, levels
+        )
+
+    def _texel_density(self, chart: int, shape: tuple[int, ...]) -> Float64Array:
+        """Return the texels a metre (2,) to the right and down of a raster of a chart."""
+        place = self.scene.placement
+        density: Float64Array = place.texels_per_metre[chart] * (
+            np.array(shape[1::-1]) / (place.width[chart], place.height[chart])
+        )
+        return density
+
+    @cached_property
+    def _pinhole(self) -> filtering.PinholeCamera:
+        height, width = self.camera.size
+        return filtering.PinholeCamera(self.camera.position, *self.camera.axes(), width, height)
+
+    @cached_property
+    def _chart_axes(self) -> Float64Array:
+        """Return right, down and outward (n, 3, 3) of the charts."""
+        charts = self.scene.charts
+        return np.stack([charts.axis_u, charts.axis_v, charts.normals()], axis=1)
+
+    def apply_haze(self, nearest: float | None = None) -> UInt8Array:
+        """Return the painted picture (h, w, 3) uint8 with haze that grows from a distance, by default the nearest pixel's."""
+        nearest = self.depth.min(initial=np.inf) if nearest is None else nearest
         drawn = self.rgb.copy().reshape(-1, 3)
         for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // MAX_BATCH_PIXELS):
             share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
@@ -99,6 +117,77 @@ class PictureInProgress:
     @cached_property
     def _by_chart(self) -> RowsByValue:
         return RowsByValue(self.chart)
+
+
+@dataclass(frozen=True)
+class SmoothPicture:
+    """Picture in progress with one ray a pixel, and more where two charts or the sky meet.
+
+    Attributes
+    ----------
+    coarse : picture with one ray a pixel; its filtering averages what a pixel covers of one chart.
+    fine : picture with the rays of `edges` alone.
+    edges : (k,) flat indices of the coarse picture's pixels that show more than one chart.
+    """
+
+    coarse: PictureInProgress
+    fine: PictureInProgress
+    edges: Int64Array
+
+    @cached_property
+    def visible_charts(self) -> Int32Array:
+        """Return the visible charts (c,), ascending."""
+        return np.union1d(self.coarse.visible_charts, self.fine.visible_charts)
+
+    def paint(self, rasters: Mapping[int, UInt8Array]) -> None:
+        """Paint, in place, the pixels of some charts from their rasters (see `PictureInProgress.paint`)."""
+        shown = set(self.visible_charts.tolist())
+        for chart, raster in rasters.items():
+            if chart in shown:
+                levels = self.coarse.build_levels(chart, raster)
+                for picture in (self.coarse, self.fine):
+                    picture.paint_chart(chart, raster.shape, levels)
+
+    def finish(self) -> UInt8Array:
+        """Return the painted picture (h, w, 3) uint8 with haze."""
+        nearest = min(float(picture.depth.min(initial=np.inf)) for picture in (self.coarse, self.fine))
+        drawn, dense = self.coarse.apply_haze(nearest), self.fine.apply_haze(nearest)
+        averaged = average_samples(dense, dense.shape[0] // drawn.shape[0])
+        drawn.reshape(-1, 3)[self.edges] = averaged.reshape(-1, 3)[self.edges]
+        return drawn
+
+
+def cast_smooth_view(scene: Scene, camera: PerspectiveCamera, *, samples: int) -> SmoothPicture:
+    """Cast the rays of a picture, `samples` along each side of the pixels where charts meet, and one of all others."""
+    height, width = camera.size
+    coarse = cast_view(scene, camera, samples=1)
+    chart = np.full(height * width, MISS, np.int32)
+    chart[coarse.pixel] = coarse.chart
+    edges = np.flatnonzero(_meets_another(chart.reshape(height, width)))
+    dense = replace(camera, size=(height * samples, width * samples))
+    within = np.arange(samples)
+    rows, columns = (samples * place[:, None] + within for place in np.divmod(edges, width))
+    pixel = (rows[:, :, None] * dense.size[1] + columns[:, None, :]).reshape(-1)
+    rgb = np.zeros((*dense.size, 3), np.uint8)
+    depth, found = np.empty(len(pixel), np.float32), np.empty(len(pixel), np.int32)
+    for first in range(0, len(pixel), MAX_BATCH_PIXELS):
+        some = slice(first, first + MAX_BATCH_PIXELS)
+        rays = dense.rays_through(pixel[some])
+        depth[some], found[some] = scene.caster.cast(camera.position, rays)
+        missed = found[some] == MISS
+        rgb.reshape(-1, 3)[pixel[some][missed]] = backdrop_colour(rays[missed])
+    hit = found != MISS
+    return SmoothPicture(coarse, PictureInProgress(scene, dense, rgb, pixel[hit], found[hit], depth[hit]), edges)
+
+
+def _meets_another(chart: Int32Array) -> BoolArray:
+    """Return the pixels (h, w) with another chart beside, above or below."""
+    meets = np.zeros(chart.shape, bool)
+    for one, other in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
+        differ = chart[one] != chart[other]
+        meets[one] |= differ
+        meets[other] |= differ
+    return meets
 
 
 def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> PictureInProgress:

@@ -11,14 +11,14 @@ from facade_core.atlas.journal import Record
 from facade_core.core.arrays import Float64Array, Int64Array, UInt8Array
 from facade_core.core.types import Sun
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
-from facade_core.export.pictures.rendering import PictureInProgress, average_samples
+from facade_core.export.pictures.rendering import SmoothPicture
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import sun_direction
 
 # Height and width of a view, pixels.
 VIEW_SIZE = (900, 1440)
-# Rays along each side of a pixel.
+# Rays along each side of a pixel where charts meet.
 SAMPLES_PER_PIXEL_SIDE = 2
 # Extra worth of a facade from a photo over one from an exemplar.
 PHOTO_WORTH = 4
@@ -96,11 +96,11 @@ def photo_share(record: ProvenanceShares | None) -> float:
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint_view(picture: PictureInProgress, parts: Iterable[Mapping[int, UInt8Array]]) -> UInt8Array:
-    """Paint a view of SAMPLES_PER_PIXEL_SIDE from rasters by chart, some charts at a time, (h, w, 3) uint8."""
+def paint_view(picture: SmoothPicture, parts: Iterable[Mapping[int, UInt8Array]]) -> UInt8Array:
+    """Paint a view from rasters by chart, some charts at a time, (h, w, 3) uint8."""
     for rasters in parts:
         picture.paint(rasters)
-    return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)
+    return picture.finish()
 
 
 def pick_evenly_spaced(values: list[T], count: int) -> list[T]:

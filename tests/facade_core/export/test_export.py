@@ -12,7 +12,13 @@ from facade_core.core.types import Building, Lattice, Street
 from facade_core.export.models.pages import fill_between_charts
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera
 from facade_core.export.pictures.occlusion_overlay import draw_crop_preview, overlay_occlusion
-from facade_core.export.pictures.rendering import cast_view, draw_parse, render_perspective
+from facade_core.export.pictures.rendering import (
+    average_samples,
+    cast_smooth_view,
+    cast_view,
+    draw_parse,
+    render_perspective,
+)
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
@@ -90,6 +96,28 @@ def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_witho
     picture.paint({chart: chequered(chart) for chart in picture.visible_charts.tolist()})
     steps = np.abs(np.diff(picture.rgb[..., 0].astype(int), axis=1))
     assert 2 < steps.max() < 60
+
+
+def test_a_smooth_view_is_as_one_of_many_rays_a_pixel(scene: Scene) -> None:
+    """At edges to the bit; inside a chart the filter averages what the rays would."""
+    place = scene.placement
+    shades = {}
+    for chart in range(len(scene.charts)):
+        row = np.linspace(0, 200, place.width[chart]).astype(np.uint8)
+        shades[chart] = np.tile(row[None, :, None], (place.height[chart], 1, 3))
+    camera = PerspectiveCamera.from_heading(
+        np.array([10.0, -30, 3]), heading=30, pitch=4, field_of_view=80, size=(90, 120)
+    )
+    many = cast_view(scene, camera, samples=2)
+    smooth = cast_smooth_view(scene, camera, samples=2)
+    assert set(smooth.visible_charts.tolist()) == set(many.visible_charts.tolist())
+    assert 0 < len(smooth.edges) < 0.25 * 90 * 120
+    for picture in (many, smooth):
+        picture.paint(shades)
+    expected, found = average_samples(many.apply_haze(), 2), smooth.finish()
+    np.testing.assert_array_equal(found.reshape(-1, 3)[smooth.edges], expected.reshape(-1, 3)[smooth.edges])
+    other = np.abs(found.astype(int) - expected).max(axis=-1) > 4
+    assert other.mean() < 0.02, "where a texture is coarser than pixels, and at corners between two centres"
 
 
 def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -> None:

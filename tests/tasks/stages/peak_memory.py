@@ -196,7 +196,7 @@ def tile(height, width):
 
 def view(height, width):
     from facade_core.export.pictures.camera import aerial_camera
-    from facade_core.export.pictures.rendering import cast_view, encode_image
+    from facade_core.export.pictures.rendering import cast_smooth_view, encode_image
     from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
 
     scene = walls(4, 2)
@@ -204,8 +204,8 @@ def view(height, width):
     camera = aerial_camera(scene, (height, width))
 
     def unit():
-        picture = cast_view(scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
-        assert len(picture.pixel) > picture.rgb.size // 9
+        picture = cast_smooth_view(scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
+        assert len(picture.coarse.pixel) > picture.coarse.rgb.size // 9
         parts = ({c: np.copy(page)} for c in picture.visible_charts.tolist())
         encode_image(paint_view(picture, parts), "JPEG", quality=90)
         return height * width
