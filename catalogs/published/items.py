@@ -207,8 +207,8 @@ COLUMNS = (
         "quality",
         "string",
         "",
-        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, floors-differ, doubtful-cut, rejected-picture, "
-        "height-assumed",
+        "good, or what to look at: mostly-hidden, hidden-ground-floor, no-windows, unsure-parse, floors-differ, doubtful-cut, "
+        "rejected-picture, height-assumed",
     ),
     ItemColumn(
         "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"

@@ -16,6 +16,7 @@ from facade_core.facade.facade import Facade, time_stage
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
+from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.variation.encoding import encode
 from facade_core.parsing.confidence import FacadeEstimates, box_coverage, calibrate_elements, load_calibration
@@ -79,6 +80,7 @@ class CompletedPhoto(NamedTuple):
     elements: tuple[Element, ...]
     completion: Completion | None
     estimates: FacadeEstimates
+    repeated_foot_share: float
     seconds: dict[str, float]
 
 
@@ -128,6 +130,7 @@ def build_facade_from_photo(
         hierarchy=hierarchy,
         completion=made.completion,
         estimates=made.estimates,
+        repeated_foot_share=made.repeated_foot_share,
         floors=int(made.estimates.value.floors),
         seconds=seconds,
     )
@@ -209,6 +212,9 @@ def complete_photo(
     photo = observe_photo(image, hidden, masks, models=models, seconds=seconds)
     parsing, hidden, observed = photo.parsing, photo.hidden, photo.observed
     completion, result_parsing, result, layout = None, parsing, image, observed
+    foot = find_hidden_foot(image, hidden, parsing.labels)
+    if foot is not None and masks.facade is not None and masks.facade[foot.top :].any():
+        foot = None  # somebody says that it shows the facade
     if hidden.any():
         height, width = hidden.shape
         with time_stage(seconds, "complete"):
@@ -225,7 +231,12 @@ def complete_photo(
                 )[0]
                 layout = list(completion.elements)
         with time_stage(seconds, "inpaint"):
-            result, hidden = _inpaint_over_rim(image, hidden, parsing.labels, layout, seed)
+            missing, labels = hidden, parsing.labels
+            if foot is not None:
+                result, missing, labels = repeat_storeys(image, hidden, labels, foot)
+                layout = [element for element in layout if element.y0 < foot.top]
+            result, changed = _inpaint_over_rim(result, missing, labels, layout, seed)
+            hidden = hidden | changed | (np.arange(height)[:, None] >= (height if foot is None else foot.top))
         # Labels and elements come from the completed picture, which may differ from the planned layout.
         with time_stage(seconds, "parse"):
             result_parsing = parse(result, model=models.parser)
@@ -243,6 +254,7 @@ def complete_photo(
         tuple(layout),
         completion,
         estimates,
+        0.0 if foot is None else 1 - foot.top / len(hidden),
         seconds,
     )
 

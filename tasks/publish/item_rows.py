@@ -224,6 +224,7 @@ def _quality_flags(record: FacadeRecord, levels: int, height_source: str, role: 
     # height_source is "default" where the height was assumed
     flags = {
         "mostly-hidden": (record.get("occluded") or 0) > MAX_GOOD_HIDDEN_SHARE,
+        "hidden-ground-floor": record.get("repeated_foot", 0) > 0,
         "no-windows": role == WallRole.STREET and not any(element[0] == "window" for element in elements),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < MIN_GOOD_CONFIDENCE,
         "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,

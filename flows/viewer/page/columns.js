@@ -36,6 +36,7 @@ export const REMEDIES = {
   "height-assumed": (facade) => `The map states no height of its building: ${said(facade.height_m, "metres")} are assumed.${suggested(facade)} Give it in the map, or correct it with view --edit.`,
   "floors-differ": (facade) => `${facade.floors} floors are seen, and ${facade.levels} are expected of its height or stated by the map.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
   "mostly-hidden": () => "Most of it is hidden in its pictures, and was made anew. Add a photo from another place.",
+  "hidden-ground-floor": () => "Its ground floor is hidden in its pictures, and repeats the storeys above. Add a photo that shows it.",
   "no-windows": () => "No window was found. If it has some, draw them with view --edit, or say that it is no facade.",
   "unsure-parse": () => "Its windows and doors are uncertain. Look at the boxes of its layout, and correct them with view --edit.",
   "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",

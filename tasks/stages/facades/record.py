@@ -30,6 +30,7 @@ class FacadeRecord(Record, total=False):
     window_to_wall_low : lower bound, of facades from pictures.
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
+    repeated_foot : share of the height at the foot that is hidden, and repeats storeys above.
     privacy : setting by which masked objects were stored.
     looked : whether faces and plates were looked for.
     shop_names : names read over shops; None if they were not looked for.
@@ -75,6 +76,7 @@ class FacadeRecord(Record, total=False):
     occluded: float
     masked: list[list[int]]
     masked_share: float
+    repeated_foot: float
     privacy: str
     looked: bool
     shop_names: str | None

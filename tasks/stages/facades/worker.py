@@ -377,6 +377,7 @@ def _summarize(result: Facade) -> dict[str, object]:
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
+        **({"repeated_foot": round(result.repeated_foot_share, 4)} if result.repeated_foot_share else {}),
     } | ({} if result.hierarchy is None else _variation_counts(result.hierarchy))
 
 

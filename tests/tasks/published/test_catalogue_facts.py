@@ -130,6 +130,7 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
         ({}, "height", "good"),
         ({}, "default", "height-assumed"),
         ({"occluded": 0.6}, "height", "mostly-hidden"),
+        ({"repeated_foot": 0.15}, "height", "hidden-ground-floor"),
         ({"floors": 5, "floors_low": 4, "floors_high": 6}, "height", "good"),
         ({"floors": 6, "floors_low": 5, "floors_high": 7}, "height", "floors-differ"),
         ({"floors": 5}, "height", "floors-differ"),

@@ -1,0 +1,202 @@
+"""Foot of a photographed facade that is hidden as a whole: storeys of the facade are repeated down to the ground.
+
+Inpainting has no source there: the rows beside a hidden foot are hidden too, and nothing below it says where a storey ends.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
+from facade_core.core.labels import FacadeClass
+from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
+
+# Hidden share of each of its rows,
+MIN_HIDDEN_ROW_SHARE = 0.6
+# and of all of it: where less is hidden, what is seen beside it is the better source.
+MIN_HIDDEN_SHARE = 0.8
+# Height of a hidden foot in storeys; a lower one is the foot of a storey, which is inpainted.
+MIN_HEIGHT_STOREYS = 0.6
+# Largest share of the facade's height.
+MAX_HEIGHT_SHARE = 0.5
+# Largest hidden share of a storey that is repeated.
+MAX_HIDDEN_SOURCE_SHARE = 0.1
+# Range of the height of a usual storey, and of its windows, over the median.
+USUAL_HEIGHTS = (0.85, 1.15)
+USUAL_WINDOWS = (0.75, 1.33)
+# Balconies, as a share of a storey, that count as none.
+BALCONY_STEP_SHARE = 0.1
+# Storeys go on in step if the foot begins above windows, with this tolerance in storeys,
+STEP_TOLERANCE_STOREYS = 0.05
+# or if what is seen of the last one, or its windows, correlate so well with the repeated one.
+MIN_CORRELATION = 0.4
+# Largest factor, either way, that brings the repeated storey to the light of the one above the foot,
+MAX_GAIN = 1.25
+# by at least this share of wall in both.
+MIN_WALL_SHARE = 0.05
+# Smallest height, in storeys, of the last repeated one; a lower rest is bare wall below the one above it.
+MIN_LAST_STOREYS = 0.7
+# Rim below the top of the foot, in storeys, that is inpainted between photo and repetition.
+SEAM_STOREYS = 0.05
+
+
+class Storey(NamedTuple):
+    """Rows of a storey: its top, those of its windows, and its bottom."""
+
+    top: int
+    window_top: int
+    window_bottom: int
+    bottom: int
+
+    @property
+    def height(self) -> int:
+        """Return its number of rows."""
+        return self.bottom - self.top
+
+
+class HiddenFoot(NamedTuple):
+    """Hidden foot of a facade.
+
+    Attributes
+    ----------
+    top : its first row.
+    start : row at which the first repetition begins, at or above `top`.
+    storey : storey that is repeated.
+    """
+
+    top: int
+    start: int
+    storey: Storey
+
+
+def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -> HiddenFoot | None:
+    """Find the hidden foot of a facade and the storey to repeat there; None without either.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool pixels that do not show the facade.
+    labels : (h, w) uint8 class ids; they count where the facade is seen.
+    """
+    height = len(hidden)
+    is_hidden = hidden.mean(axis=1) >= MIN_HIDDEN_ROW_SHARE
+    top = height - int(np.logical_and.accumulate(is_hidden[::-1]).sum())
+    if not (1 - MAX_HEIGHT_SHARE) * height <= top < height or hidden[top:].mean() < MIN_HIDDEN_SHARE:
+        return None
+    shown = np.where(hidden, FacadeClass.WALL, labels)[:top].astype(np.uint8)
+    found = find_floors_and_bays(shown)
+    storey = None if found is None else _choose_storey(found, hidden, shown)
+    if found is None or storey is None or height - top < MIN_HEIGHT_STOREYS * storey.height:
+        return None
+    start = found.floors[-1][0] - (storey.window_top - storey.top)  # at the last windows, which the foot may cut
+    start += max(0, top - start) // storey.height * storey.height
+    start = min(start, top)
+    rows, source = slice(start, top), slice(storey.top, storey.top + top - start)
+    seen, window, grey = ~(hidden[rows] | hidden[source]), labels == FacadeClass.WINDOW, image.mean(axis=2)
+    above = storey.window_top - storey.top + STEP_TOLERANCE_STOREYS * storey.height
+    in_step = top - start <= above or any(
+        _correlate(picture[rows][seen], picture[source][seen]) >= MIN_CORRELATION
+        for picture in (grey, window.astype(np.float64))
+    )
+    return HiddenFoot(top, start if in_step else top, storey)
+
+
+def repeat_storeys(
+    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot
+) -> tuple[UInt8Array, BoolArray, UInt8Array]:
+    """Repeat the storey of a facade over its hidden foot, in the light of the storey above.
+
+    Windows keep their height. The wall below the last windows takes what is left.
+
+    Parameters
+    ----------
+    image, hidden, labels : as in `find_hidden_foot`.
+    foot : the hidden foot.
+
+    Returns
+    -------
+    Image and labels with the foot, and what is still to be inpainted, (h, w) bool: a seam, and what is hidden above the foot or
+    in the repeated storey.
+    """
+    rows = _source_rows(foot.storey, len(image) - foot.start)[foot.top - foot.start :]
+    repeated, missing, classes = image.copy(), hidden.copy(), labels.copy()
+    levelled = np.rint(image[rows] * _foot_gain(image, hidden, labels, foot))
+    repeated[foot.top :] = np.clip(levelled, 0, 255).astype(np.uint8)
+    missing[foot.top :], classes[foot.top :] = hidden[rows], labels[rows]
+    missing[foot.top : foot.top + max(1, round(SEAM_STOREYS * foot.storey.height))] = True
+    return repeated, missing, classes
+
+
+def _foot_gain(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot) -> Float64Array:
+    """Return the factors (3,) from the wall of the repeated storey to that of as many rows above the foot."""
+    storey, wall = foot.storey, (labels == FacadeClass.WALL) & ~hidden
+    parts = slice(storey.top, storey.bottom), slice(max(0, foot.top - storey.height), foot.top)
+    if any(wall[part].mean() < MIN_WALL_SHARE for part in parts):
+        return np.ones(3)
+    source, above = (np.median(image[part][wall[part]], axis=0) for part in parts)
+    return np.asarray(np.clip((above + 1) / (source + 1), 1 / MAX_GAIN, MAX_GAIN))
+
+
+def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) -> Storey | None:
+    """Return the lowest usual storey that is seen and has the fewest balconies; the last floor may be cut by the foot.
+
+    It is as high as storeys are on the median, so that repeated windows stay in step with the others.
+    """
+    pitches = np.diff([first for first, _ in found.floors])
+    if not len(pitches):
+        return None
+    pitch = round(float(np.median(pitches)))
+    is_usual = _are_within(pitches, USUAL_HEIGHTS)
+    has_usual_windows = _are_within(np.array([last - first for first, last in found.floors]), USUAL_WINDOWS)
+    storeys = []
+    for k, windows in enumerate(found.floors):
+        top = found.floor_cuts[k] if k else found.floor_cuts[1] - pitch  # over the first floor is an attic, or a roof
+        storey = Storey(top, *windows, top + pitch)
+        usual = is_usual[max(0, k - 1) : k + 1].any() and has_usual_windows[k]
+        is_whole = 0 <= top < windows[0] and windows[1] < storey.bottom <= len(labels)
+        if found.kinds[k] == "middle" and usual and is_whole:
+            storeys.append(storey)
+
+    def adornment(storey: Storey) -> tuple[int, int]:
+        balconies = float((labels[storey.top : storey.bottom] == FacadeClass.BALCONY).mean())
+        return int(balconies / BALCONY_STEP_SHARE), -storey.top
+
+    seen = [one for one in storeys if hidden[one.top : one.bottom].mean() <= MAX_HIDDEN_SOURCE_SHARE]
+    return min(seen, key=adornment, default=None)
+
+
+def _are_within(sizes: Int64Array, limits: tuple[float, float]) -> BoolArray:
+    """Return which sizes (n,) are within a range over their median."""
+    shares = sizes / np.median(sizes)
+    return np.asarray((shares >= limits[0]) & (shares <= limits[1]))
+
+
+def _source_rows(storey: Storey, height: int) -> Int64Array:
+    """Return the rows of the image that are shown on a foot of some rows, from its top."""
+    count = max(1, int(height / storey.height + 1 - MIN_LAST_STOREYS))
+    last = height - (count - 1) * storey.height
+    window = min(storey.window_bottom - storey.window_top, round(0.75 * last))
+    above = min(storey.window_top - storey.top, last - window)
+    below = np.arange(storey.window_bottom, storey.bottom)
+    rest = last - window - above
+    if rest > len(below):  # mirrored wall between sill or balcony, and the next lintel
+        bare = below[len(below) // 3 : max(1, 2 * len(below) // 3)]
+        upper = below[: bare[-1] + 1 - below[0]]
+        below = np.concatenate([upper, np.resize(np.concatenate([bare[::-1], bare]), rest - len(upper))])
+    return np.concatenate(
+        [
+            np.tile(np.arange(storey.top, storey.bottom), count - 1),
+            np.arange(storey.window_top - above, storey.window_top),
+            storey.window_top + np.arange(window) * (storey.window_bottom - storey.window_top) // max(1, window),
+            below[:rest],
+        ]
+    ).astype(np.int64)
+
+
+def _correlate(first: Float64Array, second: Float64Array) -> float:
+    """Return the correlation of values (n,); 0 where they are even."""
+    if len(first) < 2 or not (first.std() > 0 and second.std() > 0):
+        return 0.0
+    return float(np.corrcoef(first, second)[0, 1])

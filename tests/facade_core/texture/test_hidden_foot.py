@@ -1,0 +1,101 @@
+"""Hidden feet of facades: storeys are repeated in step, whole, in the light above; what is seen stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.core.labels import FacadeClass
+from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
+from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
+from facade_core.synth.facade import paint_facade
+from tests.facade_core.texture.conftest import FLOOR, draw
+
+# Without a ground floor of its own: seven storeys under 30 rows of roof.
+DRAWN = draw(7, street=False)
+HEIGHT, WIDTH = DRAWN.labels.shape
+
+
+def hide(top: int) -> np.ndarray:
+    hidden = np.zeros((HEIGHT, WIDTH), bool)
+    hidden[top:] = True
+    return hidden
+
+
+@pytest.mark.parametrize("rows", [1.2, 1.75, 2.0, 2.5])
+def test_storeys_go_on_in_step_down_to_the_ground(rows: float) -> None:
+    hidden = hide(HEIGHT - round(rows * FLOOR))
+    spoiled = np.where(hidden[..., None], np.uint8(255), DRAWN.image)
+    foot = find_hidden_foot(spoiled, hidden, DRAWN.labels)
+    assert foot is not None
+    assert foot.top == HEIGHT - round(rows * FLOOR)
+    image, missing, labels = repeat_storeys(spoiled, hidden, DRAWN.labels, foot)
+    np.testing.assert_array_equal(image[: foot.top], spoiled[: foot.top])
+    filled = hidden & ~missing
+    assert filled.sum() > 0.9 * hidden.sum()
+    whole = np.s_[foot.top : HEIGHT - FLOOR // 2]  # the last storey ends as bare wall
+    assert (labels == DRAWN.labels)[whole].mean() > 0.97
+    error = np.abs(image[filled].astype(int) - DRAWN.image[filled]).mean()
+    assert error < 12, "windows are where they were"
+
+
+def test_out_of_step_the_last_storey_is_whole() -> None:
+    image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.3 * FLOOR)
+    rows = slice(top - round(0.6 * FLOOR), top)  # a bare band that no storey has
+    image[rows], labels[rows] = (200, 180, 150), FacadeClass.WALL
+    foot = find_hidden_foot(image, hide(top), labels)
+    assert foot is not None
+    assert foot.start == foot.top == top
+    _, _, shown = repeat_storeys(image, hide(top), labels, foot)
+    windows = np.flatnonzero((shown[top:] == FacadeClass.WINDOW).any(axis=1))
+    assert len(windows) == 20, "as high as they are"
+    assert windows[0] > 2
+    assert (shown[-3:] == FacadeClass.WALL).all()
+
+
+def test_the_repeated_storey_is_in_the_light_of_the_one_above() -> None:
+    light = np.linspace(1.0, 0.7, HEIGHT)[:, None, None]
+    image = np.rint(DRAWN.image * light).astype(np.uint8)
+    labels = DRAWN.labels.copy()
+    hidden = hide(HEIGHT - 2 * FLOOR)
+    hidden[30 + 3 * FLOOR : 30 + 5 * FLOOR, ::6] = True  # the storeys near the foot are not seen whole
+    foot = find_hidden_foot(image, hidden, labels)
+    assert foot is not None
+    assert foot.storey.bottom <= 30 + 3 * FLOOR + 5
+    filled, missing, shown = repeat_storeys(image, hidden, labels, foot)
+    wall = (shown == FacadeClass.WALL) & ~missing & hidden & (np.arange(HEIGHT)[:, None] >= foot.top)
+    source = (labels == FacadeClass.WALL)[foot.storey.top : foot.storey.bottom]
+    above = np.median(image[foot.top - FLOOR : foot.top][labels[foot.top - FLOOR : foot.top] == FacadeClass.WALL])
+    far = np.median(image[foot.storey.top : foot.storey.bottom][source])
+    assert abs(np.median(filled[wall]) - above) < 0.4 * abs(far - above)
+
+
+@pytest.mark.parametrize("why", ["seen at a third", "too low", "no storey", "nothing hidden"])
+def test_other_feet_are_inpainted(why: str) -> None:
+    hidden, labels = hide(HEIGHT - round(1.5 * FLOOR)), DRAWN.labels.copy()
+    if why == "seen at a third":
+        hidden[:, : WIDTH // 3] = False
+    elif why == "too low":
+        hidden = hide(HEIGHT - round(0.4 * FLOOR))
+    elif why == "no storey":
+        labels[labels == FacadeClass.WINDOW] = FacadeClass.WALL
+    else:
+        hidden[:] = False
+    assert find_hidden_foot(DRAWN.image, hidden, labels) is None
+
+
+def test_a_photo_without_its_ground_floor() -> None:
+    painted = paint_facade((13.0, 17.0), floors=5, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    height = len(painted.labels)
+    hidden = np.zeros(painted.labels.shape, bool)
+    hidden[height - 60 :] = True  # 3.6 m
+    made = build_facade_from_photo(painted.image, hidden, masks=PhotoMasks(is_clean=True), seed=1)
+    assert made.repeated_foot_share == pytest.approx(60 / height)
+    assert made.occluded[hidden].all()
+    windows = [one for one in made.elements if one.label == "window" and one.y0 >= height - 60]
+    assert len(windows) >= 3
+    assert all(one.height > 12 for one in windows), "whole ones"
+    kept = build_facade_from_photo(
+        painted.image, hidden, masks=PhotoMasks(facade=np.ones_like(hidden), is_clean=True), seed=1
+    )
+    assert kept.repeated_foot_share == 0, "somebody says that it shows the facade"
