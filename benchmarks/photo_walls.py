@@ -198,6 +198,8 @@ def _write_block(name: str, data: Path, folder: Path) -> Path:
 
 def _measure(output: Output, facade: Facade, row: Any) -> dict[str, Any]:
     used = str(row.source).split(", ")
+    number = [str(name) for name in output.group["facades/id"][:]].index(facade.id)
+    record = json.loads(str(output.group["journal/facades"][number]))
     return {
         "id": facade.id,
         "m2": round(float(output.charts.size[facade.chart].prod()), 1),
@@ -207,6 +209,9 @@ def _measure(output: Output, facade: Facade, row: Any) -> dict[str, Any]:
         "inpainted": round(float(row.inpainted or 0), 3),
         "quality": str(row.quality),
         "reason": row.reason if isinstance(row.reason, str) else None,
+        "pictured_colour": record.get("pictured_colour"),
+        "tone_slope": record.get("tone_slope"),
+        "repeated_foot": record.get("repeated_foot"),
     }
 
 

@@ -40,6 +40,11 @@ class FacadeImagery:
     corrected: FacadeCorrections = AS_FOUND
     entrances: tuple[float, ...] = ()
 
+    @property
+    def is_photographed(self) -> bool:
+        """Return whether a photo or panoramas show it."""
+        return self.corrected.facade and bool(self.photo or self.panoramas or self.earlier)
+
     def sources(self) -> tuple[str, ...]:
         """Return the sources in the order of trying: the next one is used where one fails or shows too little.
 

@@ -96,6 +96,6 @@ def facade_keys(
     return tuple(keys)
 
 
-def add_wall_colour_to_key(key: str, pictured: Sequence[str]) -> str:
-    """Extend a facade's key by the keys of pictured facades that give its wall colour."""
+def add_house_to_key(key: str, pictured: Sequence[str]) -> str:
+    """Extend a facade's key by the keys of pictured facades that give its wall colour, style or exposure."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

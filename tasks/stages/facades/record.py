@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from facade_core.atlas.journal import Record
+from facade_core.facade.variation.hierarchy import Hierarchy
 
 
 class FacadeRecord(Record, total=False):
@@ -31,6 +32,8 @@ class FacadeRecord(Record, total=False):
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
     repeated_foot : share of the height at the foot that is hidden, and repeats storeys above.
+    pictured_colour : lit colour of the wall, 0..255, as its photo or panoramas show it; none where they show too little.
+    tone_slope : slopes at black of the tone curve that brought it to the exposure of its building; none of 1.
     privacy : setting by which masked objects were stored.
     looked : whether faces and plates were looked for.
     shop_names : names read over shops; None if they were not looked for.
@@ -77,6 +80,8 @@ class FacadeRecord(Record, total=False):
     masked: list[list[int]]
     masked_share: float
     repeated_foot: float
+    pictured_colour: list[float]
+    tone_slope: list[float]
     privacy: str
     looked: bool
     shop_names: str | None
@@ -98,3 +103,12 @@ def facade_file_digests(unit: int, record: Record) -> dict[str, str]:
     facade = cast(FacadeRecord, record)
     files = {facade["variation_file"]: facade["variation_digest"]} if "variation_file" in facade else {}
     return files | ({facade["before_file"]: facade["before_digest"]} if "before_file" in facade else {})
+
+
+def count_variations(hierarchy: Hierarchy) -> dict[str, int]:
+    """Return the fields of a record on a variation hierarchy."""
+    return {
+        "variation_types": int((hierarchy.levels[0].counts > 0).sum()),
+        "variation_levels": len(hierarchy.levels),
+        "variation_bytes": int(hierarchy.nbytes),
+    }

@@ -32,7 +32,7 @@ from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import facade_panoramas_by_capture
 from tasks.stages.facades.forecast import forecast_pending_facades
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.keys import add_wall_colour_to_key, facade_keys
+from tasks.stages.facades.keys import add_house_to_key, facade_keys
 from tasks.stages.facades.record import FacadeRecord, facade_file_digests
 from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.facade_corrections import match_corrections
@@ -67,9 +67,14 @@ def list_facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
     units = []
     for index, (pictures, beside) in enumerate(zip(imagery, _pictured_neighbours(plan, imagery), strict=True)):
         *first, last = keys[index]
+        # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
         if pictures.exemplar is not None:
-            # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
-            last = add_wall_colour_to_key(last, [keys[other][-2] for other in beside])
+            last = add_house_to_key(last, [keys[other][-2] for other in beside])
+        photographed = [keys[other][-2] for other in beside if imagery[other].is_photographed]
+        first = [
+            add_house_to_key(key, photographed) if source != "own" else key
+            for key, source in zip(first, pictures.sources(), strict=False)
+        ]
         units.append(
             Unit(
                 index,

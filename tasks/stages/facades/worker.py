@@ -31,7 +31,6 @@ from facade_core.facade.correction import rasterise_boxes, replace_elements
 from facade_core.facade.exemplar import count_columns
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import MAX_HIDDEN_SHARE, MappedDoors, PhotoMasks, build_facade_from_photo
-from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
@@ -51,9 +50,10 @@ from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, read_evidence
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
+from tasks.stages.facades.exposure import level_exposures, measure_pictured_colour
 from tasks.stages.facades.photos import PhotoCropQuality
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
-from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.facades.record import FacadeRecord, count_variations
 from tasks.stages.facades.wall_colour import photo_wall_colour
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         refused: list[Exception] = []
         if not done(unit, partial(_texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
+    level_exposures(group, plan, records, {unit.index: unit.arguments[2] for unit in units})
     wall_colour = cache(partial(photo_wall_colour, group, plan))
 
     def source_name(facade: int) -> str:
@@ -180,6 +181,8 @@ def _write_facade(
             about["variation_digest"] = digest_stored_file(result.hierarchy.to_bytes())
         if imagery.sources()[made.depth] in ("photo", "panoramas"):
             about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
+            colour = measure_pictured_colour(result, density)
+            about |= {} if colour is None else {"pictured_colour": colour}
         if made.before is not None:
             about |= _write_change(group, plan, facade, made.before)
         if made.fit is not None:
@@ -378,13 +381,4 @@ def _summarize(result: Facade) -> dict[str, object]:
         ],
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
         **({"repeated_foot": round(result.repeated_foot_share, 4)} if result.repeated_foot_share else {}),
-    } | ({} if result.hierarchy is None else _variation_counts(result.hierarchy))
-
-
-def _variation_counts(hierarchy: Hierarchy) -> dict[str, int]:
-    """Return the record fields of a variation hierarchy for the catalogue."""
-    return {
-        "variation_types": int((hierarchy.levels[0].counts > 0).sum()),
-        "variation_levels": len(hierarchy.levels),
-        "variation_bytes": int(hierarchy.nbytes),
-    }
+    } | ({} if result.hierarchy is None else count_variations(result.hierarchy))

@@ -1,0 +1,63 @@
+"""Common exposure of the pictured walls of one building."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array, UInt8Array
+
+# Largest slope of the tone curve at black.
+MAX_SLOPE = 2.0
+# Walls whose slope would be smaller are as light as the lightest one.
+MIN_SLOPE = 1.05
+# Largest differences of log(red / green) and log(blue / green) between walls of one material; shade is bluer than sun.
+MAX_RED_DIFFERENCE = 0.1
+MAX_BLUE_DIFFERENCE = 0.2
+# Largest deviation of a channel's slope from their mean.
+MAX_CHANNEL_DEVIATION = 0.1
+# Colours are kept this far from black and white, 0..255.
+COLOUR_MARGIN = 4.0
+
+
+def level_wall_colours(colours: Sequence[Float64Array]) -> Float64Array:
+    """Return the tone curves that bring the walls of a building to the exposure of its lightest one of their material.
+
+    A house is photographed from several sides, in sun and in shade, and by pictures of several exposures. Where two of its
+    walls have one hue, the darker one is lightened, within bounds.
+
+    Parameters
+    ----------
+    colours : (3,) lit colour of each wall, 0..255.
+
+    Returns
+    -------
+    (n, 3) slope at black of each wall and channel, for `apply_tone_curve`; 1 leaves it as it is.
+    """
+    values = np.clip(np.array(colours, np.float64).reshape(-1, 3), COLOUR_MARGIN, 255 - COLOUR_MARGIN)
+    logs = np.log(values)
+    hue = logs[:, [0, 2]] - logs[:, [1]]
+    slopes = np.ones_like(values)
+    for own in range(len(values)):
+        apart = np.abs(hue - hue[own])
+        alike = np.flatnonzero((apart[:, 0] <= MAX_RED_DIFFERENCE) & (apart[:, 1] <= MAX_BLUE_DIFFERENCE))
+        best = alike[values[alike].mean(axis=1).argmax()]
+        slope = np.log(1 - values[best] / 255) / np.log(1 - values[own] / 255)
+        mean = min(float(slope.mean()), MAX_SLOPE)
+        if mean >= MIN_SLOPE:
+            limits = mean * (1 - MAX_CHANNEL_DEVIATION), mean * (1 + MAX_CHANNEL_DEVIATION)
+            slopes[own] = np.clip(slope * (mean / slope.mean()), *limits)
+    return slopes
+
+
+def apply_tone_curve(image: UInt8Array, slope: Float64Array) -> UInt8Array:
+    """Lighten a picture (h, w, 3): by its slope near black, ever less towards white, which stays.
+
+    Parameters
+    ----------
+    slope : (3,) slope at black, 1 or more.
+    """
+    tones = np.arange(256)[:, None] / 255
+    table = np.rint(255 * (1 - (1 - tones) ** slope)).astype(np.uint8)
+    return np.stack([table[image[..., band], band] for band in range(3)], axis=-1)

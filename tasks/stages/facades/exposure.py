@@ -1,0 +1,83 @@
+"""Common exposure of the photographed facades of a building, once all of them are written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import numpy as np
+
+from facade_core.atlas.journal import Record, read_records
+from facade_core.atlas.rasters import TexelLayout, chart_digests, read_chart_raster, write_rasters
+from facade_core.atlas.stored_files import digest_stored_file, write_stored_file
+from facade_core.core.arrays import Float64Array
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
+from facade_core.core.types import Element
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.exposure import apply_tone_curve, level_wall_colours
+from facade_core.facade.facade import Facade
+from facade_core.facade.variation.encoding import encode
+from facade_core.facade.wall_material import MIN_WALL_M2, lit_colour
+from facade_core.plan.plan import Plan
+from tasks.stages.facades.record import FacadeRecord, count_variations
+
+
+def measure_pictured_colour(facade: Facade, texels_per_metre: float) -> list[float] | None:
+    """Return the lit colour of the wall that a facade's pictures show, 0..255; None if they show too little."""
+    shown = (facade.labels == FacadeClass.WALL) & (facade.provenance == Provenance.PHOTO)
+    if shown.sum() < MIN_WALL_M2 * texels_per_metre**2:
+        return None
+    return [round(float(value), 1) for value in lit_colour(facade.image[shown])]
+
+
+def level_exposures(
+    group: StoreGroup, plan: Plan, records: dict[int, Record], neighbours: Mapping[int, Sequence[int]]
+) -> None:
+    """Bring the photographed facades of a building to one exposure, in the store and in their records.
+
+    Parameters
+    ----------
+    group : root of the store, with the facades as they are pictured.
+    plan : its plan.
+    records : records of the facades that were written now; changed in place.
+    neighbours : of each of them, the other facades of its building with pictures.
+    """
+    for facade in neighbours:
+        own = _pictured_colour(records.get(facade))
+        if own is None:
+            continue
+        others = [
+            _pictured_colour(records.get(other) or read_records(group, "facades", np.array([other]))[0])
+            for other in neighbours[facade]
+        ]
+        slope = level_wall_colours([own, *(colour for colour in others if colour is not None)])[0]
+        if (slope != 1).any():
+            _lighten(group, plan, facade, cast(FacadeRecord, records[facade]), slope)
+
+
+def _pictured_colour(record: Record | None) -> Float64Array | None:
+    if record is None or record["status"] != "done":
+        return None
+    colour = cast(FacadeRecord, record).get("pictured_colour")
+    return None if colour is None else np.array(colour, np.float64)
+
+
+def _lighten(group: StoreGroup, plan: Plan, facade: int, record: FacadeRecord, slope: Float64Array) -> None:
+    """Apply a tone curve to the rasters and the variations of a facade."""
+    scene, chart = plan.scene, int(plan.facades.chart[facade])
+    rasters = TexelLayout.of_charts(scene.placement, [chart])
+    has_variations = "variation_file" in record
+    for name in ("atlas/seed", *(["facade_maps/evidence"] if has_variations else [])):
+        image = apply_tone_curve(read_chart_raster(group, scene.placement, chart, name), slope)
+        write_rasters(group[name], scene.spec, scene.placement, rasters, image.reshape(-1, 3))
+    image = read_chart_raster(group, scene.placement, chart, "atlas/seed")
+    evidence = read_chart_raster(group, scene.placement, chart, "atlas/seed_evidence")
+    record["digests"] = chart_digests(image.reshape(-1, 3), evidence.reshape(-1), scene.placement, rasters, plan.ids)
+    record["tone_slope"] = [round(float(value), 3) for value in slope]
+    if has_variations:
+        hierarchy = encode(image, [Element(*row) for row in record["elements"]])
+        file = hierarchy.to_bytes()
+        write_stored_file(group, record["variation_file"], file, f"variations of {plan.facades.id[facade]}")
+        record["variation_digest"] = digest_stored_file(file)
+        cast(dict[str, object], record).update(count_variations(hierarchy))

@@ -1,0 +1,42 @@
+"""Walls of one building in one exposure: those of one hue, within bounds, by a curve that keeps white."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.facade.exposure import MAX_SLOPE, apply_tone_curve, level_wall_colours
+
+BRICK, PLASTER = np.array([101.0, 82, 83]), np.array([152.0, 138, 126])
+
+
+def shown(colour: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    return apply_tone_curve(np.rint(colour).astype(np.uint8)[None, None], slope)[0, 0].astype(float)
+
+
+def test_the_darker_of_two_walls_comes_to_the_lighter_one() -> None:
+    dark = BRICK * (0.7, 0.7, 0.75)  # in the shade: bluer
+    slopes = level_wall_colours([BRICK, dark])
+    np.testing.assert_array_equal(slopes[0], 1)
+    assert np.abs(shown(dark, slopes[1]) - BRICK).max() < 3
+
+
+def test_walls_of_another_material_keep_their_exposure() -> None:
+    np.testing.assert_array_equal(level_wall_colours([BRICK, PLASTER]), 1)
+    np.testing.assert_array_equal(level_wall_colours([BRICK]), 1)
+    assert level_wall_colours([]).shape == (0, 3)
+
+
+def test_a_wall_at_night_is_lightened_within_bounds() -> None:
+    slopes = level_wall_colours([PLASTER, PLASTER / 8])
+    assert slopes[1].mean() == pytest.approx(MAX_SLOPE, rel=0.05)
+    assert (shown(PLASTER / 8, slopes[1]) < PLASTER / 3).all()
+    assert np.isfinite(level_wall_colours([np.zeros(3), np.full(3, 255.0)])).all()
+
+
+def test_the_curve_keeps_black_and_white_and_the_order() -> None:
+    ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
+    lit = apply_tone_curve(ramp, np.array([2.0, 1.0, 1.5]))
+    assert (lit[0, [0, -1]] == ramp[0, [0, -1]]).all()
+    assert (np.diff(lit[0].astype(int), axis=0) >= 0).all()
+    assert lit[0, 10].tolist() == [20, 10, 15]
