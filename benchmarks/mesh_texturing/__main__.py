@@ -63,8 +63,6 @@ def measure(cases: Sequence[Case], environments: Path, pictures: Path | None, *,
                 texture_by_meshlab, place, environments, case.scene.mesh, case.images, case.poses, case.texels
             )
             try:
-                if any(pose.lens is not None for pose in case.poses):
-                    raise RuntimeError("its rasters are cut from panoramas")
                 texture, used = by_meshlab()
                 if twice:
                     again, _ = by_meshlab()
@@ -147,7 +145,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="folder with city/amsterdam and facades/ecp, as the block names them")
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--buildings", type=int, default=8, help="houses on the street, an even number; 0 for none")
-    parser.add_argument("--cameras", type=int, default=5)
+    parser.add_argument(
+        "--cameras", type=int, default=5, help="panoramas of the street; 0 for perspective pictures alone"
+    )
     parser.add_argument("--width", type=int, default=2048, help="pixels of a panorama of the street")
     parser.add_argument("--perspective", type=int, default=0, help="perspective pictures of the street; 0 for none")
     parser.add_argument("--perspective-width", type=int, default=1200, help="pixels of such a picture")
@@ -162,7 +162,7 @@ def main() -> None:
     options = parser.parse_args()
     limit_threads()
     cases: dict[str, list[Case]] = {}
-    if options.buildings:
+    if options.buildings and options.cameras:
         size = {name: getattr(options, name) for name in ("seed", "buildings", "cameras", "width")}
         cases |= {f"street, {poses} poses": found for poses, found in street_cases(**size).items()}
     if options.perspective:

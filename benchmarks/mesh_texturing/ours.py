@@ -23,6 +23,7 @@ from facade_core.imagery.cameras.occluder_masks import (
 )
 from facade_core.imagery.cameras.walls import fuse_wall_view
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M, camera_position, is_any_in_view
+from facade_core.imagery.rectify.coverage import order_by_coverage
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
@@ -108,7 +109,8 @@ class _Reader:
 
 def _texture_facade(case: Case, chart: int, files: Sequence[Path]) -> Texels | None:
     size = case.size(chart)
-    shown = find_sightings(case.scene, chart, case.poses, [image.shape[:2] for image in case.images])[:MAX_PANORAMAS]
+    sizes = [image.shape[:2] for image in case.images]
+    shown = order_by_coverage(find_sightings(case.scene, chart, case.poses, sizes))[:MAX_PANORAMAS]
     if not shown:
         return None
     imagery = FacadeImagery(panoramas=tuple((files[one.panorama], case.poses[one.panorama]) for one in shown))

@@ -1,4 +1,6 @@
-"""MeshLab's registered rasters: perspective views of panoramas, with their cameras and the mesh as a project of MeshLab's."""
+"""MeshLab's registered rasters: perspective views of panoramas and pictures without distortion, with their cameras and the
+mesh as a project of MeshLab's.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,18 @@ from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.raycast import RayCaster
-from facade_core.imagery.panorama_camera import camera_position, project_directions_to_picture
+from facade_core.imagery.panorama_camera import (
+    camera_position,
+    pixels_per_radian,
+    project_directions_to_picture,
+)
 
 # Views of a panorama: headings around it, and the field of view of each, degrees.
 HEADINGS, FIELD_OF_VIEW_DEG = 8, 90.0
 # Heights at which they look, degrees: straight ahead, and up at what is over the street.
 PITCHES_DEG = (0.0, 40.0)
+# Share of the width of a picture of a lens that its view without distortion and roll has.
+LENS_VIEW_SHARE = 0.95
 # Longest edge of a face, metres: the filter takes a face from one picture that shows it whole.
 MAX_EDGE_M = 1.0
 
@@ -102,8 +110,27 @@ def perspective_cameras(pose: Pose, size: int, *, pitches: Sequence[float] = PIT
     ]
 
 
+def raster_cameras(pose: Pose, width: int) -> list[PerspectiveCamera]:
+    """Return the cameras of the rasters of a picture so wide, as sharp in the middle of a raster as the picture is."""
+    if pose.lens is None:
+        return perspective_cameras(
+            pose, round(width / pose.view[2] / np.pi * np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2))
+        )
+    columns = round(LENS_VIEW_SHARE * width)
+    angle = 2 * np.degrees(np.arctan(columns / 2 / pixels_per_radian(pose, width)))
+    return [
+        PerspectiveCamera.from_heading(
+            camera_position(pose),
+            heading=pose.heading,
+            pitch=pose.pitch,
+            field_of_view=float(angle),
+            size=(round(columns * pose.lens.size[1] / pose.lens.size[0]), columns),
+        )
+    ]
+
+
 def cut_view(image: np.ndarray, pose: Pose, rays: np.ndarray) -> np.ndarray:
-    """Return what a panorama shows along world rays (h, w, 3), as (h, w, channels)."""
+    """Return what a picture shows along world rays (h, w, 3), as (h, w, channels)."""
     share = project_directions_to_picture(rays, pose)
     left, top, width, height = pose.view
     rows, columns = image.shape[:2]
@@ -143,9 +170,7 @@ def write_project(
     ElementTree.SubElement(model, "MLMatrix44").text = " ".join(str(int(n)) for n in np.eye(4).ravel())
     rasters = ElementTree.SubElement(project, "RasterGroup")
     for panorama, (image, pose) in enumerate(zip(images, poses, strict=True)):
-        # as sharp in the middle of a view as the panorama is
-        size = round(image.shape[1] / pose.view[2] / np.pi * np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2))
-        for number, camera in enumerate(perspective_cameras(pose, size)):
+        for number, camera in enumerate(raster_cameras(pose, image.shape[1])):
             name = f"{panorama}-{number}.png"
             cv2.imwrite(str(folder / name), cut_view(image, pose, camera.rays())[..., ::-1])
             raster = ElementTree.SubElement(rasters, "MLRaster", label=name)

@@ -23,6 +23,7 @@ from facade_core.geometry.streets import Viewpoint, assign_streets_to_waves, pla
 from facade_core.geometry.texel_density import min_texel_density, texel_density
 from facade_core.geometry.walls import WallRole, free_wall_shares
 from facade_core.imagery.panorama_camera import WALL_REACH_M
+from facade_core.imagery.rectify.coverage import order_by_coverage
 from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
 from facade_core.plan.core_region import (
     CoreRegion,
@@ -305,9 +306,8 @@ def _find_sightings(
             continue
         on_street = facades.role[index] == WallRole.STREET
         reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
-        for sighting in find_sightings(
-            scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach
-        ):
+        shown = find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach)
+        for sighting in order_by_coverage(shown):
             if sighting.seen_share >= least:
                 found.append((index, of[sighting.panorama], sighting.seen_share, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]

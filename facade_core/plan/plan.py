@@ -29,7 +29,7 @@ MAX_POSE_SHIFT_M = 3.0
 
 @dataclass(frozen=True)
 class FacadeSightings:
-    """Sightings of facades in panoramas as columns, best first within a facade.
+    """Sightings of facades in panoramas as columns, in the order of `order_by_coverage` within a facade.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class FacadeSightings:
     pixels_per_metre: Float64Array
 
     def panoramas_showing(self, facade: int) -> Int32Array:
-        """Return the panoramas that show a facade, best first."""
+        """Return the panoramas that show a facade, those first that show most of it together."""
         return self.panorama[self._of_facade.rows_with(facade)]
 
     @cached_property

@@ -12,12 +12,14 @@ from benchmarks.mesh_texturing.registered_rasters import (
     cut_view,
     divide_triangles,
     perspective_cameras,
+    raster_cameras,
     shot_attributes,
 )
-from facade_core.core.types import Pose
+from facade_core.core.lens_projection import picture_rays
+from facade_core.core.types import Lens, Pose
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.charts import Mesh
-from facade_core.imagery.panorama_camera import camera_position, project_directions_to_picture
+from facade_core.imagery.panorama_camera import camera_from_world, camera_position, project_directions_to_picture
 
 POSE = Pose(4200.5, 7300.25, 2.5, heading=37.0, pitch=1.5, roll=-0.8)
 WALL = np.array([[0.0, 10, 0], [6, 10, 0], [6, 10, 4], [0, 10, 4]])
@@ -54,6 +56,16 @@ def test_a_view_shows_what_the_panorama_shows_in_its_directions() -> None:
     away_from_border = (expected[..., 0] > 0.01) & (expected[..., 0] < 0.99)
     assert away_from_border.any()
     np.testing.assert_allclose(found[away_from_border], expected[away_from_border], atol=2e-3)
+
+
+def test_a_raster_of_a_picture_of_a_lens_shows_it_without_distortion() -> None:
+    lens = Lens((640, 480), (480.0, 480.0), (320.0, 240.0), (-0.08, 0.01))
+    pose = Pose(4200.5, 7300.25, 2.5, heading=37.0, pitch=4.0, roll=1.0, lens=lens)
+    rays = picture_rays(lens, (240, 320)) @ camera_from_world(pose)
+    (camera,) = raster_cameras(pose, 320)
+    found = cut_view(rays.astype(np.float32), pose, camera.rays())
+    assert found.shape == (228, 304, 3)
+    np.testing.assert_allclose(found, camera.rays(), atol=2e-3)
 
 
 def test_a_divided_mesh_covers_the_same_area_by_short_edges() -> None:
@@ -108,7 +120,6 @@ def test_views_are_taken_from_where_the_panorama_was() -> None:
 
 def test_perspective_pictures_are_off_by_what_is_said_and_look_at_houses() -> None:
     from benchmarks.mesh_texturing.cases import PICTURE_NOISE_DEG, PICTURE_NOISE_M, perspective_cases
-    from facade_core.imagery.panorama_camera import camera_from_world
 
     found = perspective_cases(seed=3, buildings=2, pictures=3, width=96)
     (true,), (off,) = found["true"], found["off"]

@@ -134,7 +134,10 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         assert (shown.camera[shown.is_visible] >= 0).all()
         places = np.array([[c.pose.x, c.pose.y] for c in cameras])[shown.camera[rows, columns]]
         off = np.linalg.norm(points[:, :2] - places, axis=1)
-        assert off.min() > MIN_GROUND_DISTANCE_M - 0.2
+        others = np.array([[c.pose.x, c.pose.y] for c in cameras])[1 - shown.camera[rows, columns]]
+        # its own vehicle may be there unless the other camera shows the same ground
+        near = off < MIN_GROUND_DISTANCE_M - 0.2
+        assert (np.linalg.norm(points[near, :2] - others[near], axis=1) < GROUND_REACH_M + 0.2).all()
         assert off.max() < GROUND_REACH_M + 0.2
         assert (shown.camera[~shown.is_visible] == -1).all()
         truth = paint(points[:, :2]) * gains[1]

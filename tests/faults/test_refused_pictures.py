@@ -114,6 +114,30 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
     assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS[:1]), (), refused) is None
 
 
+@pytest.mark.parametrize(
+    ("shown", "metres", "textured", "enough"),
+    [
+        (0.4, (4.0, 3.0), True, True),
+        (0.25, (10.0, 26.0), False, True),  # the foot of a tall building
+        (0.25, (10.0, 8.0), False, False),  # 20 square metres
+        (0.05, (40.0, 26.0), False, False),  # 52 of a front that is mostly a guess
+        (0.25, (10.0, 26.0), True, False),  # the model's texture shows more
+    ],
+)
+def test_a_facade_of_which_pictures_show_little_is_completed_where_that_is_two_storeys(
+    monkeypatch: pytest.MonkeyPatch, shown: float, metres: tuple[float, float], textured: bool, enough: bool
+) -> None:
+    seen = np.broadcast_to(np.arange(SIZE[0])[:, None] >= SIZE[0] * (1 - shown), SIZE)
+    view = ChartView(np.zeros((*SIZE, 3), np.uint8), seen, seen.astype(np.float32))
+    monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)
+    monkeypatch.setattr(evidence, "capture_date", lambda path: None)
+    monkeypatch.setattr(evidence, "_reject_other_planes", lambda plan, chart, newest, earlier, _: (newest, earlier))
+    monkeypatch.setattr(evidence, "wall_surroundings_mask", lambda *_, **__: None)
+    plan: Any = Value(scene=Value(charts=Value(size=np.array([metres]))))
+    imagery = FacadeImagery(panoramas=PANORAMAS, textured=textured)
+    assert (read_evidence("panoramas", plan, 0, SIZE, imagery, (), []) is not None) == enough
+
+
 def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     view = ChartView(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.ones(SIZE, np.float32))
     monkeypatch.setattr(evidence, "_view_of_panorama", lambda *_: view)

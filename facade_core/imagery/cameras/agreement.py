@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, NumericArray
+from facade_core.core.arrays import BoolArray, Float32Array, NumericArray, UInt8Array
 from facade_core.core.levelling import fill_unknown_values
 from facade_core.imagery.rectify.fusion import ChartView
 
@@ -67,8 +67,8 @@ def compare_views_by_squares(views: Sequence[ChartView], density: float) -> View
     The agreement of every view with the others.
     """
     side = max(1, round(COMPARED_SQUARE_M * density))
-    is_usable = np.stack([_square_means(view.clear.astype(np.float32), side) for view in views]) > MIN_CLEAR_SHARE
-    log_colour = np.stack([_mean_log_colour(view, side) for view in views])
+    colours, shares = zip(*(mean_log_colour(view.rgb, view.clear, side) for view in views), strict=True)
+    is_usable, log_colour = np.stack(shares) > MIN_CLEAR_SHARE, np.stack(colours)
     is_confirmed, is_contradicted = np.zeros(is_usable.shape, bool), np.zeros(is_usable.shape, bool)
     for i in range(len(views)):
         for j in range(len(views)):
@@ -101,8 +101,8 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
 
     side = max(1, round(THIN_CELL_M * density))
     window = 2 * round(MEDIAN_WINDOW_M / THIN_CELL_M / 2) + 1
-    is_usable = [_square_means(view.clear.astype(np.float32), side) > MIN_CLEAR_SHARE for view in views]
-    log_colour = [_mean_log_colour(view, side) for view in views]
+    log_colour, shares = zip(*(mean_log_colour(view.rgb, view.clear, side) for view in views), strict=True)
+    is_usable = [share > MIN_CLEAR_SHARE for share in shares]
     masks = []
     for i, view in enumerate(views):
         colour = np.rint(fill_unknown_values(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
@@ -136,12 +136,22 @@ def _has_match(log_colour: Float32Array, other: Float32Array, is_usable: BoolArr
     return is_matched
 
 
-def _mean_log_colour(view: ChartView, side: int) -> Float32Array:
-    """Logarithm of the mean colour of a square's clear texels: (r, c, 3)."""
-    clear = view.clear
-    share = _square_means(clear.astype(np.float32), side)
-    total = _square_means(view.rgb * clear[..., None].astype(np.float32), side)
-    return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0))
+def mean_log_colour(rgb: UInt8Array, mask: BoolArray, side: int) -> tuple[Float32Array, Float32Array]:
+    """Compute the logarithm of the mean colour of each square's texels in a mask.
+
+    Parameters
+    ----------
+    rgb : (h, w, 3) uint8.
+    mask : (h, w) bool.
+    side : side of a square in texels.
+
+    Returns
+    -------
+    Logarithm (r, c, 3), and the share (r, c) of the square that is in the mask.
+    """
+    share = _square_means(mask.astype(np.float32), side)
+    total = _square_means(rgb * mask[..., None].astype(np.float32), side)
+    return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0)), share
 
 
 def _square_means(array: NumericArray, side: int) -> Float32Array:

@@ -28,6 +28,7 @@ class PanoramaCamera:
     occluded : (H, W) bool, an occluder is seen.
     exposure_factor : (3,) factors to the common exposure.
     ground_colour : typical ground colour around the camera, see `typical_ground_colour`.
+    private : (H, W) bool, the part of `occluded` that shows faces and number plates; None without any.
     """
 
     image: UInt8Array
@@ -35,6 +36,7 @@ class PanoramaCamera:
     occluded: BoolArray
     exposure_factor: Float64Array
     ground_colour: tuple[Float64Array, Float64Array] | None
+    private: BoolArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

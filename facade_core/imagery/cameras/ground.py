@@ -1,12 +1,14 @@
 """Ground charts from posed panoramas: each texel from the best camera, where cameras agree.
 
 Objects that the model lacks (cars, people, kerbs, the camera's own vehicle) appear at different ground positions in
-each camera, by parallax. Squares in which cameras contradict each other are left to the material.
+each camera, by parallax. Squares in which cameras contradict each other are left to the material. Ground whose detail two
+cameras show alike is bare, whatever the occluder parser says.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,13 +22,15 @@ from facade_core.imagery.cameras.camera_view import (
     equalise_exposure,
     fuse_camera_views,
 )
+from facade_core.imagery.cameras.matching_detail import find_matching_detail, select_parallax_pairs
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, camera_position, camera_reach
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 
 # Nearer than this, in metres, the camera's own vehicle hides the ground.
 MIN_GROUND_DISTANCE_M = 3.4
-# Nearer than this, in metres, a view that no other camera confirms may show the camera's own vehicle.
+# Nearer than this, in metres, a panorama that no other camera confirms may show the camera's own vehicle. A picture of a lens
+# looks ahead.
 MIN_UNCONFIRMED_DISTANCE_M = 7.0
 # Squares that other cameras must confirm before unconfirmed ones of a view are trusted. A camera without
 # neighbours would leave a ring of ground around it.
@@ -58,11 +62,16 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]
     -------
     The fused view, None where the cameras show too little.
     """
-    views = [_ground_view(scene, chart, camera) for camera in cameras]
+    density = float(scene.placement.texels_per_metre[chart])
+    views = _clear_matching_ground(scene, chart, cameras, [_ground_view(scene, chart, camera) for camera in cameras])
     if not any(bool(view.clear.any()) for view in views):
         return None
-    density = float(scene.placement.texels_per_metre[chart])
-    distance = [_ground_distance(scene, chart, camera.pose) for camera in cameras]
+    distance = [
+        _ground_distance(scene, chart, camera.pose)
+        if camera.pose.lens is None
+        else np.full(view.seen.shape, np.inf, np.float32)
+        for camera, view in zip(cameras, views, strict=True)
+    ]
     return fuse_camera_views(
         views,
         select_trusted_ground_texels(
@@ -83,7 +92,7 @@ def select_trusted_ground_texels(
     Parameters
     ----------
     views : views of one chart, of equal size and exposure.
-    distance : (h, w) distance of the texels from each camera in metres.
+    distance : (h, w) distance of the texels from each camera's vehicle in metres, infinite without one.
     ground_colours : see `typical_ground_colour`, in the views' exposure.
     density : texels per metre.
 
@@ -124,13 +133,34 @@ def select_trusted_ground_texels(
     ]
 
 
+def _clear_matching_ground(
+    scene: Scene, chart: int, cameras: Sequence[PanoramaCamera], views: Sequence[ChartView]
+) -> list[ChartView]:
+    """Return the views with the ground that two cameras show in the same detail no longer occluded, unless it is private."""
+    height = float(scene.charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0, 0, 2])
+    pairs = select_parallax_pairs([camera.pose for camera in cameras], height)
+    if not pairs:
+        return list(views)
+    density = float(scene.placement.texels_per_metre[chart])
+    cleared = []
+    for view, camera, is_bare in zip(views, cameras, find_matching_detail(views, density, pairs), strict=True):
+        occluded = view.seen & ~view.clear & ~is_bare
+        if camera.private is not None:
+            size = view.seen.shape
+            faced = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.private)
+            occluded |= view.seen & faced.seen & ~faced.clear
+        cleared.append(replace(view, occluded=occluded))
+    return cleared
+
+
 def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
-    """Rectify a chart in the common exposure, from MIN_GROUND_DISTANCE_M to the camera's reach."""
+    """Rectify a chart in the common exposure, within the camera's reach; nearer than MIN_GROUND_DISTANCE_M it is occluded."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     reach = camera_reach(camera.pose, GROUND_REACH_M)
-    return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= reach))
+    hidden = view.seen & (~view.clear | (distance < MIN_GROUND_DISTANCE_M))
+    return equalise_exposure(replace(view, occluded=hidden), camera, distance <= reach)
 
 
 def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:

@@ -45,7 +45,7 @@ COARSE_STEP = 4
 MAX_RAYS = 1 << 18
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
     """Panorama that shows a chart.
 
@@ -56,6 +56,7 @@ class Sighting:
     pixels_per_metre : mean resolution of the seen part.
     obliquity : mean angle in degrees between line of sight and surface.
     score : higher is better.
+    is_seen : (points,) bool, sample points of the chart that are seen.
     """
 
     panorama: int
@@ -63,6 +64,7 @@ class Sighting:
     pixels_per_metre: float
     obliquity: float
     score: float
+    is_seen: BoolArray
 
 
 def find_sightings(
@@ -98,7 +100,8 @@ def find_sightings(
             continue
         resolution, facing = float(view.resolution.mean()), float(view.sine.mean())
         score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
-        sightings.append(Sighting(view.panorama, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
+        obliquity = float(np.degrees(np.arcsin(facing)))
+        sightings.append(Sighting(view.panorama, seen, resolution, obliquity, score, view.usable))
     return sorted(sightings, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 

@@ -44,8 +44,12 @@ RIM_TEXELS = 2
 EARLIER_QUALITY = 0.25
 # How it was before is kept, as a picture of at most so many texels to a side, of facades of which at least this share changed.
 PICTURED, LONGEST, GREY = 0.02, 320, 176
-# A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
+# A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from,
 MIN_SHOWN_SHARE = 0.3
+# unless they show so many square metres, two storeys of a house, that are at least this share of it. Of a tall building a
+# street shows the foot.
+MIN_SHOWN_M2 = 25.0
+MIN_LARGE_SHOWN_SHARE = 0.1
 # Occluders are looked for in a view of so many texels where the raster has fewer, at most so many times finer to a side.
 PARSED_VIEW_TEXELS, MAX_FINER = 500_000, 2.0
 
@@ -144,10 +148,21 @@ def read_evidence(
         return _fuse_panoramas(plan, chart, size, imagery, refused, parser)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
     image, covered = render_model_texture(plan.scene, chart, images)
-    if covered.mean() < MIN_SHOWN_SHARE:
+    if not _shows_enough(plan, chart, covered, has_other=False):
         return None
     # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
     return FacadeEvidence(image, ~covered, covered, "own texture", clean=True)
+
+
+def _shows_enough(plan: Plan, chart: int, shown: BoolArray, *, has_other: bool) -> bool:
+    """Report whether what pictures show of a facade, (h, w) bool, is enough to complete it.
+
+    `has_other`: a texture of the model can show more of it.
+    """
+    share = float(shown.mean())
+    if share >= MIN_SHOWN_SHARE or has_other:
+        return share >= MIN_SHOWN_SHARE
+    return share >= MIN_LARGE_SHOWN_SHARE and share * float(plan.scene.charts.size[chart].prod()) >= MIN_SHOWN_M2
 
 
 def _fuse_panoramas(
@@ -179,7 +194,7 @@ def _fuse_panoramas(
             for one in earlier
         ]
     fused = fuse_views(views)
-    if (fused.seen & ~fused.occluded).mean() < MIN_SHOWN_SHARE:
+    if not _shows_enough(plan, chart, fused.seen & ~fused.occluded, has_other=imagery.textured):
         return None
     _, masked = clean_occluder_mask(fused.occluded)
     hidden = _widen(~fused.seen) | fused.occluded

@@ -42,8 +42,9 @@ def open_camera(one: SurfacePanorama, hides: Hides, refused: list[Exception]) ->
     """Open a panorama as a camera; None if that fails, with the error appended to `refused`."""
     with collect_input_errors(refused):
         image = read_panorama(one.path)
+        occluded, private = _occluder_masks(one, image, hides)
         return PanoramaCamera(
-            image, one.pose, _occluder_bits(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)
+            image, one.pose, occluded, np.array(one.factor), typical_ground_colour(one.squares), private
         )
     return None
 
@@ -131,22 +132,28 @@ def _mean_distance(scene: Scene, own: Mapping[int, AnyArray], one: SurfacePanora
     return round(float(np.concatenate(away).mean()), 2)
 
 
-# What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
-# them.
-_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], UInt8Array] = OrderedDict()
+# What hides surfaces on the panoramas looked at last, and faces and plates, in bits, by what looked and their file and pose:
+# units side by side share them.
+_MASKS: OrderedDict[tuple[str, Path, int, int, Pose], tuple[UInt8Array, UInt8Array | None]] = OrderedDict()
 
 
-def _occluder_bits(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> BoolArray:
-    """Return the occluders, faces and plates on a panorama, (H, W) bool."""
+def _occluder_masks(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> tuple[BoolArray, BoolArray | None]:
+    """Return the occluders, faces and plates on a panorama, (H, W) bool, and faces and plates alone if there are any."""
     state = one.path.stat()
     of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
     bits = _MASKS.get(of)
     if bits is None:
         seen = detect_on_panorama(image, one.pose)
+        private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
         hidden = hides(image, one.pose)
-        bits = np.packbits(hidden | seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else hidden)
+        whole, own = (hidden, None) if private is None else (hidden | private, np.packbits(private))
+        bits = np.packbits(whole), own
         _MASKS[of] = bits
         if len(_MASKS) > MAX_CACHED_MASKS:
             _MASKS.popitem(last=False)
     _MASKS.move_to_end(of)
-    return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)
+    return _unpack_bits(bits[0], image.shape[:2]), None if bits[1] is None else _unpack_bits(bits[1], image.shape[:2])
+
+
+def _unpack_bits(bits: UInt8Array, shape: tuple[int, int]) -> BoolArray:
+    return np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)

@@ -16,6 +16,7 @@ from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
+from facade_core.imagery.detect.detection import FacesPlatesAndText
 from facade_core.synth.street_truth import synthetic_street
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
@@ -37,14 +38,37 @@ def test_a_panorama_is_looked_at_once_and_again_when_it_changes(
     path.write_bytes(b"a picture")
     one = SurfacePanorama(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
     for _ in range(2):
-        np.testing.assert_array_equal(module._occluder_bits(one, image, in_the_way), image[..., 0] > 128)
+        occluded, private = module._occluder_masks(one, image, in_the_way)
+        np.testing.assert_array_equal(occluded, image[..., 0] > 128)
+        assert private is None
     assert len(looked) == 1
     path.write_bytes(b"another picture")
-    module._occluder_bits(one, image, in_the_way)
+    module._occluder_masks(one, image, in_the_way)
     assert len(looked) == 2
     for heading in range(1, 2 + module.MAX_CACHED_MASKS):
-        module._occluder_bits(one._replace(pose=Pose(0, 0, 2.5, heading)), image, in_the_way)
+        module._occluder_masks(one._replace(pose=Pose(0, 0, 2.5, heading)), image, in_the_way)
     assert len(module._MASKS) == module.MAX_CACHED_MASKS
+
+
+def to_the_right(image: np.ndarray, pose: Pose) -> np.ndarray:
+    return image[..., 0] + np.arange(80) > 70
+
+
+def test_faces_and_plates_are_occluders_that_are_known_as_private(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faces = FacesPlatesAndText(faces=np.array([[10.0, 5.0, 20.0, 17.0]]))
+    monkeypatch.setattr(module, "detect_on_panorama", lambda *_: faces)
+    monkeypatch.setattr(module, "_MASKS", type(module._MASKS)())
+    path = tmp_path / "a.jpg"
+    path.write_bytes(b"a picture")
+    one = SurfacePanorama(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
+    image = np.zeros((40, 80, 3), np.uint8)
+    for _ in range(2):
+        occluded, private = module._occluder_masks(one, image, to_the_right)
+        assert private is not None
+        np.testing.assert_array_equal(private, faces.private_mask((40, 80)))
+        np.testing.assert_array_equal(occluded, private | to_the_right(image, one.pose))
 
 
 def four() -> list[SurfacePanorama]:
