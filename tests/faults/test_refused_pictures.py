@@ -120,7 +120,7 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
         (0.4, (4.0, 3.0), True, True),
         (0.25, (10.0, 26.0), False, True),  # the foot of a tall building
         (0.25, (10.0, 8.0), False, False),  # 20 square metres
-        (0.05, (40.0, 26.0), False, False),  # 52 of a front that is mostly a guess
+        (0.15, (40.0, 26.0), False, False),  # 156 of a front that is mostly a guess
         (0.25, (10.0, 26.0), True, False),  # the model's texture shows more
     ],
 )

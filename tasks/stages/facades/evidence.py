@@ -49,7 +49,7 @@ MIN_SHOWN_SHARE = 0.3
 # unless they show so many square metres, two storeys of a house, that are at least this share of it. Of a tall building a
 # street shows the foot.
 MIN_SHOWN_M2 = 25.0
-MIN_LARGE_SHOWN_SHARE = 0.1
+MIN_LARGE_SHOWN_SHARE = 0.2
 # Occluders are looked for in a view of so many texels where the raster has fewer, at most so many times finer to a side.
 PARSED_VIEW_TEXELS, MAX_FINER = 500_000, 2.0
 
