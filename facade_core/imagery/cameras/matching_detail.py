@@ -88,7 +88,7 @@ def _correlation(first: Float32Array, second: Float32Array, both: BoolArray) -> 
     import cv2
 
     def mean(values: Float32Array) -> Float32Array:
-        return np.asarray(cv2.blur(values * both, (WINDOW_CELLS, WINDOW_CELLS)), np.float32) / share
+        return np.asarray(cv2.blur(values * both, (WINDOW_CELLS, WINDOW_CELLS)) / share, np.float32)
 
     shared = np.asarray(cv2.blur(both.astype(np.float32), (WINDOW_CELLS, WINDOW_CELLS)), np.float32)
     share = np.maximum(shared, 1e-6)
