@@ -90,6 +90,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
                 hidden=float(made.occluded.mean()),
                 shaded=made.shaded_share,
                 shop_width=float((made.labels == FacadeClass.SHOP).any(axis=0).mean()),
+                quality=made.quality.score,
                 look=style_descriptor(made.image, made.labels, made.metres_per_pixel),
             )
         )

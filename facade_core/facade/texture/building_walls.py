@@ -132,26 +132,23 @@ def compose_wall(
         ]
         apart = max(SEAM_MARGIN_M, SEAM_MARGIN_TEXELS * (texel_m or pixel))
         across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
-    attic = stack[0].attic
-    down = attic + np.concatenate([[0.0], np.cumsum([height for wall_floor in stack for height in wall_floor.heights])])
+    source = _insert_bare_rows(stack, source, np.array([3 * plain + 1, wide + 1]))
+    down = np.append(0.0, np.cumsum([height for wall_floor in stack for height in wall_floor.all_heights]))
     _blank_cells(style, wall, stack, source, down, across, plain, blank)
-    ground = len(stack[-1].heights)
+    ground = _floor_rows(stack)[-1]
     if wall.is_corner:
-        _blank_ground(style, stack[-1], source, plain)
+        _blank_ground(style, stack[-1], source[:, ground], plain)
     if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
-        _place_doors(style, wall, source, across, ground)
+        _place_doors(style, wall, source[:, ground], across)
     back = wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised)
     size_m = wall.width, wall.height
     middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
         door_columns = np.flatnonzero((across[:-1] < middle + DOOR_SIZE_M[0]) & (across[1:] > middle - DOOR_SIZE_M[0]))
-        own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
+        own = 3 * plain + np.arange(3) if len(stack[-1].heights) == 3 else np.array([3 * plain + 1])
         for left in np.unique(door_columns // 3 * 3).tolist():
-            source[0, -ground:, left : left + 3] = own[:, None]
-            source[1, -ground:, left : left + 3] = wide + 1
-    if attic > 0:
-        bare = np.broadcast_to(np.array([3 * plain + 1, wide + 1])[:, None, None], (2, 1, source.shape[2]))
-        source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
+            source[0, ground, left : left + 3] = own[:, None]
+            source[1, ground, left : left + 3] = wide + 1
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
     rows[-1], columns[-1] = size
     # An extra column behind the lattice shows bare wall.
@@ -159,18 +156,35 @@ def compose_wall(
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
-        paint_corner_shop(style, image, labels, int(rows[-1 - ground]), scale, pixel)
+        paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
     if middle is not None:
         paint_door(image, labels, middle, pixel, rng)
     return image, labels
 
 
-def _place_doors(
-    style: ExemplarAnalysis, wall: FacadeWall, source: Int32Array, across: Float64Array, ground: int
-) -> None:
+def _floor_rows(stack: list[WallFloor]) -> list[slice]:
+    """Return the rows of each floor's own bands, without bare wall, among the rows of a wall."""
+    found, row = [], 0
+    for wall_floor in stack:
+        first = row + (wall_floor.attic > 0)
+        found.append(slice(first, first + len(wall_floor.heights)))
+        row += len(wall_floor.all_heights)
+    return found
+
+
+def _insert_bare_rows(stack: list[WallFloor], source: Int32Array, bare: Int64Array) -> Int32Array:
+    """Insert the bare wall (2,) above and below floors into the rows of `source` (2, M, N), see `_blank_cells`."""
+    rows = _floor_rows(stack)
+    whole = np.empty((2, sum(len(one.all_heights) for one in stack), source.shape[2]), source.dtype)
+    whole[:] = bare[:, None, None]
+    whole[:, np.concatenate([np.arange(own.start, own.stop) for own in rows])] = source
+    return whole
+
+
+def _place_doors(style: ExemplarAnalysis, wall: FacadeWall, source: Int32Array, across: Float64Array) -> None:
     """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
 
-    `source` is as in `_blank_cells`; `ground` is the number of lattice rows of the ground floor.
+    `source` is as in `_blank_cells`, of the rows of the ground floor.
     """
     doors = np.flatnonzero(style.doors)
     if not len(doors):
@@ -183,22 +197,21 @@ def _place_doors(
         bay_shown = np.minimum(source[1, -1, ::3] // 3, len(has_entrance) - 1)
         walled = bay_shown[own] == len(has_entrance) - 1
         if not walled and not has_entrance[bay_shown[max(0, own - 1) : own + 2]].any():
-            source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
+            source[1, :, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
 def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:
     """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any.
 
-    `source` as in `_blank_cells`.
+    `source` as in `_blank_cells`, of the rows of that floor.
     """
     count, bare = len(wall_floor.heights), len(style.grid.columns)
     if not (
-        shows_ground_floor(style, wall_floor)
-        and _is_mostly_wall(style, source[0, -count:, 0], plain, MIN_CORNER_WALL_SHARE)
+        shows_ground_floor(style, wall_floor) and _is_mostly_wall(style, source[0, :, 0], plain, MIN_CORNER_WALL_SHARE)
     ):
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
-        source[0, -count:] = own[:, None]
-    source[1, -count:] = bare
+        source[0] = own[:, None]
+    source[1] = bare
 
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
@@ -272,10 +285,8 @@ def _blank_cells(
     exemplar, bare = style.structure, len(style.grid.columns)
     free = wall.free.buffer(0.02)
     shapely.prepare(free)
-    row = 0
-    for wall_floor in stack:
-        count = len(wall_floor.heights)
-        rows = slice(row, row + count)
+    for wall_floor, rows in zip(stack, _floor_rows(stack), strict=True):
+        row, count = rows.start, len(wall_floor.heights)
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
         if wall_floor.exemplar_floor == 0 and not wall_floor.is_crowned and exemplar.kinds[0] == "middle":
             source[0, row] = 3 * plain
@@ -293,7 +304,6 @@ def _blank_cells(
                 if bent or not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
                     source[0, rows, left : left + 3] = own[:, None]
                     source[1, rows, left : left + 3] = bare
-        row += count
 
 
 @lru_cache(maxsize=4)

@@ -28,6 +28,7 @@ RETARGETING_GENERATIONS = 400
 PRICE_NOISE = 0.35  # log-normal deviation of jump prices between results
 _EAVES_PRICE = 2.0  # price of showing the top floor, which has the eaves, below another
 _PIER_STRETCH = (0.45, 1.8)  # range of a pier's stretch before its windows change
+_WINDOW_STRETCH = (0.9, 1.1)  # range of a window's stretch beyond which its piers change alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +318,9 @@ def refine_tiling(
 
 
 def fit_sizes_to_total(sizes: Float64Array, soft: BoolArray, total: float) -> Float64Array:
-    """Fit sizes to a total: soft ones (piers) change first, within limits, then all.
+    """Fit sizes to a total: soft ones (piers) change first, within limits, then all, then soft ones alone.
+
+    Hard ones change beyond _WINDOW_STRETCH only where they exceed the total.
 
     Parameters
     ----------
@@ -328,5 +331,10 @@ def fit_sizes_to_total(sizes: Float64Array, soft: BoolArray, total: float) -> Fl
     room = total - sizes[~soft].sum()
     stretch = float(np.clip(room / sizes[soft].sum(), *_PIER_STRETCH))
     fitted = np.where(soft, sizes * stretch, sizes)
-    scaled: Float64Array = fitted * (total / fitted.sum())
-    return scaled
+    common = total / float(fitted.sum())
+    limited = float(np.clip(common, *_WINDOW_STRETCH))
+    room = total - limited * float(sizes[~soft].sum())
+    if limited == common or room <= 0:
+        scaled: Float64Array = fitted * common
+        return scaled
+    return np.where(soft, sizes * (room / sizes[soft].sum()), sizes * limited)

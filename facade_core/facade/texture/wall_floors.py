@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +15,18 @@ from facade_core.facade.texture.retargeting import ExemplarAnalysis, choose_exem
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
 
 # Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
-MIN_FLOOR_M = 2.2
+MIN_FLOOR_M = 2.5
 # Largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
 EAVES_TOLERANCE_M = 0.3
-# Largest stretch of the topmost floor; beyond it the rest is bare wall.
-MAX_TOP_FLOOR_STRETCH = 1.15
+# Largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
+MAX_FLOOR_STRETCH = 1.12
+# Greatest height of a ground floor, metres.
+MAX_GROUND_FLOOR_M = 6.0
+# Largest share of a floor that its windows take, unless they would lose more of their height than MAX_WINDOW_LOSS.
+MAX_WINDOW_SHARE = 0.75
+MAX_WINDOW_LOSS = 0.1
+# Smallest share of a floor above and below its windows.
+MIN_SPANDREL_SHARE = 0.06
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +79,21 @@ class WallFloor:
     ----------
     exemplar_floor : exemplar's floor that it shows, -1 for a ground floor without windows.
     heights : metres above, across and below its windows; one height without windows.
-    attic : height of the bare wall over it, metres.
+    attic, plinth : height of the bare wall above and below these, metres.
     is_crowned : True if it shows the exemplar's top.
     """
 
     exemplar_floor: int
     heights: tuple[float, ...]
     attic: float
+    plinth: float
     is_crowned: bool
+
+    @property
+    def all_heights(self) -> tuple[float, ...]:
+        """Return the heights of all its bands from the top, bare wall included, metres."""
+        bare = [(height,) if height > 0 else () for height in (self.attic, self.plinth)]
+        return (*bare[0], *self.heights, *bare[1])
 
 
 def plainest_floor(style: ExemplarAnalysis) -> int:
@@ -110,21 +125,23 @@ def stack_floors(
     -------
     Floors from the top, and the metres of an exemplar pixel on them.
     """
-    pixels = round(wall.eaves / metres_per_pixel)
-    own, scale = choose_exemplar_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
+    pixels, count = round(wall.eaves / metres_per_pixel), limit_floor_count(wall.floors, wall.eaves)
+    own, heights, scale = _exemplar_floors(style, pixels, count)
     scale, plain = scale * metres_per_pixel, plainest_floor(style)
     kinds, grid = style.structure.kinds, np.asarray(style.grid.rows)
-    heights = _floor_heights(style, own)
     if floor_style is not None:
-        theirs, _ = choose_exemplar_floors(floor_style, pixels, wall.floors, np.random.default_rng(0), 0.0)
-        heights = _floor_heights(floor_style, theirs) if len(theirs) == len(own) else heights
+        _, theirs, _ = _exemplar_floors(floor_style, pixels, count)
+        heights = theirs if len(theirs) == len(own) else heights
     heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
-    pitch, top = wall.eaves / len(own), wall.foot + wall.height
+    pitch, top = float(np.clip(wall.eaves / len(own), *FLOOR_HEIGHT_M)), wall.foot + wall.height
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
     inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_FLOOR_M)]
-    borders = np.concatenate([[wall.foot], inner, [top]])
+    has_ground_floor = (
+        (wall.on_street or wall.is_corner) and not wall.is_raised and (own[-1] < 0 or kinds[own[-1]] == "ground")
+    )
+    borders = _split_high_floors(np.concatenate([[wall.foot], inner, [top]]), has_ground_floor)
     at_eaves = abs(top - wall.eaves) < EAVES_TOLERANCE_M
     stack = []
     for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
@@ -132,12 +149,8 @@ def stack_floors(
         floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
         lowest, highest = number == 0, number == len(borders) - 2
         kind = "ground" if floor < 0 else kinds[floor]
-        if (
-            lowest
-            and (wall.on_street or wall.is_corner)
-            and not wall.is_raised
-            and (own[-1] < 0 or kinds[own[-1]] == "ground")
-        ):
+        is_ground = lowest and has_ground_floor
+        if is_ground:
             floor = own[-1]
         elif kind == "ground" or (kind == "roof" and not at_eaves):
             floor = plain
@@ -145,25 +158,60 @@ def stack_floors(
         if not wall.on_street and not crowned and kind == "middle":
             floor = plain
         natural = scale * float(grid[lattice_rows(style, floor).stop] - grid[lattice_rows(style, floor).start])
-        attic = (
-            high - low - natural if highest and not crowned and high - low > MAX_TOP_FLOOR_STRETCH * natural else 0.0
-        )
-        stack.append(WallFloor(floor, _band_heights(style, floor, high - low - attic, scale), attic, crowned))
+        bare = high - low - natural if high - low > MAX_FLOOR_STRETCH * natural else 0.0
+        # The bare wall is above doors and shops, and below a crown.
+        above = bare if is_ground or (highest and not crowned) else 0.0
+        bands = _band_heights(style, floor, high - low - bare, scale)
+        stack.append(WallFloor(floor, bands, above, bare - above, crowned))
     return stack[::-1], scale
 
 
-def _floor_heights(style: ExemplarAnalysis, floors: list[int]) -> Float64Array:
-    """Return the heights (n,) in pixels of exemplar floors."""
-    rows = [lattice_rows(style, floor) for floor in floors]
-    return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
+def limit_floor_count(floors: int, height: float) -> int:
+    """Return the number of floors nearest to a stated one of which each has the height of a floor.
+
+    Parameters
+    ----------
+    floors : stated number.
+    height : height of all of them, metres.
+    """
+    least = math.ceil((height - MAX_GROUND_FLOOR_M) / FLOOR_HEIGHT_M[1] - 1e-6) + 1
+    most = math.floor(height / FLOOR_HEIGHT_M[0] + 1e-6)
+    return max(1, min(max(floors, least), most))
+
+
+def _split_high_floors(borders: Float64Array, has_ground_floor: bool) -> Float64Array:
+    """Split the floors between borders (n,) that are too high and have room for two."""
+    low, high = FLOOR_HEIGHT_M
+    most = np.full(len(borders) - 1, max(high, 2 * low))
+    most[0] = MAX_GROUND_FLOOR_M if has_ground_floor else most[0]
+    split = np.flatnonzero(np.diff(borders) > most + 1e-6)
+    return np.insert(borders, split + 1, (borders[split] + borders[split + 1]) / 2)
+
+
+def _exemplar_floors(style: ExemplarAnalysis, pixels: int, count: int) -> tuple[list[int], Float64Array, float]:
+    """Return the exemplar's floors from the top, their heights (n,) in pixels, and the scale.
+
+    A base that is too low for a floor belongs to the lowest floor.
+    """
+    own, scale = choose_exemplar_floors(style, pixels, count, np.random.default_rng(0), 0.0)
+    rows = [lattice_rows(style, floor) for floor in own]
+    heights = np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
+    if len(own) > 1 and own[-1] < 0 and not style.structure.has_ground_band:
+        own, heights = own[:-1], np.append(heights[:-2], heights[-2:].sum())
+    return own, heights, scale
 
 
 def _limit_heights(heights: Float64Array) -> Float64Array:
-    """Make heights (n,) as equal as needed for all to be within the limits of a floor; the sum stays."""
+    """Make heights (n,) as equal as needed for all to be within the limits of a floor; the sum stays.
+
+    If their mean exceeds the limit, the lowest takes what is left by the others.
+    """
     mean = heights.mean()
     off = heights - mean
     low, high = FLOOR_HEIGHT_M
-    if not low <= mean <= high or not off.any():
+    if mean > high:
+        return np.append(np.full(len(heights) - 1, high), heights.sum() - high * (len(heights) - 1))
+    if mean < low or not off.any():
         return heights
     room = np.where(off > 0, high - mean, mean - low)
     limited: Float64Array = mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
@@ -180,7 +228,8 @@ def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: flo
     if len(sizes) < 3:
         return tuple((sizes * (height / sizes.sum())).tolist())
     above, window, below = sizes.tolist()
-    window = min(window, 0.75 * height)
+    most = max(MAX_WINDOW_SHARE * height, (1 - MAX_WINDOW_LOSS) * window)
+    window = min(window, most, (1 - 2 * MIN_SPANDREL_SHARE) * height)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 

@@ -23,6 +23,8 @@ class ExemplarFacts(TypedDict, total=False):
     cut_found : whether a facade was found in the picture.
     shop_width : share of the width with shops.
     look : style descriptor, `facade_core.plan.exemplar_style`.
+    quality : score of the exemplar, 0 to 1.
+    quality_parts : parts of the score, `facade_core.facade.exemplar_quality`.
     looked : whether faces and plates were looked for.
     """
 
@@ -37,6 +39,8 @@ class ExemplarFacts(TypedDict, total=False):
     cut_found: bool
     shop_width: float
     look: list[float]
+    quality: float
+    quality_parts: dict[str, float]
     looked: bool
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from typing import cast
 
 import numpy as np
@@ -47,7 +48,7 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
     start = time.time()
     (unit,) = units
     known = read_shared_exemplar(run, unit)
-    prepared = known or _prepare(run, unit)
+    prepared = known or prepare_picture(run, unit)
     if known is None:
         write_shared_exemplar(run, unit, prepared)
     begun, group = time.time(), open_root(fork)
@@ -67,7 +68,7 @@ def process_exemplar(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[For
     return fork, {unit.index: record}
 
 
-def _prepare(run: Run, unit: Unit) -> PreparedExemplar:
+def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
     """Read, parse, complete and measure an exemplar, and resample it to the block's density."""
     start = time.time()
     (path,) = unit.arguments
@@ -101,6 +102,8 @@ def _prepare(run: Run, unit: Unit) -> PreparedExemplar:
         "cut_found": prepared.has_facade,
         "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
         "look": style_descriptor(texture, labels, metres_per_texel),
+        "quality": round(prepared.quality.score, 3),
+        "quality_parts": asdict(prepared.quality),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
     }

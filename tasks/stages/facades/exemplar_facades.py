@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.journal import read_records
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import FacadeError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
+from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -33,30 +34,48 @@ class _ExemplarKey(NamedTuple):
     exemplar: int
     key: str
     shops: bool
+    roof: bool
 
 
 # The one used last comes last.
 _kept: dict[_ExemplarKey, tuple[ExemplarAnalysis, float]] = {}
 
 
-def load_exemplar_analysis(run: Run, group: StoreGroup, index: int, *, shops: bool) -> tuple[ExemplarAnalysis, float]:
-    """Return an analysed exemplar, with or without its shops, and its metres per texel.
+def analyse_style(image: UInt8Array, labels: UInt8Array, *, shops: bool, roof: bool) -> ExemplarAnalysis:
+    """Analyse a prepared exemplar, with or without its shops and its roof.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 class ids.
+    shops : whether its shops are kept, or replaced by windows.
+    roof : whether its roof is kept, or cut off above the wall.
+    """
+    if not roof:
+        image, labels = cut_off_roof(image, labels)
+    if not shops:
+        image, labels = replace_shops_by_windows(image, labels)
+    return analyse_exemplar(image, labels)
+
+
+def load_exemplar_analysis(
+    run: Run, group: StoreGroup, index: int, *, shops: bool, roof: bool
+) -> tuple[ExemplarAnalysis, float]:
+    """Return an analysed exemplar, with or without its shops and its roof, and its metres per texel.
 
     Parameters
     ----------
     run : run of the unit.
     group : root of the store.
     index : number of the exemplar.
-    shops : whether its shops are kept, or replaced by windows.
+    shops, roof : as of `analyse_style`.
     """
     (record,) = read_records(group, "exemplars", np.array([index]))
-    entry = _ExemplarKey(run.out, index, record["key"] if record else "", shops)
+    entry = _ExemplarKey(run.out, index, record["key"] if record else "", shops, roof)
     analysed = _kept.pop(entry, None)
     if analysed is None:
         image, labels, metres_per_texel = read_exemplar(group, index)
-        if not shops:
-            image, labels = replace_shops_by_windows(image, labels)
-        analysed = analyse_exemplar(image, labels), metres_per_texel
+        analysed = analyse_style(image, labels, shops=shops, roof=roof), metres_per_texel
     _kept[entry] = analysed
     while len(_kept) > 1 and sum(style.labels.size for style, _ in _kept.values()) > MAX_KEPT_PIXELS:
         del _kept[next(iter(_kept))]
@@ -100,8 +119,9 @@ def build_unit_from_exemplar(
         style = whole = own.style
         metres_per_texel = own.metres_per_pixel
     else:
-        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True)
-        style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False)[0]
+        roof = not facades.roofed[number]
+        whole, metres_per_texel = load_exemplar_analysis(run, group, exemplar, shops=True, roof=roof)
+        style = whole if imagery.shops else load_exemplar_analysis(run, group, exemplar, shops=False, roof=roof)[0]
     return build_facade_from_exemplar(
         ScaledStyle(style, metres_per_texel, whole),
         facade_wall(plan.scene, facades, number, imagery.entrances),

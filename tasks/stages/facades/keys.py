@@ -54,6 +54,7 @@ def facade_keys(
     ]
     house += [bool(table.raised[facade]), int(table.house[facade])]
     house += [is_corner_facade(plan.scene.charts, table, facade), has_back_door(table, facade)]
+    house += [bool(table.roofed[facade])]
     parts: dict[str, object] = {
         "entrances": [float(table.along[facade]), *imagery.entrances] if imagery.entrances else [],
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],

@@ -245,8 +245,8 @@ def choose_facade_exemplars(
     -------
     chosen : (index, name) by facade; empty if no exemplar could be prepared.
     """
-    # exemplars of an older version lack the style descriptor and shops, and are pending
-    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]
+    # exemplars of an older version lack the quality, and are pending
+    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "quality" in r]
     facades = plan.facades
     if not usable or not len(facades):
         return {}
@@ -259,6 +259,7 @@ def choose_facade_exemplars(
         [record["hidden"] if record.get("cut_found", True) else 1.0 for record in found],
         [record["shaded"] for record in found],
         [record["shop_width"] for record in found],
+        [record["quality"] for record in found],
         [record["look"] for record in found],
     )
     chosen = choose_exemplars(walls, library, seed=seed)

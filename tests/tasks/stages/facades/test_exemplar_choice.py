@@ -25,6 +25,7 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
         "hidden": 0.0,
         "shaded": 0.0,
         "shop_width": 0.0,
+        "quality": 1.0,
     }
     smaller = fits | {"width_m": 10.0}
     records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]

@@ -1,0 +1,107 @@
+"""Floors of walls of any height: none too low or too high, none stretched, and no roof where the model has one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.core.labels import FacadeClass
+from facade_core.facade.texture.building_walls import compose_wall
+from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar, fit_sizes_to_total
+from facade_core.facade.texture.roof_removal import cut_off_roof
+from facade_core.facade.texture.wall_floors import (
+    MAX_FLOOR_STRETCH,
+    MAX_GROUND_FLOOR_M,
+    MIN_FLOOR_M,
+    FacadeWall,
+    lattice_rows,
+    limit_floor_count,
+    shows_ground_floor,
+    stack_floors,
+)
+from facade_core.geometry.walls import FLOOR_HEIGHT_M
+from facade_core.synth.facade import PaintedFacade, paint_facade
+
+MPP = 0.0625
+
+
+def painted(style: str) -> PaintedFacade:
+    return paint_facade((18.0, 14.0), floors=5, columns=5, style=style, metres_per_pixel=MPP, seed=2)
+
+
+@pytest.fixture(scope="module", params=["haussmann", "brick"])
+def style(request: pytest.FixtureRequest) -> ExemplarAnalysis:
+    facade = painted(request.param)
+    return analyse_exemplar(facade.image, facade.labels)
+
+
+@pytest.mark.parametrize(
+    ("floors", "height", "expected"), [(4, 9.2, 3), (2, 16.0, 4), (3, 9.6, 3), (1, 5.9, 1), (1, 2.5, 1), (2, 10.4, 2)]
+)
+def test_rows_are_added_or_dropped_for_floors_of_a_floors_height(floors: int, height: float, expected: int) -> None:
+    assert limit_floor_count(floors, height) == expected
+
+
+def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> None:
+    pixel_rows = np.asarray(style.grid.rows)
+    for eaves in (3.0, 5.0, 7.1, 9.2, 12.0, 16.4):
+        for stated in (1, 3, 6):
+            for foot, height in ((0.0, eaves), (1.9, eaves - 1.9), (0.0, eaves + 4.0), (0.0, 0.6 * eaves)):
+                if height < FLOOR_HEIGHT_M[0]:
+                    continue
+                free = shapely.box(0, 0, 12, height)
+                wall = FacadeWall(12, height, foot, eaves, stated, on_street=True, is_back=False, free=free)
+                stack, scale = stack_floors(style, wall, MPP)
+                assert sum(sum(one.all_heights) for one in stack) == pytest.approx(height)
+                for one in stack:
+                    rows = lattice_rows(style, one.exemplar_floor)
+                    natural = scale * (pixel_rows[rows.stop] - pixel_rows[rows.start])
+                    assert sum(one.heights) <= MAX_FLOOR_STRETCH * natural + 1e-6
+                for one in stack[1:-1]:
+                    assert FLOOR_HEIGHT_M[0] - 1e-6 <= sum(one.all_heights) <= FLOOR_HEIGHT_M[1] + 1e-6
+                for one in (stack[0], stack[-1]):  # they may join a rest that is too low for a floor
+                    assert sum(one.all_heights) >= min(height, MIN_FLOOR_M) - 1e-6
+                    assert sum(one.all_heights) <= max(MAX_GROUND_FLOOR_M, 2 * FLOOR_HEIGHT_M[0]) + 1e-6
+                    assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
+
+
+def test_bare_wall_takes_what_no_floor_can(style: ExemplarAnalysis) -> None:
+    """A wall on a slope, a metre of which is below the others."""
+    wall = FacadeWall(12, 12.0, 1.4, 12.8, 4, on_street=False, is_back=True, free=shapely.box(0, 0, 12, 12.0))
+    stack, _ = stack_floors(style, replace(wall, foot=-1.0, height=13.8), MPP)
+    assert stack[-1].plinth > 1.0
+    labels = compose_wall(style, replace(wall, foot=-1.0, height=13.8), metres_per_pixel=MPP)[1]
+    assert (labels[-round(0.8 * stack[-1].plinth / MPP) :] == FacadeClass.WALL).mean() > 0.95
+
+
+@pytest.mark.parametrize("total", [3.1, 4.4, 10.0, 14.0])
+def test_windows_keep_their_width_where_piers_have_room(total: float) -> None:
+    sizes, soft = np.array([1.0, 1.6, 1.0, 1.0, 1.6, 1.0]), np.array([True, False, True] * 2)
+    fitted = fit_sizes_to_total(sizes, soft, total)
+    assert fitted.sum() == pytest.approx(total)
+    assert (np.abs(np.log(fitted[~soft] / sizes[~soft])) <= np.log(1 / 0.9) + 1e-6).all()
+
+
+@pytest.mark.parametrize("name", ["haussmann", "jugend"])
+def test_a_wall_under_a_roof_of_the_model_ends_with_its_cornice(name: str) -> None:
+    facade = painted(name)
+    assert (facade.labels == FacadeClass.ROOF).any()
+    image, labels = cut_off_roof(facade.image, facade.labels)
+    assert image.shape[:2] == labels.shape
+    np.testing.assert_array_equal(image, facade.image[-len(image) :])
+    assert (labels[0] == FacadeClass.WALL).mean() > 0.5
+    assert (labels == FacadeClass.ROOF).mean() < 0.002
+    assert len(labels) > 0.6 * len(facade.labels)
+    wall = FacadeWall.freestanding(16.0, 12.0, floors=5)
+    style = analyse_exemplar(image, labels)
+    made = compose_wall(style, wall, metres_per_pixel=MPP)[1]
+    assert not ((made == FacadeClass.ROOF).mean(axis=1) > 0.2).any()
+    assert stack_floors(style, wall, MPP)[0][0].is_crowned
+
+
+def test_an_exemplar_without_a_roof_stays_as_it_is() -> None:
+    facade = painted("brick")
+    assert cut_off_roof(facade.image, facade.labels)[1] is facade.labels
