@@ -55,7 +55,7 @@ from tasks.stages.ingest.planning import make_plan
 AREA = [4.45283, 51.90518, 4.45352, 51.90576]
 EVERY = 12
 LICENSED, OTHERS = ("ecp",), ("artdeco",)
-SHEET_WALLS, MIN_SHEET_WIDTH_M = 40, 4.0
+SHEET_WALLS, MIN_SHEET_WIDTH_M, SHEET_HEIGHT_M = 40, 4.0, 15.0
 
 
 def read_cut(data: Path, folder: Path, sets: Sequence[str]) -> Block:
@@ -132,14 +132,15 @@ def make_walls(
 
 
 def draw_sheet(walls: Sequence[tuple[ExemplarWall, np.ndarray]]) -> np.ndarray:
-    """Draw walls, each below its number and its defects."""
-    wide = [(wall, image) for wall, image in walls if image.shape[1] >= MIN_SHEET_WIDTH_M * _density(wall, image)]
-    chosen = [wide[at] for at in np.unique(np.linspace(0, len(wide) - 1, SHEET_WALLS).astype(int)).tolist()]
+    """Draw walls at one scale, each below its number and its defects."""
+    tiles = []
+    for wall, image in walls:
+        density = float(np.sqrt(image.shape[0] * image.shape[1] / wall.square_metres))
+        over = max(0, round(SHEET_HEIGHT_M * density) - image.shape[0])
+        if image.shape[1] >= MIN_SHEET_WIDTH_M * density:
+            tiles.append((wall, np.pad(image, ((over, 0), (0, 0), (0, 0)), constant_values=255)))
+    chosen = [tiles[at] for at in np.unique(np.linspace(0, len(tiles) - 1, SHEET_WALLS).astype(int)).tolist()]
     return contact_sheet([(" ".join([str(n), *wall.defects]), image) for n, (wall, image) in enumerate(chosen, 1)])
-
-
-def _density(wall: ExemplarWall, image: np.ndarray) -> float:
-    return float(np.sqrt(image.shape[0] * image.shape[1] / wall.square_metres))
 
 
 def main() -> None:

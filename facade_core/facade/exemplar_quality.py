@@ -79,8 +79,8 @@ def judge_exemplar(
     whole, slope = (_grid_completeness(classes, found), _column_slope(classes, found)) if found else (0.0, 0.0)
     return ExemplarQuality(
         sharpness=_limit((_blur_loss(small, ~unseen) - BLURRED_LOSS) / (SHARP_LOSS - BLURRED_LOSS)),
-        upper=1 - _share(unseen[:ground]),
-        foot=1 - _share(unseen[ground:]),
+        upper=_limit(1 - _share(unseen[:ground])),
+        foot=_limit(1 - _share(unseen[ground:])),
         clean=_limit(1 - _foreign_share(small, classes) / MAX_FOREIGN_SHARE),
         whole=whole,
         light=_limit(1 - shaded_share / MAX_SHADED_SHARE),
@@ -93,7 +93,7 @@ def _limit(value: float) -> float:
 
 
 def _share(mask: BoolArray) -> float:
-    return round(float(mask.mean()), 3) if mask.size else 0.0
+    return float(mask.mean()) if mask.size else 0.0
 
 
 def _blur_loss(image: UInt8Array, seen: BoolArray) -> float:
