@@ -26,7 +26,7 @@ HIDDEN_COST = 4.0
 # Cost of an exemplar of no quality.
 QUALITY_COST = 3.0
 # Greatest share of the walls of a neighbourhood that one exemplar takes, by their width. In a small library it grows to
-# SPARE_SHARE times an equal share; where all exemplars would exceed it, it does not hold.
+# SPARE_SHARE times an equal share, and where all exemplars would exceed it, to the least that one would cover.
 MAX_EXEMPLAR_SHARE = 0.15
 SPARE_SHARE = 1.5
 # Buildings with walls within this distance are neighbours, which are seen together; metres.
@@ -310,7 +310,7 @@ def _neighbouring_buildings(
 
 
 def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
-    """Return the exemplars (count,) that would cover too much of a building's neighbourhood; none where all would.
+    """Return the exemplars (count,) that would cover too much of a building's neighbourhood, never all of them.
 
     Parameters
     ----------
@@ -322,8 +322,8 @@ def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int6
     has = near[chosen[near] >= 0]
     covered = np.bincount(chosen[has], width[has], count) + width[own]
     share = covered / (width[near].sum() + width[own])
-    is_more: BoolArray = (share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count)) & (covered > width[own])
-    return is_more & ~is_more.all()
+    is_more: BoolArray = share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count, float(share.min()))
+    return is_more
 
 
 def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:

@@ -34,7 +34,7 @@ def test_each_defect_is_counted_and_a_good_wall_has_none() -> None:
         "good": (GOOD, True),
         "mansard": (wall((3.2, 3.2, 4.0), roof=1.5), True),
         "block": (wall((3.2, 3.2, 4.0), roof=1.5), False),
-        "high": (wall((3.2, 5.8, 4.0)), True),
+        "high": (wall((6.4, 3.2, 4.0)), True),
         "low": (wall((2.2, 2.2, 4.0)), True),
         "stretched": (wall((3.2, 3.2, 4.0), window=(1.0, 2.1)), True),
     }
@@ -56,4 +56,4 @@ def test_each_defect_is_counted_and_a_good_wall_has_none() -> None:
 
 def test_a_ground_floor_may_be_higher() -> None:
     assert odd_pitches(wall((3.2, 3.2, 6.0)), DENSITY) == ()
-    assert odd_pitches(wall((6.0, 3.2, 3.2)), DENSITY) != ()
+    assert odd_pitches(wall((6.6, 3.2, 3.2)), DENSITY) != ()
