@@ -98,15 +98,14 @@ def _share(mask: BoolArray) -> float:
 
 def _blur_loss(image: UInt8Array, seen: BoolArray) -> float:
     """Return the share of the gradient energy of visible pixels that a slight blur takes."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    before, after = (_gradient_energy(one)[seen].sum() for one in (grey, cv2.GaussianBlur(grey, (0, 0), 1.0)))
-    return float(1 - after / before) if before > 0 else 0.0
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float64)
+    blurred = np.asarray(cv2.GaussianBlur(grey, (0, 0), 1.0), np.float64)
+    before, after = _gradient_energy(grey, seen), _gradient_energy(blurred, seen)
+    return 1 - after / before if before > 0 else 0.0
 
 
-def _gradient_energy(grey: Float64Array) -> Float64Array:
-    down, across = np.gradient(grey)
-    energy: Float64Array = down**2 + across**2
-    return energy
+def _gradient_energy(grey: Float64Array, seen: BoolArray) -> float:
+    return sum(float((np.gradient(grey, axis=axis)[seen] ** 2).sum()) for axis in (0, 1))
 
 
 def _foreign_share(image: UInt8Array, labels: UInt8Array) -> float:
@@ -140,5 +139,6 @@ def _column_slope(labels: UInt8Array, found: FloorsAndBays) -> float:
             if window[a:b, left:right].any()
         ]
         if len(places) >= 3:
-            slopes.append(abs(float(np.polyfit(*np.array(places).T, 1)[0])))
+            down, across = np.array(places, np.float64).T
+            slopes.append(abs(float(np.polyfit(down, across, 1)[0])))
     return float(np.median(slopes)) if slopes else 0.0

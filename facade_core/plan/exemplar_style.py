@@ -25,8 +25,8 @@ USUAL_SHADED_SHARE = 0.18
 HIDDEN_COST = 4.0
 # Cost of an exemplar of no quality.
 QUALITY_COST = 3.0
-# Greatest share of the walls of a neighbourhood that one exemplar takes, by their width. In a small library it grows to
-# SPARE_SHARE times an equal share, and where all exemplars would exceed it, to the least that one would cover.
+# Greatest share of a neighbourhood's walls that one exemplar takes, by the width of those that have chosen. In a small
+# library it is SPARE_SHARE times an equal share, and where all exemplars would exceed it, the least that one would cover.
 MAX_EXEMPLAR_SHARE = 0.15
 SPARE_SHARE = 1.5
 # Buildings with walls within this distance are neighbours, which are seen together; metres.
@@ -45,9 +45,6 @@ SHOP_MISMATCH_COST = 1.4
 # Exemplars per family, and families per library.
 FAMILY_SIZE = 5
 MAX_FAMILIES = 8
-# Rounds in which neighbours choose one after the other, in random order; buildings left then ignore each other. So a
-# choice depends on nothing beyond MAX_ROUNDS * NEIGHBOURHOOD_M.
-MAX_ROUNDS = 16
 # Clearly visible difference of each component of a style descriptor.
 _DESCRIPTOR_SCALES = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
 # Leading components that describe the colour.
@@ -200,25 +197,12 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
     rank = _rank_draws(first, numbers)
-    width = np.bincount(row, walls.width)
+    width = np.asarray(np.bincount(row, walls.width), np.float64)
 
     chosen = np.full(len(numbers), -1)
-    for turn in range(MAX_ROUNDS + 1):
-        left = np.flatnonzero(chosen < 0)
-        ready = [int(i) for i in left if turn == MAX_ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
-        newly_chosen = {
-            i: _cheapest_exemplar(
-                np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i]),
-                chosen[near[i]],
-                metres[i],
-                library,
-            )
-            for i in ready
-        }
-        for i, exemplar in newly_chosen.items():
-            chosen[i] = exemplar
-        if len(ready) == len(left):
-            break
+    for i in np.argsort(rank).tolist():
+        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i])
+        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
     return chosen[row]
 
 
@@ -310,7 +294,7 @@ def _neighbouring_buildings(
 
 
 def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
-    """Return the exemplars (count,) that would cover too much of a building's neighbourhood, never all of them.
+    """Return the exemplars (count,) that would cover too much of what has chosen near a building, never all of them.
 
     Parameters
     ----------
@@ -320,8 +304,8 @@ def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int6
     near : (k,) its neighbours.
     """
     has = near[chosen[near] >= 0]
-    covered = np.bincount(chosen[has], width[has], count) + width[own]
-    share = covered / (width[near].sum() + width[own])
+    covered = np.bincount(chosen[has], width[has], count) + float(width[own])
+    share = covered / (width[has].sum() + width[own])
     is_more: BoolArray = share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count, float(share.min()))
     return is_more
 

@@ -12,7 +12,6 @@ from facade_core.facade.texture.tint import tint_facade
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.plan.exemplar_style import (
     MAX_EXEMPLAR_SHARE,
-    MAX_ROUNDS,
     NEIGHBOURHOOD_M,
     ExemplarLibrary,
     ExemplarTargetWalls,
@@ -105,8 +104,14 @@ def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
     walls = replace(walls, width=np.where(np.arange(32) == 7, 90.0, 9.0))
     chosen = choose_exemplars(walls, library(12), seed=3)
     share = np.bincount(chosen, walls.width, 12) / walls.width.sum()
-    assert share[chosen[7]] < 110 / walls.width.sum(), "hardly anybody else takes that of the wide one"
+    assert share[chosen[7]] < 120 / walls.width.sum(), "hardly anybody else takes that of the wide one"
     assert np.sort(share)[-2] <= MAX_EXEMPLAR_SHARE
+
+
+def test_all_of_a_crowd_choose_one_after_the_other() -> None:
+    """Forty houses within sight of each other and twelve exemplars."""
+    chosen = choose_exemplars(replace(row(40), ends=row(40).ends / 16), library(12), seed=3)
+    assert np.bincount(chosen, minlength=12).max() <= 6
 
 
 def test_shops_are_where_the_map_has_them() -> None:
@@ -155,7 +160,7 @@ def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
 
 def test_what_is_far_away_changes_nothing() -> None:
     here = row(40)
-    far = row(20, start=(MAX_ROUNDS + 2) * NEIGHBOURHOOD_M + 40 * STEP, number=500)
+    far = row(20, start=2 * NEIGHBOURHOOD_M + 40 * STEP, number=500)
     alone = choose_exemplars(here, library(20), seed=5)
     np.testing.assert_array_equal(choose_exemplars(joined(here, far), library(20), seed=5)[:40], alone)
     turned = ExemplarTargetWalls(*(getattr(here, name)[::-1] for name in ExemplarTargetWalls.__dataclass_fields__))
