@@ -37,7 +37,16 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     """
     plan: Any = Value(
         facades=Value(
-            id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2], house=[7], run=[0], along=[0.0], role=[0]
+            id=["a-0"],
+            chart=[0],
+            height=[8.0],
+            width=[10.0],
+            floors=[2],
+            house=[7],
+            run=[0],
+            along=[0.0],
+            role=[0],
+            roofed=[False],
         ),
         scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])),
     )
