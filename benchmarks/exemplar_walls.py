@@ -3,8 +3,8 @@
 Exemplars are every twelfth ECP and every twelfth Art-Deco picture, without their labels; the walls are of a cut of Delfshaven.
 Those on streets are made as a run makes them, and counted: defects above detectors, and the largest share of one exemplar
 (benchmarks/look/exemplar_walls.py says how), seconds of the processor a wall (median).
---sheet FILE keeps a contact sheet of 40 walls, evenly chosen; --licensed takes the ECP pictures alone, whose licence permits a
-copy. --prepared FOLDER keeps prepared exemplars for the next time.
+--sheet FILE keeps a contact sheet of at most 40 walls, evenly chosen; with --licensed, of those made from ECP pictures, whose
+licence permits a copy. --prepared FOLDER keeps prepared exemplars for the next time.
 """
 
 from __future__ import annotations
@@ -54,15 +54,15 @@ from tasks.stages.ingest.planning import make_plan
 
 AREA = [4.45283, 51.90518, 4.45352, 51.90576]
 EVERY = 12
-LICENSED, OTHERS = ("ecp",), ("artdeco",)
+SETS, LICENSED = ("ecp", "artdeco"), "ecp"
 SHEET_WALLS, MIN_SHEET_WIDTH_M, SHEET_HEIGHT_M = 40, 4.0, 15.0
 
 
-def read_cut(data: Path, folder: Path, sets: Sequence[str]) -> Block:
+def read_cut(data: Path, folder: Path) -> Block:
     """Read the block of the cut, with its exemplars in a folder of their own."""
     exemplars = folder / "exemplars"
     exemplars.mkdir(parents=True)
-    for name in sets:
+    for name in SETS:
         for path in sorted((data / "facades" / name / "images").iterdir())[::EVERY]:
             (exemplars / f"{name}-{path.name}").write_bytes(path.read_bytes())
     os.environ["STREETLOOM_DATA"] = str(data)
@@ -148,16 +148,17 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="folder with city/delfshaven, facades/ecp and artdeco")
     parser.add_argument("--prepared", type=Path, help="folder that keeps prepared exemplars; none without")
     parser.add_argument("--sheet", type=Path, help="contact sheet of the walls, a JPEG")
-    parser.add_argument("--licensed", action="store_true", help="take only exemplars whose licence permits a copy")
+    parser.add_argument("--licensed", action="store_true", help="draw only walls of which a copy is permitted")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="exemplar-walls-") as temporary:
         folder = Path(temporary)
-        block = read_cut(options.data.resolve(), folder, LICENSED + (() if options.licensed else OTHERS))
+        block = read_cut(options.data.resolve(), folder)
         run = replace(create_run(block, folder / "run"), shared=str(options.prepared or folder))
         prepared = prepare_exemplars(run, block)
         walls, seconds = make_walls(run, block, make_plan(block), prepared)
     if options.sheet is not None:
-        cv2.imwrite(str(options.sheet), draw_sheet(walls)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+        drawn = [one for one in walls if not options.licensed or one[0].source.startswith(LICENSED)]
+        cv2.imwrite(str(options.sheet), draw_sheet(drawn)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
     result: dict[str, Any] = {"benchmark": "exemplar_walls", **count_defects([wall for wall, _ in walls])}
     print(json.dumps(result | {"seconds_a_wall": round(seconds, 2)}, indent=1))
 
