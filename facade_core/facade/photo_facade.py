@@ -210,6 +210,25 @@ def complete_photo(
     """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
     seconds: dict[str, float] = {}
     photo = observe_photo(image, hidden, masks, models=models, seconds=seconds)
+    return complete_observed_photo(image, photo, doors, models=models, seed=seed, seconds=seconds)
+
+
+def complete_observed_photo(
+    image: UInt8Array,
+    photo: ObservedPhoto,
+    doors: MappedDoors,
+    *,
+    models: TrainedModelFiles,
+    seed: int,
+    seconds: dict[str, float],
+) -> CompletedPhoto:
+    """Complete a parsed photo; other parameters as in `build_facade_from_photo`.
+
+    Parameters
+    ----------
+    photo : the parsed photo.
+    seconds : receives the seconds of each step.
+    """
     parsing, hidden, observed = photo.parsing, photo.hidden, photo.observed
     completion, result_parsing, result, layout = None, parsing, image, observed
     foot = find_hidden_foot(image, hidden, parsing.labels)

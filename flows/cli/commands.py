@@ -17,6 +17,7 @@ from flows.cli.city import city_command
 from flows.cli.completions import complete_command
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
+from flows.cli.harvest import harvest
 from flows.cli.imagery import fetch_imagery, match
 from flows.cli.metrics import metrics
 from flows.cli.new_city import new_city
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 # Commands of the help, by heading.
 COMMAND_GROUPS = {
-    "Begin": ("demo", "new-block", "new-city", "fetch", "fetch-imagery", "match", "plan"),
+    "Begin": ("demo", "new-block", "new-city", "fetch", "fetch-imagery", "match", "harvest", "plan"),
     "Run": ("run", "city"),
     "Use": ("view", "query", "complete", "export", "import", "catalog"),
     "Operate": ("doctor", "metrics", "prune"),
@@ -291,6 +292,7 @@ for command in (
     plan_command,
     fetch_imagery,
     match,
+    harvest,
     complete_command,
     query,
     export,

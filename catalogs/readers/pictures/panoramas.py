@@ -24,7 +24,7 @@ from catalogs.readers.pictures.poses import (
     find_implausible_value,
     read_poses_file,
 )
-from facade_core.core.errors import InputError
+from facade_core.core.errors import ImageError, InputError
 from facade_core.core.types import Pose
 
 if TYPE_CHECKING:
@@ -251,6 +251,31 @@ def project_pose(
 def check_equirectangular(path: Path) -> None:
     """Raise ValueError or ImageError where a picture is no equirectangular panorama."""
     _read_metadata(path)
+
+
+def read_panorama_view(path: Path) -> tuple[float, float, float, float] | None:
+    """Return the part of the full panorama that a picture of unknown kind shows; None for a photo.
+
+    A picture without GPano tags counts as a panorama by its proportions alone, and may still be a photo.
+
+    Returns
+    -------
+    (left, top, width, height) as shares.
+
+    Raises
+    ------
+    ImageError
+        Where its tags state another projection, or an impossible part.
+    """
+    with open_picture(path) as image:
+        pano, (width, height) = _gpano_fields(image), image.size
+        turned = _is_rotated(image)
+    if "ProjectionType" not in pano and (turned or abs(width / height / 2 - 1) > ASPECT_TOLERANCE):
+        return None
+    try:
+        return _read_metadata(path)[0]
+    except ValueError as error:
+        raise ImageError(f"{path.name} {error}") from error
 
 
 def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool, str | None]:

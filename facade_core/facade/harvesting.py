@@ -1,0 +1,182 @@
+"""Exemplar from a street photo as taken: the one facade of it, rectified, parsed, judged, completed and measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import FacadeClass
+from facade_core.core.resizing import resize_image
+from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
+from facade_core.facade.exemplar import count_columns
+from facade_core.facade.exemplar_judge import ExemplarJudgement, FacadePicture, judge_exemplar
+from facade_core.facade.photo_facade import (
+    NO_DOORS,
+    ObservedPhoto,
+    PhotoMasks,
+    complete_observed_photo,
+    observe_photo,
+)
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.imagery.detect.detection import detect_faces_plates_text
+from facade_core.imagery.rectify.building_crop import crop_to_building
+from facade_core.imagery.rectify.photo import rectify
+from facade_core.parsing.elements import elements
+from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
+
+# Longest side of an exemplar in pixels.
+MAX_SIDE_PX = 2000
+# A window that begins within this share of the width from a side is cut off by it.
+SIDE_MARGIN_SHARE = 0.012
+# Rows of sky, street or holes at the borders, as a share of a row or column, are cut away.
+MAX_BORDER_HIDDEN_SHARE = 0.5
+# Storey height in metres that the scale assumes, as blocks do by default.
+STOREY_M = 3.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HarvestedFacade:
+    """Facade cut from a street photo, with what was found against it.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8; of an accepted one without occluders, faces and plates.
+    labels : (h, w) uint8 class ids.
+    hidden : (h, w) bool, pixels that were hidden.
+    metres_per_pixel : scale, from its storeys.
+    floors, columns : floors, and windows in the fullest row.
+    judgement : score and reasons.
+    """
+
+    image: UInt8Array
+    labels: UInt8Array
+    hidden: BoolArray
+    metres_per_pixel: float
+    floors: int
+    columns: int
+    judgement: ExemplarJudgement
+
+
+def harvest_facade(
+    photo: UInt8Array, focal: float | None, *, models: TrainedModelFiles = SHIPPED_MODELS, seed: int = 0
+) -> HarvestedFacade:
+    """Cut the one facade of a street photo to an exemplar and judge it; a rejected one is not completed.
+
+    Parameters
+    ----------
+    photo : (h, w, 4) uint8, RGB with alpha that hides.
+    focal : focal length in pixels; None if unknown.
+    models : models of parser and layout.
+    seed : seed of completion and inpainting.
+
+    Raises
+    ------
+    ImageError : no facade can be rectified or parsed in it; the message says why.
+    """
+    rectified = rectify(photo, focal=focal)
+    middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]
+    cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
+    if not cut.has_facade:
+        raise ImageError("no facade is found in it")
+    image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
+    observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
+    image, observed = _trim(image, observed)
+    labels = fill_sky_and_unknown(observed.parsing.labels)
+    scale = exemplar_scale(image, labels, storey=STOREY_M)
+    picture = FacadePicture(image, labels, observed.hidden, observed.observed, scale, rectified.residual)
+    judgement = judge_exemplar(picture)
+    found = HarvestedFacade(
+        image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.observed), judgement
+    )
+    return found if judgement.reasons else _complete(found, picture, observed, models, seed)
+
+
+def _complete(
+    found: HarvestedFacade, picture: FacadePicture, observed: ObservedPhoto, models: TrainedModelFiles, seed: int
+) -> HarvestedFacade:
+    """Complete an accepted facade without faces and plates, and judge it again by what it has become."""
+    private = detect_faces_plates_text(found.image).private_mask(observed.hidden.shape)
+    observed = replace(observed, hidden=observed.hidden | private)
+    whole = complete_observed_photo(found.image, observed, NO_DOORS, models=models, seed=seed, seconds={})
+    labels = fill_sky_and_unknown(whole.labels)
+    scale = exemplar_scale(whole.image, labels, storey=STOREY_M)
+    judgement = judge_exemplar(
+        replace(
+            picture,
+            image=whole.image,
+            labels=labels,
+            hidden=observed.hidden,
+            elements=whole.elements,
+            metres_per_pixel=scale,
+        )
+    )
+    return HarvestedFacade(
+        whole.image,
+        labels,
+        whole.occluded,
+        scale,
+        int(whole.estimates.value.floors),
+        count_columns(whole.elements),
+        judgement,
+    )
+
+
+def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tuple[UInt8Array, BoolArray, BoolArray]:
+    """Reduce a picture and its masks to the size of an exemplar."""
+    factor = MAX_SIDE_PX / max(hidden.shape)
+    if factor >= 1:
+        return image, hidden, outside
+    size = round(hidden.shape[0] * factor), round(hidden.shape[1] * factor)
+    masks = (resize_image(np.where(mask, 255, 0).astype(np.uint8), size) >= 64 for mask in (hidden, outside))
+    hidden, outside = masks
+    return resize_image(image, size), hidden, outside
+
+
+def _trim(image: UInt8Array, photo: ObservedPhoto) -> tuple[UInt8Array, ObservedPhoto]:
+    """Trim the borders that show no facade, and bays and floors that the picture cuts through."""
+    for find_part in (_seen_part, _whole_part):
+        y0, y1, x0, x1 = find_part(photo)
+        part = np.s_[y0:y1, x0:x1]
+        if photo.hidden[part].shape == photo.hidden.shape:
+            continue
+        parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
+        hidden = photo.hidden[part]
+        image = np.ascontiguousarray(image[part])
+        photo = replace(
+            photo, parsing=parsing, hidden=hidden, observed=elements(replace(parsing, occluded=hidden)), masked=()
+        )
+    return image, photo
+
+
+def _seen_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
+    """Rows and columns from the first to the last that are mostly seen; all if none is."""
+    spans: list[int] = []
+    for axis in (1, 0):
+        seen = np.flatnonzero(photo.hidden.mean(axis=axis) <= MAX_BORDER_HIDDEN_SHARE)
+        spans += [int(seen[0]), int(seen[-1]) + 1] if len(seen) else [0, photo.hidden.shape[1 - axis]]
+    return spans[0], spans[1], spans[2], spans[3]
+
+
+def _whole_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
+    """Rows and columns without the bays and the top floor that the borders cut through."""
+    labels = photo.parsing.labels
+    height, width = labels.shape
+    structure = find_floors_and_bays(fill_sky_and_unknown(labels))
+    if structure is None:
+        return 0, height, 0, width
+    margin = SIDE_MARGIN_SHARE * width
+    window = labels == FacadeClass.WINDOW
+    x0, x1 = _whole_columns(structure, margin, width)
+    top = window[: max(2, round(margin)), x0:x1].any(axis=0).mean()
+    y0 = structure.floor_cuts[1] if top > 0.1 and len(structure.floors) > 1 else 0
+    return y0, height, x0, x1
+
+
+def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:
+    """Columns without the first and last bay where the side of the picture cuts through its windows."""
+    x0 = structure.bay_cuts[1] if structure.bays[0][0] <= margin and len(structure.bays) > 1 else 0
+    x1 = structure.bay_cuts[-2] if structure.bays[-1][1] >= width - margin and len(structure.bays) > 1 else width
+    return (x0, x1) if x1 > x0 else (0, width)

@@ -1,0 +1,64 @@
+"""Command that harvests a style library from street pictures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from flows.cli.output import print_line, print_notice
+from flows.cli.paths import EXISTING, FOLDER
+
+# Files without a picture that are listed one by one.
+MAX_LISTED_FAULTS = 20
+
+
+@click.command("harvest", short_help="Make a style library from street photos and panoramas.")
+@click.argument("pictures", metavar="PICTURES...", type=EXISTING, nargs=-1, required=True)
+@click.option("--out", type=FOLDER, required=True, help="Folder of the style library.")
+@click.option(
+    "--most", default=40, show_default=True, type=click.IntRange(1), metavar="N", help="Maximum number of exemplars."
+)
+@click.option("--licence", metavar="WORDS", help="Licence of pictures that state none, such as CC-BY-SA-4.0.")
+@click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
+def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | None, workers: int) -> None:
+    """Make a style library of facades from street photos and panoramas, of which no pose need be known.
+
+    The facades are rectified, cut, parsed and judged; the best become exemplars, each building once, for
+    `imagery: {exemplars: {path: OUT}}` in a block file. Rejected facades are listed with their reasons in
+    OUT/exemplars.json. OUT/harvest/sheets holds contact sheets of both. Resumable: a picture is harvested once.
+
+    \b
+    Examples:
+      streetloom harvest my-photos/ --out style/
+      streetloom harvest panoramas/ street.jpg --out style/ --most 60 --licence CC-BY-SA-4.0
+    """
+    from flows.cli.interrupts import exit_on_signal
+    from flows.console import show_progress
+    from tasks.harvest.library import harvest_style_library
+
+    exit_on_signal()
+    with show_progress(quiet=False):
+        found = harvest_style_library(pictures, out, most=most, workers=workers, licence=licence)
+    for fault in found.faults[:MAX_LISTED_FAULTS]:
+        print_notice(f"{fault.id}: {fault.reason}")
+    if len(found.faults) > MAX_LISTED_FAULTS:
+        print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} files more are not read")
+    if not found.looked:
+        print_notice(
+            "faces and number plates were not looked for; `make detect-setup` installs what does, "
+            "and the same command then harvests anew"
+        )
+    print_line(f"pictures   {found.pictures}, {found.earlier} of them done before; {found.seconds:.1f} s each")
+    print_line(
+        f"exemplars  {len(found.exemplars)}, and {len(found.rejected)} facades are rejected: {out / 'exemplars.json'}"
+    )
+    for sheet in found.sheets:
+        print_line(f"sheet      {sheet}")
+    if not found.exemplars:
+        print_notice(
+            f"{out}: no facade can be used; add photos taken from across the street, with a whole facade in view"
+        )
+        sys.exit(2)
+    print_line(f"ready: write imagery: {{exemplars: {{path: {out}}}}} into a block file")

@@ -1,0 +1,1 @@
+"""Harvest of a style library from unposed street pictures."""

@@ -1,0 +1,63 @@
+"""Painted facades as exemplars: sound ones, and ones with a fault each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from facade_core.core.types import Element
+from facade_core.facade.exemplar_judge import FacadePicture, judge_exemplar
+from facade_core.synth.facade import paint_facade
+
+
+@pytest.fixture(scope="module")
+def sound() -> FacadePicture:
+    painted = paint_facade((13.0, 14.0), floors=4, columns=5, style="plaster", metres_per_pixel=0.03, seed=2)
+    hidden = np.zeros(painted.labels.shape, bool)
+    return FacadePicture(painted.image, painted.labels, hidden, painted.elements, 0.03, 0.2)
+
+
+def test_a_sound_facade_has_no_reason_against_it(sound: FacadePicture) -> None:
+    found = judge_exemplar(sound)
+    assert found.reasons == ()
+    assert found.score > 0.7
+
+
+def covered(picture: FacadePicture, part: slice) -> FacadePicture:
+    hidden = picture.hidden.copy()
+    hidden[part] = True
+    return replace(picture, hidden=hidden)
+
+
+def shifted(windows: list[Element]) -> list[Element]:
+    """Every second window half its height lower."""
+    return [
+        replace(e, y0=e.y0 + (n % 2) * e.height / 2, y1=e.y1 + (n % 2) * e.height / 2) for n, e in enumerate(windows)
+    ]
+
+
+def test_each_fault_is_named_and_lowers_the_score(sound: FacadePicture) -> None:
+    rows = len(sound.hidden)
+    foot = slice(2 * rows // 3, rows)
+    dark = sound.image.copy()
+    dark[foot] //= 8
+    windows = [each for each in sound.elements if each.label == "window"]
+    cases = {
+        "blurred": replace(sound, image=cv2.GaussianBlur(sound.image, (0, 0), 9)),
+        "of its foot is hidden": covered(sound, foot),
+        "pixels per metre": replace(sound, metres_per_pixel=0.12),
+        "degrees off the axes": replace(sound, residual_deg=0.95),
+        "its foot is too dark": replace(sound, image=dark),
+        "in no rows": replace(sound, elements=shifted(windows)),
+        "uncertain": replace(sound, elements=[replace(each, confidence=0.4) for each in windows]),
+        "columns of windows": replace(sound, elements=windows[:1]),
+        "floors are seen": replace(sound, labels=np.zeros_like(sound.labels)),
+    }
+    score = judge_exemplar(sound).score
+    for reason, picture in cases.items():
+        found = judge_exemplar(picture)
+        assert any(reason in each for each in found.reasons), (reason, found)
+        assert found.score <= score + 1e-9, reason
