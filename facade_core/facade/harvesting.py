@@ -85,6 +85,8 @@ def harvest_facade(
     observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
     image, observed = _trim(image, observed)
     labels = fill_sky_and_unknown(observed.parsing.labels)
+    if not any(each.label == "window" for each in observed.observed) or not count_floors(labels):
+        raise ImageError("no windows are found in it")
     scale = exemplar_scale(image, labels, storey=STOREY_M)
     picture = FacadePicture(image, labels, observed.hidden, observed.observed, scale, rectified.residual)
     judgement = judge_exemplar(picture)
