@@ -210,7 +210,7 @@ def complete_photo(
     """Parse and complete a photo; parameters as in `build_facade_from_photo`."""
     seconds: dict[str, float] = {}
     photo = observe_photo(image, hidden, masks, models=models, seconds=seconds)
-    return complete_observed_photo(image, photo, doors, models=models, seed=seed, seconds=seconds)
+    return complete_observed_photo(image, photo, doors, facade=masks.facade, models=models, seed=seed, seconds=seconds)
 
 
 def complete_observed_photo(
@@ -218,6 +218,7 @@ def complete_observed_photo(
     photo: ObservedPhoto,
     doors: MappedDoors,
     *,
+    facade: BoolArray | None = None,
     models: TrainedModelFiles,
     seed: int,
     seconds: dict[str, float],
@@ -227,12 +228,13 @@ def complete_observed_photo(
     Parameters
     ----------
     photo : the parsed photo.
+    facade : (h, w) bool pixels known to show the facade; None if unknown.
     seconds : receives the seconds of each step.
     """
     parsing, hidden, observed = photo.parsing, photo.hidden, photo.observed
     completion, result_parsing, result, layout = None, parsing, image, observed
     foot = find_hidden_foot(image, hidden, parsing.labels)
-    if foot is not None and masks.facade is not None and masks.facade[foot.top :].any():
+    if foot is not None and facade is not None and facade[foot.top :].any():
         foot = None  # somebody says that it shows the facade
     if hidden.any():
         height, width = hidden.shape
