@@ -12,7 +12,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
 from facade_core.facade.exemplar import count_columns
-from facade_core.facade.exemplar_judge import ExemplarJudgement, FacadePicture, judge_exemplar
+from facade_core.facade.exemplar_admission import CandidateAssessment, FacadePicture, assess_candidate
 from facade_core.facade.photo_facade import (
     NO_DOORS,
     ObservedPhoto,
@@ -57,7 +57,7 @@ class HarvestedFacade:
     metres_per_pixel: float
     floors: int
     columns: int
-    judgement: ExemplarJudgement
+    judgement: CandidateAssessment
 
 
 def harvest_facade(
@@ -89,7 +89,7 @@ def harvest_facade(
         raise ImageError("no windows are found in it")
     scale = exemplar_scale(image, labels, storey=STOREY_M)
     picture = FacadePicture(image, labels, observed.hidden, observed.observed, scale, rectified.residual)
-    judgement = judge_exemplar(picture)
+    judgement = assess_candidate(picture)
     found = HarvestedFacade(
         image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.observed), judgement
     )
@@ -105,7 +105,7 @@ def _complete(
     whole = complete_observed_photo(found.image, observed, NO_DOORS, models=models, seed=seed, seconds={})
     labels = fill_sky_and_unknown(whole.labels)
     scale = exemplar_scale(whole.image, labels, storey=STOREY_M)
-    judgement = judge_exemplar(
+    judgement = assess_candidate(
         replace(
             picture,
             image=whole.image,

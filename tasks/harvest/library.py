@@ -234,6 +234,7 @@ def _families(exemplars: Sequence[Candidate]) -> list[int]:
         hidden=[one["hidden"] for one in records],
         shaded=zeros,
         shops=zeros,
+        quality=[one["score"] for one in records],
         descriptors=[one["look"] for one in records],
     )
     families: list[int] = library.family.tolist()

@@ -1,4 +1,4 @@
-"""Judge of facade pictures as exemplars: what is wrong with one, and how good it is."""
+"""Admission of facade pictures as exemplars: what is wrong with one, and how good it is before `exemplar_quality` ranks it."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class FacadePicture:
     residual_deg: float
 
 
-class ExemplarParts(NamedTuple):
+class CandidateParts(NamedTuple):
     """Parts of an exemplar's score, 0 to 1 each.
 
     Attributes
@@ -102,7 +102,7 @@ class ExemplarParts(NamedTuple):
     light: float
 
 
-class ExemplarJudgement(NamedTuple):
+class CandidateAssessment(NamedTuple):
     """Judgement of a facade picture as an exemplar.
 
     Attributes
@@ -113,11 +113,11 @@ class ExemplarJudgement(NamedTuple):
     """
 
     score: float
-    parts: ExemplarParts
+    parts: CandidateParts
     reasons: tuple[str, ...]
 
 
-def judge_exemplar(picture: FacadePicture) -> ExemplarJudgement:
+def assess_candidate(picture: FacadePicture) -> CandidateAssessment:
     """Judge a rectified picture of one facade as an exemplar.
 
     Parameters
@@ -135,7 +135,7 @@ def judge_exemplar(picture: FacadePicture) -> ExemplarJudgement:
     cut = _cut_share(picture.hidden, windows)
     deviation = _row_deviation(windows)
     shadow = _measure_shadow(picture.image, picture.labels)
-    parts = ExemplarParts(
+    parts = CandidateParts(
         resolution=_rise(density, MIN_PIXELS_PER_METRE / 2, GOOD_PIXELS_PER_METRE),
         sharpness=_rise(-blur, -MAX_BLUR - 0.1, -GOOD_BLUR),
         visible=1 - hidden,
@@ -149,7 +149,7 @@ def judge_exemplar(picture: FacadePicture) -> ExemplarJudgement:
         *_explain_content(picture, windows),
         *_explain_quality(picture, density, blur, cut, deviation, shadow),
     )
-    return ExemplarJudgement(score, parts, reasons)
+    return CandidateAssessment(score, parts, reasons)
 
 
 def _explain_content(picture: FacadePicture, windows: Sequence[Element]) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.types import Element
-from facade_core.facade.exemplar_judge import FacadePicture, judge_exemplar
+from facade_core.facade.exemplar_admission import FacadePicture, assess_candidate
 from facade_core.synth.facade import paint_facade
 
 
@@ -21,7 +21,7 @@ def sound() -> FacadePicture:
 
 
 def test_a_sound_facade_has_no_reason_against_it(sound: FacadePicture) -> None:
-    found = judge_exemplar(sound)
+    found = assess_candidate(sound)
     assert found.reasons == ()
     assert found.score > 0.7
 
@@ -56,8 +56,8 @@ def test_each_fault_is_named_and_lowers_the_score(sound: FacadePicture) -> None:
         "columns of windows": replace(sound, elements=windows[:1]),
         "floors are seen": replace(sound, labels=np.zeros_like(sound.labels)),
     }
-    score = judge_exemplar(sound).score
+    score = assess_candidate(sound).score
     for reason, picture in cases.items():
-        found = judge_exemplar(picture)
+        found = assess_candidate(picture)
         assert any(reason in each for each in found.reasons), (reason, found)
         assert found.score <= score + 1e-9, reason
