@@ -22,7 +22,7 @@ from tasks.stages.order import CODE_STAGES, STAGE_NAMES
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # What takes minutes, or serves until it is ended: these commands' options are checked, and they are run by tests of their own.
-LONG = ("run", "view", "city", "plan")
+LONG = ("harvest", "run", "view", "city", "plan")
 
 
 def blocks(page: str, language: str) -> list[str]:
