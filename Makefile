@@ -21,7 +21,7 @@ demo: setup  ## Texture the embedded block: model and report in out/demo
 # whole runs first; 3 processes on 2 cores, as tests wait
 SUITE := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
-test: setup check clients  ## Run style checks, type checks and tests, without those marked long: twenty minutes
+test: setup check clients  ## Run style checks, type checks and tests, without those marked long: fifteen minutes on two quiet cores
 	$(SUITE) -m "not long"
 
 test-long: setup clients  ## Run the tests marked long: runs that are killed, lose their servers, follow schedules or change; three quarters of an hour
