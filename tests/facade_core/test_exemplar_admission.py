@@ -26,13 +26,13 @@ def test_a_sound_facade_has_no_reason_against_it(sound: FacadePicture) -> None:
     assert found.score > 0.7
 
 
-def covered(picture: FacadePicture, part: slice) -> FacadePicture:
+def cover_part(picture: FacadePicture, part: slice) -> FacadePicture:
     hidden = picture.hidden.copy()
     hidden[part] = True
     return replace(picture, hidden=hidden)
 
 
-def shifted(windows: list[Element]) -> list[Element]:
+def shift_columns(windows: list[Element]) -> list[Element]:
     """Each column two fifths of a window lower than the one on its left."""
     columns = sorted({each.x0 for each in windows})
     down = {x0: 0.4 * place * windows[0].height for place, x0 in enumerate(columns)}
@@ -47,11 +47,11 @@ def test_each_fault_is_named_and_lowers_the_score(sound: FacadePicture) -> None:
     windows = [each for each in sound.elements if each.label == "window"]
     cases = {
         "blurred": replace(sound, image=cv2.GaussianBlur(sound.image, (0, 0), 9)),
-        "of its foot is hidden": covered(sound, foot),
+        "of its foot is hidden": cover_part(sound, foot),
         "pixels per metre": replace(sound, metres_per_pixel=0.12),
         "degrees off the axes": replace(sound, residual_deg=0.95),
         "its foot is too dark": replace(sound, image=dark),
-        "in no rows": replace(sound, elements=shifted(windows)),
+        "in no rows": replace(sound, elements=shift_columns(windows)),
         "uncertain": replace(sound, elements=[replace(each, confidence=0.4) for each in windows]),
         "columns of windows": replace(sound, elements=windows[:1]),
         "floors are seen": replace(sound, labels=np.zeros_like(sound.labels)),

@@ -10,7 +10,7 @@ from facade_core.facade.exposure import MAX_SLOPE, apply_tone_curve, level_wall_
 BRICK, PLASTER = np.array([101.0, 82, 83]), np.array([152.0, 138, 126])
 
 
-def shown(colour: np.ndarray, slope: np.ndarray) -> np.ndarray:
+def lighten_colour(colour: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return apply_tone_curve(np.rint(colour).astype(np.uint8)[None, None], slope)[0, 0].astype(float)
 
 
@@ -18,7 +18,7 @@ def test_the_darker_of_two_walls_comes_to_the_lighter_one() -> None:
     dark = BRICK * (0.7, 0.7, 0.75)  # in the shade: bluer
     slopes = level_wall_colours([BRICK, dark])
     np.testing.assert_array_equal(slopes[0], 1)
-    assert np.abs(shown(dark, slopes[1]) - BRICK).max() < 3
+    assert np.abs(lighten_colour(dark, slopes[1]) - BRICK).max() < 3
 
 
 def test_walls_of_another_material_keep_their_exposure() -> None:
@@ -30,7 +30,7 @@ def test_walls_of_another_material_keep_their_exposure() -> None:
 def test_a_wall_at_night_is_lightened_within_bounds() -> None:
     slopes = level_wall_colours([PLASTER, PLASTER / 8])
     assert slopes[1].mean() == pytest.approx(MAX_SLOPE, rel=0.05)
-    assert (shown(PLASTER / 8, slopes[1]) < PLASTER / 3).all()
+    assert (lighten_colour(PLASTER / 8, slopes[1]) < PLASTER / 3).all()
     assert np.isfinite(level_wall_colours([np.zeros(3), np.full(3, 255.0)])).all()
 
 

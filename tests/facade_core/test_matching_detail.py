@@ -20,25 +20,25 @@ from facade_core.synth.street_truth import render_street_panorama, synthetic_str
 SIZE, DENSITY = (160, 200), 16.0
 
 
-def shown(rgb: np.ndarray) -> ChartView:
+def make_view(rgb: np.ndarray) -> ChartView:
     """View that a mask calls occluded everywhere."""
     whole = np.ones(rgb.shape[:2], bool)
     return ChartView(rgb.clip(0, 255).astype(np.uint8), whole, whole.astype(np.float32), whole)
 
 
-def speckled(seed: int, shape: tuple[int, int] = SIZE) -> np.ndarray:
+def draw_speckles(seed: int, shape: tuple[int, int] = SIZE) -> np.ndarray:
     grain = np.random.default_rng(seed).normal(0, 14, (shape[0] // 4, shape[1] // 4)).repeat(4, 0).repeat(4, 1)
     return np.repeat(110 + grain[..., None], 3, axis=2)
 
 
 def test_the_same_detail_is_found_and_an_object_at_two_places_is_not() -> None:
-    ground, car = speckled(0), speckled(1, (64, 64))
+    ground, car = draw_speckles(0), draw_speckles(1, (64, 64))
     rng = np.random.default_rng(2)
     views = []
     for left in (40, 100):
         rgb = ground + rng.normal(0, 3, ground.shape)
         rgb[48:112, left : left + 64] = car
-        views.append(shown(rgb))
+        views.append(make_view(rgb))
     for found, left in zip(find_matching_detail(views, DENSITY, [(1, 0)]), (40, 100), strict=True):
         assert found[:, :30].mean() > 0.95
         assert found[:, 175:].mean() > 0.95
@@ -49,8 +49,8 @@ def test_the_same_detail_is_found_and_an_object_at_two_places_is_not() -> None:
 @pytest.mark.parametrize("colours", [(110, 110), (110, 200)], ids=["without detail", "of another colour"])
 def test_surfaces_without_shared_detail_prove_nothing(colours: tuple[float, float]) -> None:
     rng = np.random.default_rng(3)
-    grain = 0 if colours[0] == colours[1] else speckled(0) - 110
-    views = [shown(colour + grain + rng.normal(0, 3, (*SIZE, 3))) for colour in colours]
+    grain = 0 if colours[0] == colours[1] else draw_speckles(0) - 110
+    views = [make_view(colour + grain + rng.normal(0, 3, (*SIZE, 3))) for colour in colours]
     assert not any(one.any() for one in find_matching_detail(views, DENSITY, [(1, 0)]))
 
 
@@ -70,10 +70,10 @@ def test_ground_that_the_parser_masks_is_taken_but_for_the_private_part() -> Non
         cameras.append(PanoramaCamera(image, pose, np.ones(image.shape[:2], bool), np.ones(3), colour))
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
 
-    def taken(some: list[PanoramaCamera]) -> int:
+    def count_taken_texels(some: list[PanoramaCamera]) -> int:
         found = [fuse_ground_view(scene, chart, some) for chart in grounds]
         return sum(int(one.is_visible.sum()) for one in found if one is not None)
 
-    assert taken(cameras) > 8_000
-    assert taken([replace(one, private=one.occluded) for one in cameras]) == 0
-    assert taken(cameras[:1]) == 0
+    assert count_taken_texels(cameras) > 8_000
+    assert count_taken_texels([replace(one, private=one.occluded) for one in cameras]) == 0
+    assert count_taken_texels(cameras[:1]) == 0

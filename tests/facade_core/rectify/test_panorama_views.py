@@ -7,14 +7,14 @@ import numpy as np
 from facade_core.imagery.rectify.panorama_views import FIELD_OF_VIEW_DEG, VIEW_COUNT, VIEW_PITCH_DEG, cut_panorama_views
 
 
-def painted(width: int = 1024) -> np.ndarray:
+def paint_panorama(width: int = 1024) -> np.ndarray:
     """A panorama whose red is the longitude and whose green is the latitude."""
     longitude, latitude = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(width // 2) + 0.5) / (width // 2))
     return np.rint(np.dstack([255 * longitude, 255 * latitude, 0 * latitude])).astype(np.uint8)
 
 
 def test_views_look_around_and_up() -> None:
-    views = list(cut_panorama_views(painted()))
+    views = list(cut_panorama_views(paint_panorama()))
     assert len(views) == VIEW_COUNT
     for view in views:
         rows, columns = view.image.shape[:2]
@@ -27,7 +27,7 @@ def test_views_look_around_and_up() -> None:
 
 
 def test_what_a_part_of_a_panorama_lacks_is_hidden() -> None:
-    half = painted()[:, 512:]  # the right half of the circle
+    half = paint_panorama()[:, 512:]  # the right half of the circle
     views = {view.heading: view.image for view in cut_panorama_views(half, (0.5, 0.0, 0.5, 1.0))}
     assert 270.0 not in views
     assert (views[90.0][..., 3] == 255).all()
