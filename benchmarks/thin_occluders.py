@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -22,7 +21,6 @@ from typing import Any
 import cv2
 import numpy as np
 from PIL import Image
-from scipy import ndimage
 
 from catalogs.learning.datasets import (
     ARTDECO,
@@ -32,9 +30,9 @@ from catalogs.learning.datasets import (
     read_dataset,
     split_facades_for_training,
 )
-from facade_core.core.labels import FacadeClass
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
+from facade_core.parsing.training_views import estimate_metres_per_pixel
 from facade_core.synth.thin_occluders import THIN_KINDS, paint_before_wall
 
 SEED = 40_000
@@ -56,21 +54,8 @@ CUTOUTS = {
     "treet_4": 7.0,
 }
 
-# Square root of the area of a common window, metres; smaller windows, as shares of the photo, are parts of windows.
-_WINDOW_SIDE_M, _MIN_WINDOW_SHARE = 1.15, 0.0003
-# Height of a photo without windows, metres.
-_PHOTO_HEIGHT_M = 14.0
-
 Mask = Callable[[np.ndarray], np.ndarray]
 Hits = dict[str, list[tuple[int, int]]]
-
-
-def estimate_metres_per_pixel(labels: np.ndarray) -> float:
-    """Estimate the scale of a facade photo from the median area of its windows."""
-    parts, count = ndimage.label(labels == FacadeClass.WINDOW)
-    areas = np.bincount(parts.reshape(-1), minlength=count + 1)[1:]
-    areas = areas[areas >= _MIN_WINDOW_SHARE * labels.size]
-    return _WINDOW_SIDE_M / math.sqrt(float(np.median(areas))) if areas.size else _PHOTO_HEIGHT_M / len(labels)
 
 
 def held_out_facades(data: Path, each: int) -> list[LabelledFacade]:
@@ -89,7 +74,9 @@ def measure_drawn(facades: Sequence[LabelledFacade], mask: Mask, sheet: list[np.
     for kind_number, kind in enumerate(THIN_KINDS):
         for number, facade in enumerate(facades):
             rng = np.random.default_rng([SEED, kind_number, number])
-            image, told = paint_before_wall(facade.image, kind, estimate_metres_per_pixel(facade.labels), rng)
+            image, told = paint_before_wall(
+                facade.image, kind, estimate_metres_per_pixel(facade.possible), len(facade.image), rng
+            )
             truth = told == 1
             if truth.sum() < MIN_PIXELS:
                 continue
@@ -108,7 +95,7 @@ def measure_cutouts(facades: Sequence[LabelledFacade], folder: Path, mask: Mask)
         piece = np.asarray(Image.open(folder / f"{name}.png").convert("RGBA"))
         facade = facades[number % len(facades)]
         rng = np.random.default_rng([SEED, number])
-        high = max(1, round(metres / estimate_metres_per_pixel(facade.labels)))
+        high = max(1, round(metres / estimate_metres_per_pixel(facade.possible)))
         wide = max(1, round(piece.shape[1] * high / piece.shape[0]))
         small = cv2.resize(piece, (wide, high), interpolation=cv2.INTER_AREA)
         rows, columns = facade.labels.shape

@@ -7,17 +7,18 @@ and resumed run ends in the same weights as an uninterrupted one.
 from __future__ import annotations
 
 import copy
-import functools
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
+from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.network import DOOR_WEIGHT, OCCLUDER_OUTPUT, OUTSIDE_OUTPUT
@@ -25,7 +26,8 @@ from facade_core.parsing.training_views import (
     ANY_CLASS,
     LabelledPhoto,
     OccluderCutout,
-    TrainingView,
+    OccluderPainter,
+    estimate_metres_per_pixel,
     extract_occluder_cutouts,
     occluder_loss_weights,
     sample_view,
@@ -40,15 +42,17 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 
-# A step is computed in this many parallel parts, one thread each, which synchronise once a step.
+# Without a GPU, a step is computed in this many parallel parts, one thread each, which synchronise once a step.
 _PARALLEL_PARTS = 2
+# Processes that draw the views of a GPU, at most, and steps that each draws ahead.
+_MAX_LOADERS, _STEPS_AHEAD = 14, 4
 _WEIGHT_DECAY = 0.01
 # Learning rate of the encoder, as a share of the decoder's.
 _ENCODER_RATE = 0.15
 # Steps of the learning rate's rise, and their largest share of all steps,
-_WARM_UP = (100, 0.25)
+_WARM_UP = (300, 0.25)
 # and of its fall.
-_COOL_DOWN = (500, 0.4)
+_COOL_DOWN = (1200, 0.4)
 # The averaged weights follow the trained ones with this memory, in steps.
 _AVERAGE_STEPS = 250
 # Weight of the two binary outputs, occluder and outside, against the classes.
@@ -94,9 +98,12 @@ def train_parser_network(
     seed: int,
     state: Path | None = None,
     start: Mapping[str, Tensor] | None = None,
+    paint_occluders: OccluderPainter | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Tensor]:
     """Train on the named sets and return the network's averaged weights (name -> tensor).
+
+    Runs on a GPU where torch finds one; its weights equal those of processors up to rounding.
 
     Parameters
     ----------
@@ -105,6 +112,7 @@ def train_parser_network(
     seed : random seed.
     state : file of the run's state, written every 100 steps; read if it exists and belongs to the same run.
     start : weights to continue from; without, the encoder starts from ImageNet weights.
+    paint_occluders : painter of thin occluders before the views.
     progress : called with the name of the step, the units done and their number.
 
     Raises
@@ -131,7 +139,8 @@ def train_parser_network(
         network.load_imagenet_weights(_imagenet_weights())
     else:
         network.load_state_dict(start)
-    network = network.to(memory_format=torch.channels_last)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    network = network.to(device, memory_format=torch.channels_last)
     # ImageNet taught edges and colours well; training them again would take a quarter of the time.
     for parameter in network.early_encoder_parameters():
         parameter.requires_grad_(False)
@@ -148,19 +157,24 @@ def train_parser_network(
             raise ModelFileError(f"{state}: state of another training run; remove it or name another folder")
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
-        average, done = saved["average"], saved["done"]
-    cutout_groups = [group for photos in sets.values() for group in extract_occluder_cutouts(photos)]
+        average, done = {name: value.to(device) for name, value in saved["average"].items()}, saved["done"]
     network.train(not schedule.freeze_norms)
-    replicas = [network, *(_replicate(network) for _ in range(_PARALLEL_PARTS - 1))]
-    with ThreadPoolExecutor(_PARALLEL_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        for step in range(done, schedule.steps):
+    parts = 1 if device.type == "cuda" else _PARALLEL_PARTS
+    replicas = [network, *(_replicate(network) for _ in range(parts - 1))]
+    loaders = min(_MAX_LOADERS, len(os.sched_getaffinity(0)) - 1) if device.type == "cuda" else 0
+    steps = torch.utils.data.DataLoader(
+        StepViews(sets, schedule, seed, parts, paint_occluders),
+        batch_size=None,
+        sampler=range(done, schedule.steps),
+        num_workers=loaders,
+        prefetch_factor=_STEPS_AHEAD if loaders else None,
+    )
+    with ThreadPoolExecutor(parts, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        for step, batches in enumerate(steps, start=done):
             report("network", step, schedule.steps)
             for group in optimiser.param_groups:
                 group["lr"] = group["highest"] * _rate_share(step, schedule.steps)
-            views = pool.map(
-                functools.partial(_draw_views, sets, schedule, cutout_groups, (seed, step)), range(_PARALLEL_PARTS)
-            )
-            losses = list(pool.map(_backward, replicas, views))
+            losses = list(pool.map(_backward, replicas, batches))
             if not all(map(math.isfinite, losses)):
                 raise ModelFileError(f"training diverged at step {step}: lower the learning rate {schedule.rate}")
             _average_replicas(replicas)
@@ -178,7 +192,74 @@ def train_parser_network(
                         "done": step + 1,
                     },
                 )
-    return average
+    return {name: value.cpu() for name, value in average.items()}
+
+
+class _Batch(NamedTuple):
+    """Views of one part of a step, stacked; the fields of `TrainingView` and each pixel's weight in its occluder loss."""
+
+    image: UInt8Array
+    possible: UInt8Array
+    occluder: UInt8Array
+    occluder_weight: Float32Array
+    outside: UInt8Array
+    place: Float32Array
+
+
+class StepViews:
+    """Views of each step of a training run, as a map-style data set of torch.
+
+    Parameters
+    ----------
+    sets : labelled photos by name of the set.
+    schedule : schedule of the run.
+    seed : random seed.
+    parts : parallel parts of a step.
+    paint_occluders : painter of thin occluders before the views.
+    """
+
+    def __init__(
+        self,
+        sets: Mapping[str, Sequence[LabelledPhoto]],
+        schedule: TrainingSchedule,
+        seed: int,
+        parts: int,
+        paint_occluders: OccluderPainter | None,
+    ) -> None:
+        self._sets, self._seed, self._parts, self._paint = sets, seed, parts, paint_occluders
+        self._names = [name for name, count in schedule.per_step.items() for _ in range(count)]
+        self._steps = schedule.steps
+        self._cutout_groups: Sequence[Sequence[OccluderCutout]] = [
+            group for photos in sets.values() for group in extract_occluder_cutouts(photos)
+        ]
+        self._scales = {
+            name: [estimate_metres_per_pixel(photo.possible) for photo in photos] for name, photos in sets.items()
+        }
+
+    def __len__(self) -> int:
+        return self._steps
+
+    def __getitem__(self, step: int) -> list[_Batch]:
+        """Return the views of each part of a step: every so manieth of them."""
+        batches = []
+        for part in range(self._parts):
+            views = []
+            for number in range(part, len(self._names), self._parts):
+                name, rng = self._names[number], np.random.default_rng([self._seed, step, number])
+                index = int(rng.integers(len(self._sets[name])))
+                scale = self._scales[name][index]
+                views.append(sample_view(self._sets[name][index], self._cutout_groups, rng, scale, self._paint))
+            batches.append(
+                _Batch(
+                    np.stack([view.image for view in views]),
+                    np.stack([view.possible for view in views]),
+                    np.stack([view.occluder for view in views]),
+                    np.stack([occluder_loss_weights(view.occluder) for view in views]),
+                    np.stack([view.outside for view in views]),
+                    np.stack([view.place for view in views]),
+                )
+            )
+        return batches
 
 
 def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Tensor] | None) -> str:
@@ -231,22 +312,6 @@ def _check_sets(sets: Mapping[str, Sequence[LabelledPhoto]], schedule: TrainingS
                 raise ImageError(f"training photo {name} {number}: its label maps must have the photo's size {shape}")
 
 
-def _draw_views(
-    sets: Mapping[str, Sequence[LabelledPhoto]],
-    schedule: TrainingSchedule,
-    cutout_groups: Sequence[Sequence[OccluderCutout]],
-    seeds: tuple[int, int],
-    part: int,
-) -> list[TrainingView]:
-    """Return the views of one part of a step: every _PARALLEL_PARTS-th of them."""
-    names = [name for name, count in schedule.per_step.items() for _ in range(count)]
-    views = []
-    for number in range(part, len(names), _PARALLEL_PARTS):
-        rng, photos = np.random.default_rng([*seeds, number]), sets[names[number]]
-        views.append(sample_view(photos[int(rng.integers(len(photos)))], cutout_groups, rng))
-    return views
-
-
 def _replicate(network: ParserNetwork) -> ParserNetwork:
     """Copy that shares the weights but has its own gradients and running means."""
     replica = copy.deepcopy(network)
@@ -255,9 +320,10 @@ def _replicate(network: ParserNetwork) -> ParserNetwork:
     return replica
 
 
-def _backward(network: ParserNetwork, views: Sequence[TrainingView]) -> float:
+def _backward(network: ParserNetwork, batch: Sequence[Tensor]) -> float:
     network.zero_grad()
-    loss = _loss(network, views)
+    device = next(network.parameters()).device
+    loss = _loss(network, [layer.to(device) for layer in batch])
     loss.backward()
     value: float = loss.item()
     return value
@@ -306,32 +372,29 @@ def _make_optimiser(network: ParserNetwork, schedule: TrainingSchedule) -> Optim
     return torch.optim.AdamW(groups, lr=0.0, weight_decay=_WEIGHT_DECAY)
 
 
-def _loss(network: ParserNetwork, views: Sequence[TrainingView]) -> Tensor:
-    """Return the loss: negative log of the summed probability of a pixel's possible classes.
+def _loss(network: ParserNetwork, batch: Sequence[Tensor]) -> Tensor:
+    """Return the loss on the layers of a `_Batch`: negative log of the summed probability of a pixel's possible classes.
 
     The cross-entropies of both binary outputs are added.
     """
     import torch
     from torch.nn import functional
 
-    image = torch.from_numpy(np.stack([v.image for v in views])).permute(0, 3, 1, 2).float()
-    place = torch.from_numpy(np.stack([v.place for v in views]))
+    image, possible, occluder, occluder_weight, outside, place = batch
+    image = image.permute(0, 3, 1, 2).float()
     logits = network(image.contiguous(memory_format=torch.channels_last), place)
     logits = functional.interpolate(logits, scale_factor=2.0, mode="bilinear", align_corners=False)
     classes = logits[:, : len(CLASSES)]
-    possible = torch.from_numpy(np.stack([v.possible for v in views]))
-    bits = torch.tensor([1 << number for number in range(len(CLASSES))], dtype=torch.uint8)[:, None, None]
-    may_be = (possible[:, None] & bits) != 0
+    bits = torch.tensor([1 << number for number in range(len(CLASSES))], dtype=torch.uint8, device=possible.device)
+    may_be = (possible[:, None] & bits[:, None, None]) != 0
     weight = ((possible != ANY_CLASS) & (possible != 0)).float()
     weight = torch.where(possible == 1 << FacadeClass.DOOR, DOOR_WEIGHT, weight)
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * weight).sum() / weight.sum().clamp(min=1)
-    questions = (
-        (OCCLUDER_OUTPUT, [v.occluder for v in views], [occluder_loss_weights(v.occluder) for v in views]),
-        (OUTSIDE_OUTPUT, [v.outside for v in views], [v.outside != UNKNOWN for v in views]),
-    )
-    for output, answers, counted in questions:
-        truth, count = torch.from_numpy(np.stack(answers)), torch.from_numpy(np.stack(counted))
+    for output, truth, count in (
+        (OCCLUDER_OUTPUT, occluder, occluder_weight),
+        (OUTSIDE_OUTPUT, outside, outside != UNKNOWN),
+    ):
         error = functional.binary_cross_entropy_with_logits(logits[:, output], (truth == 1).float(), reduction="none")
         loss = loss + _BINARY_LOSS_WEIGHT * (error * count).sum() / count.sum().clamp(min=1)
     return loss
@@ -349,7 +412,7 @@ def _read_state(path: Path) -> _TrainingState:
     import torch
 
     try:
-        state: _TrainingState = torch.load(path, weights_only=True)
+        state: _TrainingState = torch.load(path, weights_only=True, map_location="cpu")
     except Exception as error:  # the type depends on how the archive is broken
         raise ModelFileError(f"{path}: not the state of a training run; remove it to start anew") from error
     return state

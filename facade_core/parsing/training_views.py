@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from facade_core.core.arrays import AnyArray, Float32Array, UInt8Array
-from facade_core.core.labels import CLASSES, UNKNOWN
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.network import PLACE_STRIDE, cell_position_planes
 
 # Side of the square views in pixels.
@@ -31,10 +31,21 @@ _MIN_UPRIGHT_ASPECT = 1.4
 _OCCLUDED_SHARE = 0.6
 # and share of these occluders at the photo's foot.
 _AT_FOOT_SHARE = 0.75
+# Share of views with thin occluders where they are painted.
+_THIN_SHARE = 0.5
+# Square root of the area of a common window, metres; smaller windows, as shares of the photo, are parts of windows.
+_WINDOW_SIDE_M, _MIN_WINDOW_SHARE = 1.15, 0.0003
+# Height of a photo without windows, metres.
+_PHOTO_HEIGHT_M = 14.0
 # Pixels of an occluder weigh as if it covered this share of a view,
 _REFERENCE_SHARE = 0.06
 # at most this much more than others: people cover few pixels.
 _MAX_WEIGHT = 4.0
+
+
+# Paints occluders over a view (H, W, 3) uint8, from its metres per pixel and the row of its ground; returns the view and
+# the occluder labels (H, W) uint8 of what was painted.
+OccluderPainter = Callable[[UInt8Array, float, float, np.random.Generator], tuple[UInt8Array, UInt8Array]]
 
 
 class LabelledPhoto(Protocol):
@@ -129,16 +140,35 @@ def occluder_loss_weights(occluder: UInt8Array) -> Float32Array:
     return np.where(occluder == UNKNOWN, 0, weight_by_part[parts]).astype(np.float32)
 
 
+def estimate_metres_per_pixel(possible: UInt8Array) -> float:
+    """Estimate the scale of a facade photo from the median area of its windows.
+
+    Parameters
+    ----------
+    possible : (H, W) uint8, bit i set where class i is possible.
+    """
+    parts, count = ndimage.label(possible == 1 << FacadeClass.WINDOW)
+    areas = np.bincount(parts.reshape(-1), minlength=count + 1)[1:]
+    areas = areas[areas >= _MIN_WINDOW_SHARE * possible.size]
+    return _WINDOW_SIDE_M / math.sqrt(float(np.median(areas))) if areas.size else _PHOTO_HEIGHT_M / len(possible)
+
+
 def sample_view(
-    photo: LabelledPhoto, cutout_groups: Sequence[Sequence[OccluderCutout]], rng: np.random.Generator
+    photo: LabelledPhoto,
+    cutout_groups: Sequence[Sequence[OccluderCutout]],
+    rng: np.random.Generator,
+    metres_per_pixel: float = 0.0,
+    paint_occluders: OccluderPainter | None = None,
 ) -> TrainingView:
-    """Sample a random view: scale, crop, mirror, pasted occluders, light, blur, noise.
+    """Sample a random view: scale, crop, mirror, pasted and painted occluders, light, blur, noise.
 
     Parameters
     ----------
     photo : labelled photo.
-    pieces : groups of cut-outs, drawn equally often at any size.
+    cutout_groups : groups of cut-outs, drawn equally often at any size.
     rng : random generator.
+    metres_per_pixel : scale of the photo, for `paint_occluders`.
+    paint_occluders : painter of thin occluders.
     """
     image, possible, occluder, outside, place = _crop_view(photo, rng)
     groups = [group for group in cutout_groups if group]
@@ -146,6 +176,11 @@ def sample_view(
         for _ in range(int(rng.integers(1, 5))):
             group = groups[int(rng.integers(len(groups)))]
             image, occluder = _paste_occluder(image, occluder, place, group[int(rng.integers(len(group)))], rng)
+    if paint_occluders is not None and rng.random() < _THIN_SHARE:
+        height, foot = _locate_photo_foot(place)
+        scale = metres_per_pixel * len(photo.image) / height
+        image, painted = paint_occluders(image, scale, foot, rng)
+        occluder = np.where(painted == 0, occluder, painted)
     if rng.random() < 0.08:
         image = _paint_flat(image, possible, rng)
     return TrainingView(_degrade(_vary_light(image, rng), rng), possible, occluder, outside, place)
@@ -202,10 +237,8 @@ def _paste_occluder(
 
     piece = cutout.image
     if rng.random() < _AT_FOOT_SHARE:
-        # positions -1 to 1 span the photo's height; rows are PLACE_STRIDE pixels apart
-        step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
-        foot = VIEW_SIDE - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
-        high = 2 / step * cutout.height_share * math.exp(rng.normal(0, 0.3))
+        photo_height, foot = _locate_photo_foot(place)
+        high = photo_height * cutout.height_share * math.exp(rng.normal(0, 0.3))
         bottom = round(foot + high * rng.uniform(-0.1, 0.3))
     else:
         high = VIEW_SIDE * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])
@@ -233,6 +266,13 @@ def _paste_occluder(
     image[y0:y1, x0:x1] = np.rint(behind + alpha[..., None] * (piece[..., :3] - behind)).astype(np.uint8)
     occluder[y0:y1, x0:x1][alpha >= 0.5] = 1
     return image, occluder
+
+
+def _locate_photo_foot(place: Float32Array) -> tuple[float, float]:
+    """Return the photo's height and the row of its foot in pixels of a view with positions `place`."""
+    # positions -1 to 1 span the photo's height; rows are PLACE_STRIDE pixels apart
+    step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
+    return 2 / step, VIEW_SIDE - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
 
 
 def _paint_flat(image: UInt8Array, possible: UInt8Array, rng: np.random.Generator) -> UInt8Array:

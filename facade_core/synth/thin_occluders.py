@@ -53,15 +53,16 @@ class ThinView(NamedTuple):
 
 
 def paint_before_wall(
-    image: UInt8Array, kind: str, metres_per_pixel: float, rng: np.random.Generator
+    image: UInt8Array, kind: str, metres_per_pixel: float, foot: float, rng: np.random.Generator
 ) -> tuple[UInt8Array, UInt8Array]:
-    """Paint an occluder of a kind at a random place and distance before a wall that ends at the picture's foot.
+    """Paint an occluder of a kind at a random place and distance before a wall.
 
     Parameters
     ----------
-    image : (H, W, 3) uint8 RGB, a rectified facade.
+    image : (H, W, 3) uint8 RGB, a rectified facade or a part of one.
     kind : key of THIN_KINDS.
     metres_per_pixel : resolution of the wall.
+    foot : row of the wall's foot in pixels; it may be outside the picture.
     rng : source of randomness.
 
     Returns
@@ -69,8 +70,8 @@ def paint_before_wall(
     image, occluder : as in `paint_thin_occluder`.
     """
     larger = float(np.exp(rng.uniform(0, np.log(_MAX_MAGNIFICATION))))
-    foot = len(image) + ((larger - 1) * _CAMERA_HEIGHT_M + float(rng.normal(0, 0.3))) / metres_per_pixel
-    return paint_thin_occluder(image, kind, ThinView(metres_per_pixel / larger, foot), rng)
+    ground = foot + ((larger - 1) * _CAMERA_HEIGHT_M + float(rng.normal(0, 0.3))) / metres_per_pixel
+    return paint_thin_occluder(image, kind, ThinView(metres_per_pixel / larger, ground), rng)
 
 
 def paint_thin_occluder(

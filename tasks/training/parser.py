@@ -26,7 +26,7 @@ from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.catalogue_facts import FACADE_MODELS
 from tasks.training.corrected_facades import MIN_FACADES, CorrectedFacade, label_corrected_facade
-from tasks.training.parser_sets import paint_labelled_facades, relabel_occluders
+from tasks.training.parser_sets import paint_labelled_facades, paint_random_occluders, relabel_occluders
 
 Sets = dict[str, list[LabelledFacade]]
 
@@ -70,7 +70,12 @@ def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: Training
     # Painted facades are sampled like photos of cmp; they teach that a clean wall is no occluder.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
     weights = network_training.train_parser_network(
-        taught, schedule, seed=seed, state=out / "network.state", progress=training_progress_callback()
+        taught,
+        schedule,
+        seed=seed,
+        state=out / "network.state",
+        paint_occluders=paint_random_occluders,
+        progress=training_progress_callback(),
     )
     path = out / "network.onnx"
     network_export.save_network(weights, path, training_set=_photo_names(sets), seed=seed)

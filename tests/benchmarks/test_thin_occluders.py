@@ -14,12 +14,13 @@ def facade() -> LabelledFacade:
     for y in (50, 150, 250):
         labels[y : y + 46, 60:106] = labels[y : y + 46, 180:226] = FacadeClass.WINDOW
     image = np.full((400, 300, 3), 190, np.uint8)
-    return LabelledFacade("plain", image, labels, labels, np.zeros_like(labels), np.zeros_like(labels))
+    possible = np.left_shift(1, labels).astype(np.uint8)
+    return LabelledFacade("plain", image, labels, possible, np.zeros_like(labels), np.zeros_like(labels))
 
 
 def test_the_scale_is_read_from_windows() -> None:
-    assert estimate_metres_per_pixel(facade().labels) == pytest.approx(1.15 / 46)
-    assert estimate_metres_per_pixel(np.full((400, 300), FacadeClass.WALL, np.uint8)) == pytest.approx(14 / 400)
+    assert estimate_metres_per_pixel(facade().possible) == pytest.approx(1.15 / 46)
+    assert estimate_metres_per_pixel(np.full((400, 300), 1 << FacadeClass.WALL, np.uint8)) == pytest.approx(14 / 400)
 
 
 def test_recall_is_of_the_drawn_pixels() -> None:

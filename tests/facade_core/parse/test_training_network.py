@@ -169,11 +169,13 @@ class Fixed:
 
 
 def loss(logits, possible, occluder, outside=UNKNOWN):
-    from facade_core.parsing.training_views import TrainingView
-
-    maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder, outside)]
-    view = TrainingView(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
-    return network_training._loss(Fixed(logits), [view]).item()
+    classes, hidden, beyond = (
+        torch.full((1, 8, 8), value, dtype=torch.uint8) for value in (possible, occluder, outside)
+    )
+    image, place = torch.zeros((1, 8, 8, 3), dtype=torch.uint8), torch.zeros((1, 2, 1, 1))
+    return network_training._loss(
+        Fixed(logits), [image, classes, hidden, (hidden != UNKNOWN).float(), beyond, place]
+    ).item()
 
 
 def test_the_loss_sums_over_the_classes_that_a_pixel_may_be():
