@@ -18,7 +18,7 @@ from catalogs.block.likely_shops import likely_shop_positions
 from catalogs.block.passages import open_passages, passage_ids
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
-from catalogs.buildings.axis_mistakes import swapped_places
+from catalogs.buildings.axis_mistakes import note_local_coordinates, swapped_places
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.buildings.surface_heights import measure_assumed_heights
 from catalogs.crs import (
@@ -117,8 +117,9 @@ def read_geometry(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErr
     frame, area, notes = _choose_frame(keys, sources, bounds, file)
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
-        raise _empty_error("buildings", keys, files, bounds, built.faults, file)
+        raise _empty_error("buildings", keys, files, bounds, built.faults, file, built.notes)
     extent = buildings_extent_with_margin(built.items)
+    notes += note_local_coordinates(frame, extent)
     if keys.buildings.heights is not None:
         built, measured = _measure_heights(built, files, frame, extent, file)
         notes += measured
@@ -304,15 +305,17 @@ def _read_streets(
     buildings, open_streets, passages = open_passages(buildings, near, sources, frame)
     streets, faults = build_block_streets(open_streets, frame, area=area)
     if area is None and not any(street.line.intersects(shapely.box(*extent)) for street in streets):
-        _check_swapped_axes(_lonlat_bounds(centrelines), bounds_to_lonlat(frame.to_wkt(), extent), files, file)
+        lonlat = file.call_reader("streets.path", _lonlat_bounds, centrelines)
+        _check_swapped_axes(lonlat, bounds_to_lonlat(frame.to_wkt(), extent), files, file)
     if not streets and not cut:
         raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
     if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
         span = ", ".join(f"{value:.4f}" for value in _lonlat_bounds(centrelines) or ())
+        built_span = ", ".join(f"{value:.4f}" for value in bounds_to_lonlat(frame.to_wkt(), extent))
         raise file.make_error(
             "streets.path",
-            f"no street comes within {SURROUNDINGS_MARGIN_M:g} m of a building (streets span [{span}]); "
-            "check streets.crs, or leave streets out",
+            f"no street comes within {SURROUNDINGS_MARGIN_M:g} m of a building (streets span [{span}], buildings "
+            f"[{built_span}]); check streets.crs and buildings.crs, or leave streets out",
         )
     outside = {piece.id for piece in centrelines.items} - {piece.id for piece in near.items}
     to_frame = coordinate_transform(near.crs or LONLAT, frame)
@@ -371,8 +374,9 @@ def _empty_error(
     bounds: Bounds | None,
     faults: Sequence[Fault],
     file: BlockFileErrorContext,
+    notes: Sequence[str] = (),
 ) -> BlockFileError:
-    """Return the error for a block without usable buildings or streets."""
+    """Return the error for a block without usable buildings or streets; `notes` say what was set aside."""
     path = ", ".join(map(str, files[f"{key}.path"]))
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -387,7 +391,8 @@ def _empty_error(
         if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
             remedy = f"{SWAPPED_AXES_NOTE}: write {[west, south, east, north]}"
         return file.make_error("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
-    return file.make_error(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
+    reason = f" ({notes[0]})" if notes else ""
+    return file.make_error(f"{key}.path", f"{path} has no {key} that can be used{reason}; give a file that does")
 
 
 def _name_file_in_fault(fault: Fault, path: Path) -> Fault:

@@ -22,6 +22,7 @@ from catalogs.block.part import CityPart
 from catalogs.block.passages import note_closed_passages
 from catalogs.block.paths import hide_variable_values, resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
+from catalogs.block.terrain_checks import note_terrain_doubts
 from catalogs.block.yaml_files import read_yaml
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
@@ -183,7 +184,12 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         panoramas=panoramas,
         textures=built.textures,
         aerial=_read_aerial(keys, files, frame, built.items, file),
-        notes=geometry.notes + built.notes + far + _flat_terrain_notes(built.items, terrain) + geoid_notes,
+        notes=geometry.notes
+        + built.notes
+        + far
+        + _flat_terrain_notes(built.items, terrain)
+        + (() if terrain is None else note_terrain_doubts(terrain, built.items, files["terrain.path"][0].name))
+        + geoid_notes,
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
         **_read_settings(keys, files, file, separation),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
 
 AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
 NEARBY_DEG = 0.5  # swapped coordinates of one place agree with those of its other files
+_WEB_MERCATOR = "EPSG:3857"
+_MAX_SIZE_DEG = 0.05  # median size of a building in degrees
+_MAX_LOCAL_COORDINATE = 20_000.0  # m; of a model in a frame of its own
+_MAX_ORIGIN_ERROR_DEG = 0.2  # of latitude, for 20 km
 _ZONE_STEP = 1e6  # number of a zone in front of an easting
 # Zones of ETRS89 / UTM whose eastings begin with the number of the zone.
 _PREFIXED_UTM = {31: "EPSG:5649", 32: "EPSG:4647", 33: "EPSG:5650"}
@@ -32,7 +37,11 @@ def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
     The mistake and the remedy; None where no box lies inside after a change, or one does without.
     """
     middle = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, [1, 3]].mean(axis=1)])
-    if not len(middle) or _is_in_use(frame, middle).any():
+    if not len(middle):
+        return None
+    if not frame.is_geographic and (other := _unit_mistake(frame, boxes, middle)):
+        return other
+    if _is_in_use(frame, middle).any():
         return None
     x, y = np.median(middle, axis=0).tolist()
     if _is_in_use(frame, middle[:, ::-1]).all():
@@ -40,12 +49,57 @@ def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
         return f"{axes[0]} and {axes[1]} look swapped (the first number is {x:.7g}, the second {y:.7g}); write {axes[0]} first"
     if frame.is_geographic:
         return None
+    if frame.to_string() != _WEB_MERCATOR and _is_on_map_of(frame, *_from_web_mercator(middle)):
+        return f"coordinates (as in {x:.0f}, {y:.0f}) look like Web Mercator; name their frame, EPSG:3857"
     zone = int(x // _ZONE_STEP)
     for own in range(0, 70):
         shifted = middle + np.array([(own - zone) * _ZONE_STEP, 0.0])
         if own != zone and _is_in_use(frame, shifted).all():
             return _zone_mistake(frame, x, zone, own)
     return None
+
+
+def _unit_mistake(frame: CRS, boxes: Float64Array, middle: Float64Array) -> str | None:
+    """Return the mistake of degrees in the frame of a map; None without it."""
+    x, y = np.median(middle, axis=0).tolist()
+    sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
+    if (np.abs(middle) <= (180.0, 90.0)).all() and np.median(sizes) < _MAX_SIZE_DEG:
+        return f"coordinates (as in {x:.7g}, {y:.7g}) look like degrees; name their frame, such as EPSG:4326"
+    return None
+
+
+def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ...]:
+    """Return a note on buildings near the origin of a frame, outside its area, as those of a frame of their own are.
+
+    Parameters
+    ----------
+    frame : projected CRS of the block.
+    extent : (xmin, ymin, xmax, ymax) around the buildings, metres.
+    """
+    area = frame.area_of_use
+    if area is None or max(map(abs, extent)) > _MAX_LOCAL_COORDINATE:
+        return ()
+    middle = np.array([[(extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2]])
+    longitude, latitude = coordinate_transform(frame, LONLAT)(middle[:, 0], middle[:, 1])
+    if _is_on_map_of(frame, longitude, latitude - _MAX_ORIGIN_ERROR_DEG):
+        return ()
+    return (
+        f"coordinates of the buildings (as in {middle[0, 0]:.0f}, {middle[0, 1]:.0f}) look local: near the origin of "
+        f"{frame.to_string()}, outside its area; give their offset (buildings.offset) for a place on the Earth",
+    )
+
+
+def _from_web_mercator(points: Float64Array) -> tuple[Float64Array, Float64Array]:
+    return coordinate_transform(_WEB_MERCATOR, LONLAT)(points[:, 0], points[:, 1])
+
+
+def _is_on_map_of(frame: CRS, longitude: Float64Array, latitude: Float64Array) -> bool:
+    """Return True where all places, degrees, are in the area of use of a CRS that has one."""
+    area = frame.area_of_use
+    if area is None:
+        return False
+    found = (longitude >= area.west) & (longitude <= area.east) & (latitude >= area.south) & (latitude <= area.north)
+    return bool(found.all())
 
 
 def swapped_places(first: Float64Array, second: Float64Array) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from catalogs.printable_text import format_count
 from facade_core.core.arrays import Float64Array
@@ -76,17 +77,19 @@ def _with_top(building: Building, top: float) -> Building:
 def _height_above_ground(footprint: Polygon, surface: ElevationRaster, ground: ElevationRaster) -> float | None:
     """Return the height of a roof's top above the median ground under it, in metres; None where too few cells show it."""
     inner = footprint.buffer(-surface.step)  # the cells at walls average roof and ground
-    roof = _heights_within(footprint if inner.is_empty else inner, surface)
+    roof = heights_within(footprint if inner.is_empty else inner, surface)
     if len(roof) < MIN_CELLS:
         return None
-    foot = _heights_within(footprint, ground)
+    foot = heights_within(footprint, ground)
     if not len(foot):
         foot = _nearest_height(footprint, ground)
     return float(np.quantile(roof, TOP_QUANTILE) - np.median(foot)) if len(foot) else None
 
 
-def _heights_within(outline: Polygon, raster: ElevationRaster) -> Float64Array:
+def heights_within(outline: BaseGeometry, raster: ElevationRaster) -> Float64Array:
     """Return the known heights (k,) of the cells whose centres are in an outline."""
+    if outline.is_empty:
+        return np.empty(0)
     rows, columns = raster.heights.shape
     west, south, east, north = outline.bounds
     first = np.clip(np.ceil((west - raster.x) / raster.step), 0, columns).astype(int)

@@ -55,6 +55,55 @@ CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
     ".shp": ("vectors.vector_files", "read_vector_centrelines"),
     ".fgb": ("vectors.vector_files", "read_vector_centrelines"),
 }
+# Suffixes of common files that are not read, and the remedy.
+_REMEDIES: Mapping[tuple[str, ...], str] = {
+    (".zip", ".7z", ".gz", ".kmz", ".shz", ".rar"): "unpack it and name the file inside",
+    (".osm", ".o5m", ".bz2"): "convert it with osmium cat IN -o OUT.osm.pbf",
+    (
+        ".csv",
+        ".tsv",
+        ".txt",
+        ".xlsx",
+    ): "convert a table with WKT by ogr2ogr -oo GEOM_POSSIBLE_NAMES=WKT -a_srs EPSG:n OUT.gpkg IN",
+    (
+        ".kml",
+        ".gpx",
+        ".tab",
+        ".mif",
+        ".dxf",
+        ".geojsonl",
+        ".geojsons",
+        ".topojson",
+        ".gdb",
+        ".sqlite",
+    ): "convert it with ogr2ogr OUT.gpkg IN",
+    (".citygml",): "rename it to .gml",
+    (
+        ".fbx",
+        ".dae",
+        ".blend",
+        ".skp",
+        ".3ds",
+        ".max",
+        ".usd",
+        ".usdz",
+        ".stl",
+        ".dwg",
+    ): "export it as OBJ or glTF, in metres",
+    (".ifc", ".rvt"): "convert it with IfcConvert IN OUT.obj, in metres",
+    (
+        ".b3dm",
+        ".i3dm",
+        ".cmpt",
+        ".pnts",
+    ): "a tile counts from the centre of the Earth: give the model that it was made of",
+    (
+        ".las",
+        ".laz",
+        ".e57",
+        ".xyz",
+    ): "points hold no walls: give outlines, and heights by a raster (buildings.heights)",
+}
 GROUND_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
     ".gpkg": ("vectors.vector_files", "read_vector_ground"),
@@ -136,7 +185,10 @@ def _find_reader(
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:
         supported = ", ".join(sorted(readers))
-        raise InputError(f"{path}: files of type {path.suffix or '(none)'} are not read; supported: {supported}")
+        remedy = next((text for suffixes, text in _REMEDIES.items() if path.suffix.lower() in suffixes), "convert it")
+        raise InputError(
+            f"{path}: files of type {path.suffix or '(none)'} are not read; {remedy}; supported: {supported}"
+        )
     module, function = found
     reader: object = getattr(import_module(f"catalogs.readers.{module}"), function)
     return reader, (keys,) if module in _MODULES_WITH_KEYS else ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -50,7 +51,25 @@ def filename_variants(uri: str) -> tuple[str, ...]:
 
 def _existing_files(model: Path, names: Sequence[str], folder: Path | None) -> Iterator[Path]:
     files = ((folder or model.parent) / name for name in names if name)
-    return (file for file in files if os.path.isfile(file))
+    return (found for file in files if (found := _find_in_any_case(file)) is not None)
+
+
+def _find_in_any_case(file: Path) -> Path | None:
+    """Return a file by its name, else by its name in other letter case, as some systems find it."""
+    if os.path.isfile(file):
+        return file
+    try:
+        names = _names_by_folded_name(str(file.parent), os.stat(file.parent).st_mtime_ns)
+    except (OSError, ValueError):
+        return None
+    found = file.parent / names.get(file.name.casefold(), file.name)
+    return found if os.path.isfile(found) else None
+
+
+@lru_cache(maxsize=16)
+def _names_by_folded_name(folder: str, modified_ns: int) -> dict[str, str]:
+    """Return the names in a folder by their letters in one case; `modified_ns` renews the list after a change."""
+    return {name.casefold(): name for name in sorted(os.listdir(folder), reverse=True)}
 
 
 def _is_below(file: Path, model: Path) -> bool:

@@ -44,6 +44,7 @@ class CityGmlAppearance:
     matrix_count : number of surfaces textured by a matrix.
     georeferenced_count : number of georeferenced textures.
     unwrapped_count : number of textures whose picture ends inside a surface instead of repeating.
+    matched_count : number of faces of buildings that have texture coordinates.
     colours : (rank of the theme, diffuse colour) of X3DMaterials by the id of their targets.
     """
 
@@ -54,6 +55,7 @@ class CityGmlAppearance:
     matrix_count: int = 0
     georeferenced_count: int = 0
     unwrapped_count: int = 0
+    matched_count: int = 0
     colours: dict[str, tuple[tuple[bool, str], Colour]] = field(default_factory=dict)
 
 
@@ -135,6 +137,7 @@ def face_texture(
     targets = [appearance.ring_textures.get(ring) for ring in rings]
     if targets[0] is None:
         return -1, None
+    appearance.matched_count += 1
     picture, uv = targets[0][1], []
     for ring, target in zip(rings.values(), targets, strict=True):
         numbers = parse_numbers(target[2]) if target and target[1] == picture else []

@@ -40,6 +40,9 @@ from facade_core.core.types import BuildingFinish
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
+UNMATCHED_TEXTURES_REASON = (
+    "files whose textures name no ring of a building (gml:id of its LinearRing), read without; export them again"
+)
 SURFACE_DATA = ("ParameterizedTexture", "X3DMaterial", "GeoreferencedTexture")
 _METRE_NAMES = frozenset(("m", "metre", "meter", "metres", "meters"))
 _MAX_LEVELS = 300.0  # 9999 is a code for unknown
@@ -99,6 +102,8 @@ def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
             raise
         except Exception as error:  # the other buildings are read
             faults.append(Fault(id, "building", f"{path.name}: {fault_reason(error)}"))
+    if models and reading.appearance.ring_textures and not reading.appearance.matched_count:
+        reading.remarks.append(Remark(path.name, UNMATCHED_TEXTURES_REASON, None))
     reading.remarks += [
         Remark(f"{count} {name} of {path.name}", "geometries of buildings that are not read", None)
         for name, count in sorted(reading.passed_over.items())

@@ -20,7 +20,9 @@ from catalogs.readers.meshes.gltf_materials import (
     base_colour_texture,
     check_extensions,
     decode_normalized,
+    exceeds_picture,
     header_item,
+    stated_frame,
 )
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, semantic_from_names
 from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP
@@ -38,11 +40,14 @@ from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 
 MAX_NODES = 50_000
 _MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
+OTHER_SCENES_REASON = (
+    "scenes of glTF files: the default one read, or the first; export the others as files of their own"
+)
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
-def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
-    """Read surfaces by building and semantic, the pictures that they use, and remarks.
+def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
+    """Read surfaces by building and semantic, the pictures that they use, remarks, and the frame that the extras state.
 
     Coordinates (x, y, z) become (x, -z, y) plus `origin` [x, y, z] of the scene's extras. Embedded pictures are dropped, since
     textures are files.
@@ -66,7 +71,7 @@ def read_gltf_surfaces(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...],
 
 def _read_scene(
     path: Path, header: JsonObject, rest: bytes
-) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
+) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], str | None]:
     import trimesh
 
     _check_counts(path, header)
@@ -86,7 +91,7 @@ def _read_scene(
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
     embedded, refused, unplaced, skipped = set(), set(), set(), set()
-    multiplied, vertex_coloured, unreadable = set(), set(), set()
+    multiplied, vertex_coloured, unreadable, unrepeated = set(), set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -117,6 +122,8 @@ def _read_scene(
             uv = texture.apply_transform(
                 decode_normalized(header, primitive["attributes"][attribute], np.asarray(coordinates))
             )
+            if not texture.repeats and exceeds_picture(uv):
+                unrepeated.add(building or path.stem)
         elif picture is not None:
             unplaced.add(building or path.stem)
         colour = base_colour(material)
@@ -143,11 +150,14 @@ def _read_scene(
         "models whose points and lines are not read": skipped,
         "models whose pictures are to be multiplied by a colour (baseColorFactor): read without it": multiplied,
         "models with a colour at each vertex (COLOR_0): read without it; bake it into a picture": vertex_coloured,
+        "models whose pictures end or are mirrored at their borders (sampler): repeated there": unrepeated,
         OUTSIDE_FOLDER_REASON: refused,
         NO_FILE_REASON: unreadable,
     }
     remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]
-    return surfaces, tuple(pictures), remarks
+    if len(scenes := header.get("scenes", [])) > 1:
+        remarks.append(Remark(f"{len(scenes)} in {path.name}", OTHER_SCENES_REASON, None))
+    return surfaces, tuple(pictures), remarks, stated_frame(header)
 
 
 def _check_counts(path: Path, header: JsonObject) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,10 +42,16 @@ _SUPPORTED_EXTENSIONS = frozenset(
 _COMPRESSION_EXTENSIONS = frozenset(
     ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
 )
+_EARTH_CENTRE = "CESIUM_RTC"
 _INSTANCING = "EXT_mesh_gpu_instancing"
 # Largest value by component type: normalised integers are shares of it.
 _MAX_COMPONENT = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 _TRIANGLE_FAN = 6
+_REPEAT = 10497  # code of the wrapping mode
+_MAX_EXCESS = 0.01  # of a picture
+# Names under which extras state the frame, lower-case.
+_EPSG_CODE = re.compile(r"(?:^|EPSG\b.*\D)(\d{4,6})$", re.IGNORECASE)
+_FRAME_KEYS = frozenset(("epsg", "crs", "srs", "epsg_code", "coordinatereferencesystem", "referencesystem"))
 _WHITE = (255, 255, 255)
 
 
@@ -57,11 +64,13 @@ class BaseColourTexture:
     uri : URI of the picture; empty where it is embedded or of a format that is not read.
     coordinate_set : number n of the attribute TEXCOORD_n.
     transform : (2, 3) affine transform of the texture coordinates.
+    repeats : the picture repeats beyond its borders.
     """
 
     uri: str
     coordinate_set: int
     transform: Float64Array
+    repeats: bool = True
 
     def apply_transform(self, uv: Float64Array) -> Float64Array:
         """Return the transformed coordinates (n, 2), v down."""
@@ -74,6 +83,10 @@ def check_extensions(path: Path, header: JsonObject) -> None:
     if packed := sorted(_COMPRESSION_EXTENSIONS & (used | required)):
         raise InputError(f"{path} is compressed ({', '.join(packed)}); export it without compression")
     unknown = required - _SUPPORTED_EXTENSIONS
+    if _EARTH_CENTRE in used | required:
+        raise InputError(
+            f"{path} is placed from the centre of the Earth ({_EARTH_CENTRE}), as 3D Tiles are; export it in a projected frame"
+        )
     if any(_INSTANCING in node.get("extensions", {}) for node in header.get("nodes", [])):
         unknown.add(_INSTANCING)
     if unknown:
@@ -107,10 +120,12 @@ def decode_normalized(header: JsonObject, index: int, values: AnyArray) -> Float
 
 
 def base_colour_texture(header: JsonObject, material: JsonObject) -> BaseColourTexture | None:
-    """Return the base colour texture of a material; None without one."""
+    """Return the base colour texture of a material, else that of its light, into which programs bake; None without one."""
     info = material.get("pbrMetallicRoughness", {}).get("baseColorTexture")
     if info is None:
         info = material.get("extensions", {}).get(_SPECULAR_GLOSSINESS, {}).get("diffuseTexture")
+    if info is None:
+        info = material.get("emissiveTexture")
     if info is None or "index" not in info:
         return None
     texture = header_item(header, "textures", info["index"])
@@ -119,7 +134,28 @@ def base_colour_texture(header: JsonObject, material: JsonObject) -> BaseColourT
     uri = str(header_item(header, "images", source).get("uri", ""))
     stated = info.get("extensions", {}).get(TEXTURE_TRANSFORM, {})
     coordinate_set = stated.get("texCoord", info.get("texCoord", 0))
-    return BaseColourTexture("" if uri.startswith("data:") else uri, int(coordinate_set), _uv_transform(stated))
+    sampler = header_item(header, "samplers", texture.get("sampler"))
+    repeats = all(sampler.get(axis, _REPEAT) == _REPEAT for axis in ("wrapS", "wrapT"))
+    return BaseColourTexture(
+        "" if uri.startswith("data:") else uri, int(coordinate_set), _uv_transform(stated), repeats
+    )
+
+
+def exceeds_picture(uv: Float64Array) -> bool:
+    """Return True where texture coordinates (n, 2) leave their picture."""
+    return bool(len(uv)) and bool(uv.min() < -_MAX_EXCESS or uv.max() > 1.0 + _MAX_EXCESS)
+
+
+def stated_frame(header: JsonObject) -> str | None:
+    """Return the frame that the extras of the file, its scene or its first nodes name; None without one."""
+    scene = header_item(header, "scenes", header.get("scene", 0))
+    nodes = [header_item(header, "nodes", index) for index in scene.get("nodes", [])[:1]]
+    for item in (scene, header, header.get("asset", {}), *nodes):
+        extras = item.get("extras")
+        for key, value in extras.items() if isinstance(extras, dict) else ():
+            if key.lower() in _FRAME_KEYS and (found := _EPSG_CODE.search(str(value))):
+                return f"EPSG:{found[1]}"
+    return None
 
 
 def base_colour(material: JsonObject) -> Colour | None:

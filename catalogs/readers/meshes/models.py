@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.crs import parse_crs
 from catalogs.features import BuildingModels, Fault, Remark
 from catalogs.reader_errors import short_message
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf_surfaces
+from catalogs.readers.meshes.header_comments import read_header_comments
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.plain import read_plain_mesh
+from catalogs.readers.meshes.plausible_models import check_earth_centred, select_plausible_models
+from catalogs.readers.meshes.surface_names import merge_surface_names
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
-from catalogs.readers.meshes.up_axis import turn_up
+from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, UP_AXIS_SUFFIXES, SourceKeys
 from facade_core.core.errors import InputError
 
@@ -50,15 +54,25 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     elif kind == ".obj":
         surfaces, textures, remarks, faults = read_obj_surfaces(path)
     elif kind in (".glb", ".gltf"):
-        surfaces, textures, remarks = read_gltf_surfaces(path)
+        surfaces, textures, remarks, crs = read_gltf_surfaces(path)
     else:
         surfaces, remarks = read_plain_mesh(path)
+    frame = None if (keys.crs or crs) is None else parse_crs(keys.crs or crs or "")
     if kind in UP_AXIS_SUFFIXES:
-        surfaces, turned = turn_up(surfaces, keys.up, path.name)
+        stated_up, unit = read_header_comments(path)
+        if unit not in (None, 1.0) and (frame is None or frame.axis_info[0].unit_conversion_factor == 1.0):
+            surfaces = [replace(one, corners=one.corners * unit) for one in surfaces]
+            remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
+        surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
         remarks += turned
+    elif kind != ".npz":
+        remarks += note_sideways_gltf(surfaces, path.name)
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
-    models, broken = group_into_models(surfaces, path.stem, remarks)
+    check_earth_centred(surfaces, path)
+    models, broken = group_into_models(merge_surface_names(surfaces), path.stem, remarks)
+    models, others = select_plausible_models(models, path, is_metric=frame is None or not frame.is_geographic)
+    remarks += others
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
     if len(used) < len(textures):
         number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1

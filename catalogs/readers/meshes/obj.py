@@ -32,6 +32,8 @@ _NAME_KEYS = ("o ", "g ", "usemtl ", "mtllib ")
 
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
 _MAX_INDEX = 2**62
+# Pictures of a material: of its colour, else of its ambient colour or of its own light.
+_PICTURE_KEYS = ("map_kd", "map_ka", "map_ke")
 VERTEX_COLOUR_REASON = "OBJ files with a colour at each vertex: read without it; state Kd of materials, or export PLY"
 
 FaceLabel = tuple[str | None, str | None, str | None]  # object, group, material
@@ -217,6 +219,12 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
             yield MeshSurface(building, semantic, broken)
 
 
+def _ends_of_path(name: str) -> list[str]:
+    """Return the ends of a path, the longest first: many exporters write the folder of another machine."""
+    parts = Path(name).parts
+    return ["/".join(parts[start:]) for start in range(1, len(parts))]
+
+
 def _read_material_libraries(
     path: Path, libraries: list[str]
 ) -> tuple[dict[str, tuple[Path, TexturePlacement]], dict[str, Colour], list[Remark]]:
@@ -243,11 +251,13 @@ def _read_material_libraries(
                 elif key.lower() == "kd":
                     if colour := parse_colour_shares(_parse_floats(value.split()[:3], 3)):
                         colours[material] = colour
-                elif key.lower() == "map_kd":
+                elif key.lower() in _PICTURE_KEYS:
+                    if key.lower() != _PICTURE_KEYS[0] and material in pictures:
+                        continue
                     # options may precede the name; many exporters write an absolute folder
                     stated, placement = parse_texture_statement(value.replace("\\", "/"))
                     names = [stated, *stated.split()[-1:]]
-                    found = [name for whole in names for name in (whole, Path(whole).name)]
+                    found = [name for whole in names for name in (whole, *_ends_of_path(whole))]
                     if picture := find_referenced_file(path, *found, folder=file.parent):
                         pictures[material] = (picture, placement)
                     elif is_outside_folder(path, *names, folder=file.parent):

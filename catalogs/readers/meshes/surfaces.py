@@ -28,7 +28,8 @@ _SEMANTICS_BY_WORD |= {
     "wand": "wall",
     "gevel": "wall",
 }
-_SURFACE_NAME = re.compile(rf"(outer)?({'|'.join(_SEMANTICS_BY_WORD)})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
+SURFACE_WORDS = "|".join(_SEMANTICS_BY_WORD)
+_SURFACE_NAME = re.compile(rf"(outer)?({SURFACE_WORDS})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
 _INTERIOR_CLASS = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
 
 _WELD_M = 1e-3  # m; vertices nearer than this are one

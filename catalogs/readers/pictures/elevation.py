@@ -18,7 +18,7 @@ from catalogs.readers.pictures.rasters import (
     read_raster_crs,
 )
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
-from facade_core.core.arrays import Float64Array
+from facade_core.core.arrays import Float32Array, Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import ElevationRaster
@@ -32,6 +32,10 @@ MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
 _MARGIN_CELLS = 2  # cells around the block, for interpolation at its border
 _HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, declared or not
+# Codes of unknown heights that files do not declare, and the gap to the next height.
+_UNKNOWN_CODES = (0.0, 9999.0, -999.0, 999.0)
+_CODE_GAP_M = 50.0
+_MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
 _METRES_PER_UNIT = {
     "ft": 0.3048,
     "foot": 0.3048,
@@ -120,6 +124,10 @@ def _read_around(
         raise InputError(
             f"{path} states no frame; put its .prj beside it, or write it in with gdal_translate -a_srs EPSG:n"
         )
+    if raster.count >= 3 and set(raster.dtypes[:3]) == {"uint8"}:
+        raise InputError(
+            f"{path} has {raster.count} bands of 8 bits, which is a picture; give heights in metres in one band"
+        )
     if raster.dtypes[0].startswith("complex"):
         raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
     to_own = Transformer.from_crs(crs, raster_crs, always_xy=True)
@@ -172,6 +180,7 @@ def _read_around(
         source = np.ma.filled(found.astype(np.float32), np.nan)
         source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
         source[~((source > _HEIGHT_RANGE_M[0]) & (source < _HEIGHT_RANGE_M[1]))] = np.nan
+    _mask_codes(source)
 
     west, north = cells[0] + (first[0] * step, last[1] * step)
     heights = np.full((height, width), np.nan, np.float32)
@@ -192,6 +201,19 @@ def _read_around(
     if not np.isfinite(inner).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     return ElevationRaster(float(west), float(north), step, heights)
+
+
+def _mask_codes(heights: Float32Array) -> None:
+    """Replace the usual codes of unknown heights with NaN where no other height is near one; changed in place.
+
+    Cells at the border of unknown places are averages of the code and heights, and are few.
+    """
+    known = heights[np.isfinite(heights)]
+    for code in _UNKNOWN_CODES:
+        near = np.abs(known - code) < _CODE_GAP_M
+        count = int((known == code).sum())
+        if 0 < count < len(known) and near.sum() - count <= _MAX_MIXED_SHARE * count:
+            heights[np.abs(heights - code) < _CODE_GAP_M] = np.nan
 
 
 def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, SupportsFloat
@@ -46,6 +46,7 @@ _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
+_SWAPPED_REASON = "panoramas skipped whose longitude and latitude look swapped; write each under its own name"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
 
@@ -104,7 +105,7 @@ def read_panoramas(
     """
     paths, unreadable = list_images(folder, "panorama")
     stated = read_poses_file(poses) if poses else PosesFile({})
-    sources = stated.poses
+    sources = _match_letter_case(stated.poses, paths)
     faults, remarks, items = list(unreadable), list(stated.remarks), []
     frames: dict[str | None, Transformer] = {}
     known: dict[str, Path] = {}
@@ -130,7 +131,10 @@ def read_panoramas(
             continue
         posed += 1
         if not math.isfinite(pose.x + pose.y) or (bounds and distance_outside(pose, bounds) > MAX_DISTANCE_M):
-            remarks.append(Remark(path.stem, "panoramas of another place skipped", None))
+            swapped = source.crs == LONLAT and bounds is not None and _is_swapped(source, view, crs, frames, bounds)
+            remarks.append(
+                Remark(path.stem, _SWAPPED_REASON if swapped else "panoramas of another place skipped", None)
+            )
             continue
         alike = same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
@@ -153,6 +157,29 @@ def read_panoramas(
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
     return PosedPanoramas(tuple(items), tuple(faults), (*remarks, *outdated_remarks(items)))
+
+
+def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Path]) -> dict[str, SourcePose | str]:
+    """Return the poses under the names of the pictures, where these differ by the case of letters only."""
+    names = {name for path in paths for name in (path.name, path.stem)}
+    folded = {name.casefold(): name for name in sorted(names)}
+    renamed = {folded.get(name.casefold(), name): pose for name, pose in poses.items() if name not in names}
+    return renamed | {name: pose for name, pose in poses.items() if name in names}
+
+
+def _is_swapped(
+    source: SourcePose,
+    view: tuple[float, float, float, float],
+    crs: CRS,
+    transformers: dict[str | None, Transformer],
+    bounds: Sequence[float],
+) -> bool:
+    """Return True where a pose is near the buildings once its longitude and latitude are swapped."""
+    try:
+        pose = project_pose(replace(source, x=source.y, y=source.x), view, crs, transformers)
+    except ValueError:
+        return False
+    return math.isfinite(pose.x + pose.y) and distance_outside(pose, bounds) <= MAX_DISTANCE_M
 
 
 def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:

@@ -16,16 +16,17 @@ from facade_core.core.json_types import JsonObject
 FIELD_NAMES = {
     "file": (
         "file", "filename", "file_name", "image", "image_name", "image_file", "picture", "photo", "photo_name", "panorama",
-        "pano", "sourcefile", "source_file", "label", "name", "id",
+        "pano", "sourcefile", "source_file", "file_path", "photo_id", "image_id", "pano_id", "label", "name", "id",
     ),
     "x": ("x", "easting", "east"),
     "y": ("y", "northing", "north"),
     "z": ("z",),
-    "lon": ("lon", "lng", "long", "longitude", "gpslongitude", "gps_longitude", "x/longitude"),
-    "lat": ("lat", "latitude", "gpslatitude", "gps_latitude", "y/latitude"),
+    "lon": ("lon", "lng", "long", "longitude", "map_longitude", "gpslongitude", "gps_longitude", "x/longitude"),
+    "lat": ("lat", "latitude", "map_latitude", "gpslatitude", "gps_latitude", "y/latitude"),
     "heading": (
         "heading", "computed_compass_angle", "compass_angle", "view_azimuth", "azimuth", "yaw", "bearing", "compass",
         "true_heading", "poseheading", "pose_heading", "gpsimgdirection", "gps_img_direction", "img_direction",
+        "center_heading",
     ),
     "pitch": ("pitch", "pers_pitch", "posepitch", "pose_pitch"),
     "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
@@ -36,6 +37,12 @@ _LENGTH_UNITS = {"mm": 0.001, "cm": 0.01, "km": 1000.0, "m": 1.0, "ft": 0.3048}
 _UNIT = re.compile(
     r"[\s_.]*[\[(]?(?:(?P<deg>deg|degrees?|°)|(?P<gon>gon|grads?|gradians?)|(?P<rad>rad|radians?)"
     r"|(?P<ft>(?:us[-_ ]?|int[-_ ]?)?(?:ft|feet|foot)(?:us)?)|(?P<mm>mm)|(?P<cm>cm)|(?P<km>km)|(?P<m>m|met(?:er|re)s?))[\])]?$"
+)
+# A latitude or longitude: hemisphere, degrees, minutes, seconds, hemisphere.
+_SEXAGESIMAL = re.compile(
+    r"\s*([NSEW])?\s*(\d+(?:\.\d+)?)\s*(?:°|º|deg|d|:)?"
+    r"\s*(?:(\d+(?:\.\d+)?)\s*(?:'|′|’|m|min|:)?\s*(?:(\d+(?:\.\d+)?)\s*(?:\"|″|”|''|s|sec)?)?)?\s*([NSEW])?\s*",
+    re.IGNORECASE,
 )
 # Names of fields that look like a height, or like an angle or an accuracy.
 _HEIGHT_LIKE = re.compile(r"alt|elev|height|hgt|höhe|hoehe|haut|(?:^|_)(?:ele|h|z)(?:$|_)|geoid|ellips")
@@ -71,8 +78,13 @@ def find_field(record: JsonObject, key: str) -> str | None:
     known: dict[str, str] = {}
     for stated, content in record.items():
         if _is_stated(content):
-            known.setdefault(field_name(stated), stated)
-    return next((known[name] for name in FIELD_NAMES[key] if name in known), None)
+            known.setdefault(squeeze(field_name(stated)), stated)
+    return next((known[name] for name in map(squeeze, FIELD_NAMES[key]) if name in known), None)
+
+
+def squeeze(name: str) -> str:
+    """Return a name without what joins its words: "image_name" and "imageName" are one."""
+    return name.replace("_", "").lower()
 
 
 def read_field(record: JsonObject, key: str, crs: str | None) -> object:
@@ -83,6 +95,8 @@ def read_field(record: JsonObject, key: str, crs: str | None) -> object:
     if (name := find_field(record, key)) is None:
         return None
     value: object = record[name]
+    if key in ("lon", "lat") and isinstance(value, str) and (degrees := _parse_sexagesimal(value)) is not None:
+        return degrees
     factor = _unit_factor(name, key, crs)
     if factor == 1.0 or not isinstance(value, str | int | float) or isinstance(value, bool):
         return value
@@ -90,6 +104,15 @@ def read_field(record: JsonObject, key: str, crs: str | None) -> object:
         return float(value) * factor
     except (ValueError, OverflowError):
         return value
+
+
+def _parse_sexagesimal(text: str) -> float | None:
+    """Return the degrees of a text such as 60°9'35.1"N, 60 deg 9' 35.10" N and 60.16 N; None for other texts."""
+    match = _SEXAGESIMAL.fullmatch(text)
+    if match is None or not (match[1] or match[3] or match[5]):
+        return None
+    degrees: float = sum(float(part or 0.0) / 60.0**power for power, part in enumerate(match.group(2, 3, 4)))
+    return -degrees if (match[1] or match[5] or "").upper() in ("S", "W") else degrees
 
 
 def _unit_factor(name: str, key: str, crs: str | None) -> float:
@@ -172,7 +195,8 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
     for key in ("heading", *_DEFAULTS):
         stated = {name: find_field(record, key) for name, record in records.items()}
         plain = {name: field_name(one) for name, one in stated.items() if one is not None}
-        first = min(plain.values(), key=FIELD_NAMES[key].index, default=None)
+        order = [squeeze(one) for one in FIELD_NAMES[key]]
+        first = min(plain.values(), key=lambda one: order.index(squeeze(one)), default=None)
         if first is None:
             continue
         for name, field in stated.items():

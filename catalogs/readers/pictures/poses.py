@@ -27,6 +27,7 @@ from catalogs.readers.pictures.pose_fields import (
     find_likely_radians,
     find_unused_fields,
     read_field,
+    squeeze,
 )
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
@@ -38,6 +39,12 @@ MAX_FILE_BYTES = 40_000_000
 # Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
 MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
+_DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$")
+# Members of JSON that hold the list of pictures, of KartaView and others one in another.
+_LIST_KEYS = ("data", "features", "result", "osv", "photos", "images", "currentPageItems")
+_MAX_LIST_DEPTH = 3
+# Members of a record that hold its place.
+_PLACE_KEYS = ("location", "position", "latLng", "gps")
 # Entry of a poses file, or the error for which it cannot be used.
 PoseRecord: TypeAlias = JsonObject | Exception
 # Value of an EXIF tag.
@@ -170,8 +177,15 @@ def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
         del lines[0]
     header = lines[0].removeprefix("#") if lines else ""
     separator = max(",;\t", key=header.count)
+    if separator not in header:
+        separator, header = "\t", "\t".join(header.split())
+        lines = ["\t".join(line.split()) for line in lines]
+    elif separator == "," and "\t" in "".join(lines[1:2]) and "," not in "".join(lines[1:2]):  # as Metashape writes
+        separator, header = "\t", "\t".join(cell.strip() for cell in header.split(","))
     for row in csv.DictReader([header, *lines[1:]], delimiter=separator):
         record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
+        if separator != ",":
+            record = {key: _DECIMAL_COMMA.sub(r"\1.\2", value) for key, value in record.items()}
         if not any(record.values()) or next(iter(record.values())).startswith("#"):
             continue
         name = _picture_name(record)
@@ -184,8 +198,8 @@ def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
 
 def _is_header(line: str) -> bool:
     """Return True for a line that names fields; the header of some programs begins with # as comments do."""
-    known = {name for names in FIELD_NAMES.values() for name in names}
-    return sum(field_name(cell) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
+    known = {squeeze(name) for names in FIELD_NAMES.values() for name in names}
+    return sum(squeeze(field_name(cell)) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
 
 
 def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
@@ -198,13 +212,34 @@ def _json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[
         poses = content["poses"]
         named = poses.items() if isinstance(poses, dict) else ((_picture_name(record), record) for record in poses)
         return content.get("crs"), list(named)
-    if isinstance(content, dict):
-        lists = [content[key] for key in ("data", "features") if isinstance(content.get(key), list)]
-        content = lists[0] if lists else [content]
+    crs = _geojson_crs(content) if isinstance(content, dict) else None
+    content = _find_records(content) or [content] if isinstance(content, dict) else content
     assert isinstance(content, list)
     if content and all("shots" in part for part in content):
         return None, list(chain.from_iterable(map(_reconstruction_shots, content)))
-    return None, [(_picture_name(record), record) for record in map(_flatten_record, content)]
+    return crs, [(_picture_name(record), record) for record in (_flatten_record(one, crs) for one in content)]
+
+
+def _find_records(content: JsonObject, depth: int = 0) -> list[JsonObject] | None:
+    """Return the list of pictures of an object, or of the objects in it."""
+    for key in _LIST_KEYS:
+        value = content.get(key)
+        if isinstance(value, list):
+            return value
+        if (
+            isinstance(value, dict)
+            and depth < _MAX_LIST_DEPTH
+            and (found := _find_records(value, depth + 1)) is not None
+        ):
+            return found
+    return None
+
+
+def _geojson_crs(content: JsonObject) -> str | None:
+    """Return the frame that GeoJSON of before 2016 states; None for longitude and latitude."""
+    stated = content.get("crs")
+    name = (stated.get("properties") or {}).get("name") if isinstance(stated, dict) else None
+    return name if isinstance(name, str) and "CRS84" not in name and not name.endswith("4326") else None
 
 
 def _picture_name(record: JsonObject) -> str:
@@ -214,12 +249,20 @@ def _picture_name(record: JsonObject) -> str:
     return Path(str(record[name])).name
 
 
-def _flatten_record(record: JsonObject) -> JsonObject:
-    """Return a GeoJSON feature or Mapillary record with coordinates and properties as plain fields."""
+def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
+    """Return a GeoJSON feature or Mapillary record with coordinates and properties as plain fields.
+
+    crs : frame of the coordinates, None for longitude and latitude.
+    """
     flat = {**record, **(record.get("properties") or {})}
+    for key in _PLACE_KEYS:
+        flat = {**nested, **flat} if isinstance(nested := flat.get(key), dict) else flat
+    if isinstance(heading := flat.get("MAPCompassHeading"), dict):
+        flat["heading"] = heading.get("TrueHeading")
     place = flat.get("computed_geometry") or flat.get("geometry")
     if place:
-        flat |= dict(zip(("lon", "lat", "altitude of the point"), place["coordinates"], strict=False))
+        names = ("lon", "lat") if crs is None else ("x", "y")
+        flat |= dict(zip((*names, "altitude of the point"), place["coordinates"], strict=False))
     if flat.get("computed_rotation"):
         flat |= dict(
             zip(("heading", "pitch", "roll"), camera_angles_from_rotation(flat["computed_rotation"]), strict=True)

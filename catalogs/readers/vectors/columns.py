@@ -15,11 +15,21 @@ _TAG_COLUMN_NAMES = {
     "height": "height building_height bldg_height hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
     "measured_height heightroof height_roof bld_height bldg_hgt bldgheight building_hgt avg_height avg_hgt approx_hgt "
     "max_height max_hgt hgt gesamthoehe korkeus korgus altura altezza vyska hojd höjd "
-    "hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h",
+    "hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h "
+    "altura_edificio bygningshoyde bygningshøjde bygningshøyde hoejde hojde højde høyde bina_yuksekligi yukseklik yükseklik "
+    "magassag magasság wysokosc wysokość výška_budovy vyska_budovy výška inaltime înălțime высота высота_здания "
+    "高度 建物高さ 高さ 높이 "
+    "height_agl relative_height rel_height building_h bldg_h",
     "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
     "storeys_above_ground floors num_floors n_floors number_of_floors numberoffloors numberoffloorsaboveground floor_count "
-    "numfloors num_stories no_stories geschosse anzahl_geschosse nb_etages bouwlagen kerrosluku piani pisos plantas etager",
-    "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname",
+    "numfloors num_stories no_stories geschosse anzahl_geschosse nb_etages bouwlagen kerrosluku piani pisos plantas etager "
+    "kerroslkm nombre_d_etages nombre_etages nb_niveaux pavimentos num_pavimentos numplantas num_plantas numero_plantas "
+    "num_pisos numero_pisos n_piani num_piani numero_piani kondygnacje liczbakondygnacji liczba_kondygnacji pocet_podlazi "
+    "počet_podlaží podlazi antal_etager antall_etasjer etasjer antal_vaningar vaningar våningar korruselisus korrused "
+    "kat_sayisi kat_adedi emeletek этажность этажей 层数 楼层 楼层数 階数 地上階数 층수",
+    "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname "
+    "nombre nome navn namn nimi nazwa nev nazev název isim adi название 名称 street st_name streetname vejnavn gatenavn "
+    "gatunamn katunimi tienimi nazwa_ulicy nazev_ulice nome_via nombre_via nom_voie nom_rue",
     "building": "building",
     "building:part": "building_part",
     "min_height": "min_height building_min_height",
@@ -45,7 +55,9 @@ _TAG_COLUMN_NAMES = {
     "tunnel": "tunnel",
     "area": "area",
     "junction": "junction",
-    "width": "width road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte",
+    "width": "width road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte "
+    "ancho anchura larghezza largura bredde bredd leveys szerokosc szerokość sirka šířka genislik genişlik ширина 宽度 幅員 "
+    "pavement_width streetwidth",
     "width:carriageway": "width_carriageway carriageway_width fahrbahnbreite",
     "maxheight": "maxheight maxheight_physical clearance vertical_clearance durchfahrtshoehe durchfahrtshöhe",
     "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
@@ -108,10 +120,15 @@ GROUND_LEVEL_COLUMNS = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_
 # Columns of the height of the ground, which stand next to a height.
 _GROUND_NAMES = (
     "groundelev ground_elevation ground_elev gnd_elev ground_height ground_z base_elev base_elevation terrainheight "
-    "terrain_height gelaendehoehe hoehegrund z_min_sol"
+    "terrain_height gelaendehoehe hoehegrund z_min_sol altitude_minimale_sol altitude_sol gelaendepunkt terrain_z z_terrain "
+    "hoehe_gelaende bodenhoehe elev_ground t_kote quota_terreno quota_suolo cota_terreno"
 )
 GROUND_COLUMNS = tuple(f"{name}{suffix}" for suffix in UNIT_SUFFIXES for name in _GROUND_NAMES.split())
 _GROUND_RANGE_M = (-500.0, 9000.0)  # m; other numbers are codes for unknown
+# Prefixes of columns that programs write for a namespace, or for the object that held the values.
+_COLUMN_PREFIX = re.compile(r"^(?:bldg|gml|con|core|gen|att|attr|attributes?|properties|props|tags?|osm)_")
+# Beginnings of 10 letters that several columns share: altitude_minimale_sol and altitude_maximale_toit.
+_AMBIGUOUS_BEGINNINGS = frozenset(("altitude_m",))
 # Columns of classes of streets and ground areas.
 _CLASS_COLUMN_NAMES = (
     "class fclass subclass subtype type kind category road_class street_class street_type functional_class func_class mtfcc "
@@ -163,12 +180,14 @@ def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> 
     """
     found: dict[str, str] = {}
     for field in fields:
-        name = re.sub(r"[\s:.\-/]+", "_", field.strip().lower()).lstrip("@_")
+        name = re.sub(r"[\s:.\-/()\[\]]+", "_", field.strip().lower()).lstrip("@_").rstrip("_")
         names = (
-            [known for known in _KNOWN_COLUMNS if known[:10] == name[:10]]
+            [known for known in _KNOWN_COLUMNS if known[:10] == name and name not in _AMBIGUOUS_BEGINNINGS]
             if has_truncated_names and len(name) == 10
             else [name]
         )
+        if not any(known in _KNOWN_COLUMNS for known in names):
+            names = [_COLUMN_PREFIX.sub("", name)]
         for known in names:
             if known in _KNOWN_COLUMNS:
                 found.setdefault(known, field)

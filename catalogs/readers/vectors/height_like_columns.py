@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.readers.vectors.lengths import parse_length
 from facade_core.core.arrays import Float64Array
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _MAX_NAMED = 5
 _WORDS = (
     "height hght hgt hoeh höhe hohe haut altu altit altez alt_ elev hojd höjd hoogt hoyde høyde korke korgu vysk vyso vyš "
     "wysok visin tall roof eave ridge floor storey stories story level etag geschos piso pian kerro vånin vanin podlaz "
-    "kondyg etaz dach"
+    "kondyg etaz dach kote cota quota pavim plant magas emel yuksek yüksek kat_say высот этаж 高 层 階 높이 층"
 )
 _HEIGHT_WORD = re.compile(f"{'|'.join(_WORDS.split())}|(?:^|_)(?:h|ht|z|hmax|hmin|zmax|zmin)(?:$|_|\\d)")
 _OTHER_WORD = re.compile(
@@ -34,11 +35,22 @@ def find_height_like_columns(table: DataFrame) -> list[str]:
     ----------
     table : columns whose names are not known.
     """
-    numbers = {str(name): table[name].to_numpy(np.float64) for name in table if table[name].dtype.kind in "iuf"}
+    numbers = {
+        str(name): table[name].to_numpy(np.float64)
+        if table[name].dtype.kind in "iuf"
+        else np.array([parse_length(str(value)) for value in table[name]], np.float64)
+        for name in table
+        if table[name].dtype.kind in "iuf" or is_height_like_name(str(name))
+    }
     plausible = {name: values for name, values in numbers.items() if _is_plausible(values)}
     names = [name for name in plausible if not _OTHER_WORD.search(name.lower())]
-    named = [name for name in names if _HEIGHT_WORD.search(name.lower())]
+    named = [name for name in names if is_height_like_name(name)]
     return (named or [name for name in names if (plausible[name] % 1.0 > 0).any()])[:_MAX_NAMED]
+
+
+def is_height_like_name(name: str) -> bool:
+    """Return True where a column is named like heights or storeys."""
+    return bool(_HEIGHT_WORD.search(name.lower())) and not _OTHER_WORD.search(name.lower())
 
 
 def _is_plausible(values: Float64Array) -> bool:

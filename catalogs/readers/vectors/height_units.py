@@ -23,9 +23,9 @@ _OSM_COLUMNS = frozenset(
 _NEW_YORK_COLUMNS = frozenset(("heightroof", "height_roof"))
 _NEW_YORK_GROUND_COLUMNS = frozenset(("groundelev", "ground_elevation"))
 # Endings of columns of lengths.
-UNIT_SUFFIXES = ("", "_m", "_meters", "_metres", "_cm", "_ft", "_feet")
-_UNIT_SUFFIX = re.compile(r"_(ft|feet|foot)$|_(m|cm|metres?|meters?)$")
-_METRES = {"cm": 0.01}
+UNIT_SUFFIXES = ("", "_m", "_meters", "_metres", "_cm", "_mm", "_dm", "_ft", "_feet")
+_UNIT_SUFFIX = re.compile(r"_(ft|feet|foot)$|_(m|mm|cm|dm|metres?|meters?)$")
+_METRES = {"mm": 0.001, "cm": 0.01, "dm": 0.1}
 
 
 @dataclass(frozen=True, slots=True)

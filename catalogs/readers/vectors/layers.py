@@ -21,6 +21,7 @@ from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
+from catalogs.readers.vectors.absolute_heights import note_roof_heights, subtract_ground_heights
 from catalogs.readers.vectors.columns import (
     MIN_INEXACT_INTEGER,
     assign_ids,
@@ -28,7 +29,7 @@ from catalogs.readers.vectors.columns import (
     match_known_columns,
     tags_from_records,
 )
-from catalogs.readers.vectors.height_like_columns import find_height_like_columns
+from catalogs.readers.vectors.height_like_columns import find_height_like_columns, is_height_like_name
 from catalogs.readers.vectors.height_units import column_units
 from catalogs.readers.vectors.likely_feet import find_likely_feet
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
@@ -177,6 +178,9 @@ def _read_table(
             f"heights and widths of {path.name} taken in the unit of its frame ({unit:.4f} m); name those in metres"
         )
         remarks.append(Remark(", ".join(in_frame_units), f"{reason} e.g. height_m", None))
+    if with_numbers:
+        remarks += subtract_ground_heights(tags, path.name)
+        remarks += note_roof_heights(tags, geometries, path.name)
     if with_numbers and not _states_height_unit(known):
         remarks += find_likely_feet(
             path.name,
@@ -260,7 +264,7 @@ def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFram
     numbers = [
         name
         for (name, raw), kind in zip(fields.items(), info["dtypes"], strict=True)
-        if with_numbers and str(kind).startswith(("int", "uint", "float"))
+        if with_numbers and (str(kind).startswith(("int", "uint", "float")) or is_height_like_name(name))
     ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
@@ -323,7 +327,13 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
     columns = match_known_columns(schema.names, has_truncated_names=False)
-    numbers = [f.name for f in schema if pyarrow.types.is_integer(f.type) or pyarrow.types.is_floating(f.type)]
+    numbers = [
+        field.name
+        for field in schema
+        if pyarrow.types.is_integer(field.type)
+        or pyarrow.types.is_floating(field.type)
+        or (pyarrow.types.is_string(field.type) and is_height_like_name(field.name))
+    ]
     wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
     unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
     for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):

@@ -110,6 +110,10 @@ def parse_footprint(
     if height is not None:
         height, roof = _wall_height(height, roof, tags)
     levels = parse_floor_count(tags.get("building:levels", ""))
+    if levels is None and "building:levels" in tags:
+        remarks.append(
+            Remark(f"{feature} ({tags['building:levels'][:40]})", "storeys not understood and ignored", geometry)
+        )
     kind = tags.get("building", "").strip().lower()
     return Footprint(
         feature,

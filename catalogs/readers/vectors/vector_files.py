@@ -21,7 +21,7 @@ from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.columns import CLASS_COLUMNS
-from catalogs.readers.vectors.ground_classes import osm_ground_tags
+from catalogs.readers.vectors.ground_classes import normalize_word, osm_ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
 from catalogs.readers.vectors.osm import (
     is_building_part,
@@ -46,6 +46,13 @@ _GROUND_TAGS = frozenset(
 _OPEN_WALLS_REASON = (
     "buildings of walls without floor and roof set aside; export closed solids, or outlines with heights"
 )
+# Classes of lines that are no roads.
+_OTHER_LINE_WORDS = frozenset(
+    (
+        "rail", "railway", "subway", "metro", "monorail", "funicular", "standard_gauge", "narrow_gauge", "water", "waterway",
+        "ferry", "power", "power_line", "pipeline", "contour", "boundary", "fence", "wall",
+    )
+)  # fmt: skip
 _STREET_LAYERS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
 
 
@@ -129,7 +136,7 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             drawn = geometry is not None and not geometry.is_empty
             if from_osm and "highway" not in tags:
                 continue
-            tunnel = tags.get("tunnel") == "yes" and "highway" not in tags
+            tunnel = (tags.get("tunnel") == "yes" or _is_no_road(stated)) and "highway" not in tags
             if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
             plain = {key: split_osmnx_values(value)[0] for key, value in tags.items() if key != "class"}
@@ -148,6 +155,11 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
         ground += _project_ground_features(others, features.crs)
     remarks = (*features.remarks, *_id_remarks(found, features, path))
     return replace(found, remarks=remarks, ground=tuple(ground))
+
+
+def _is_no_road(tags: Mapping[str, str]) -> bool:
+    """Return True for a line of another class than roads, such as a railway or ferry."""
+    return not _OTHER_LINE_WORDS.isdisjoint(map(normalize_word, tags.get("class", "").split("\n")))
 
 
 def read_vector_ground(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> CentrelinesAndGround:

@@ -9,7 +9,7 @@ import pytest
 from pyproj import CRS
 
 from catalogs.block.reader import read_block
-from catalogs.buildings.axis_mistakes import axis_mistake, swapped_places
+from catalogs.buildings.axis_mistakes import axis_mistake, note_local_coordinates, swapped_places
 from catalogs.buildings.extents import locate_boxes
 from facade_core.core.errors import BlockFileError, InputError
 
@@ -27,6 +27,7 @@ from facade_core.core.errors import BlockFileError, InputError
         ("EPSG:2177", 500_000, 5_800_000, "begin with the number of its zone, 6, and"),
         ("EPSG:32635", 6_671_000, 385_000, "x and y look swapped (the first number is 6671005, the second 385005)"),
         ("EPSG:28992", 487_000, 121_000, "x and y look swapped"),
+        ("EPSG:32635", 2_775_000, 8_437_000, "look like Web Mercator; name their frame, EPSG:3857"),
         ("EPSG:4326", 35.0, 139.0, "longitude and latitude look swapped"),
         ("EPSG:4258", 60.16, 24.93, "longitude and latitude look swapped"),
     ],
@@ -35,7 +36,7 @@ def test_mistakes_are_named(crs: str, x: float, y: float, mistake: str) -> None:
     size = 0.001 if CRS(crs).is_geographic else 10
     boxes = np.array([[x, y, x + size, y + size]])
     assert mistake in str(axis_mistake(CRS(crs), boxes))
-    with pytest.raises(InputError, match=r"look swapped|number of"):
+    with pytest.raises(InputError, match=r"look swapped|number of|Web Mercator"):
         locate_boxes(crs, boxes)
 
 
@@ -55,6 +56,32 @@ def test_mistakes_are_named(crs: str, x: float, y: float, mistake: str) -> None:
 )
 def test_right_and_hopeless_coordinates_are_no_mistake(crs: str, x: float, y: float) -> None:
     assert axis_mistake(CRS(crs), np.array([[x, y, x + 0.01, y + 0.01]])) is None
+
+
+@pytest.mark.parametrize(
+    ("crs", "box", "mistake"),
+    [
+        ("EPSG:32635", (24.93, 60.16, 24.9302, 60.1601), "look like degrees"),
+        ("EPSG:3857", (24.93, 60.16, 24.9302, 60.1601), "look like degrees"),
+        ("EPSG:31370", (150_000.0, 170_000.0, 150_012.0, 170_009.0), None),
+    ],
+)
+def test_degrees_in_a_frame_of_metres_are_named(crs: str, box: tuple[float, ...], mistake: str | None) -> None:
+    found = axis_mistake(CRS(crs), np.array([box]))
+    assert found is None if mistake is None else mistake in str(found)
+
+
+@pytest.mark.parametrize(
+    ("crs", "extent", "is_local"),
+    [
+        ("EPSG:32635", (0.0, 6.0, 12.0, 15.0), True),
+        ("EPSG:2154", (-30.0, 6.0, 12.0, 15.0), True),
+        ("EPSG:32635", (385_000.0, 6_671_000.0, 385_100.0, 6_671_100.0), False),
+        ("EPSG:5514", (-743_000.0, -1_043_000.0, -742_000.0, -1_042_000.0), False),
+    ],
+)
+def test_local_coordinates_are_noted(crs: str, extent: tuple[float, ...], is_local: bool) -> None:
+    assert bool(note_local_coordinates(CRS(crs), extent)) == is_local
 
 
 def test_one_right_building_is_enough() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
+
+import numpy as np
 
 from catalogs.crs import LONLAT
 from catalogs.features import Remark
@@ -43,6 +46,13 @@ _RADIANS_REASON = (
     "phi_rad, kappa_rad"
 )
 
+_GON_REASON = (
+    "omega, phi and kappa of {file} taken as degrees, and look like gon (grads), of which 100 are a quarter turn; where they "
+    "are, call them omega_gon, phi_gon, kappa_gon"
+)
+_MAX_TILT_GON = 5.0
+_MIN_GON_SHARE = 0.8  # of the pictures
+
 
 def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
     """Read a CSV of cameras.
@@ -67,25 +77,40 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
         raise InputError(f"{name} has more than {MAX_ROWS} rows; give those of this block")
     cameras: dict[str, SourceCamera | str] = {}
     is_geographic = False
-    small: list[bool] = []
+    unmarked: list[tuple[float, float, float]] = []
     for picture, record in records:
         if picture in cameras:
             cameras[picture] = f"{name} gives {picture} twice; remove one"
             continue
         try:
-            camera, uses_lonlat = _camera(record, crs, small)
+            camera, uses_lonlat = _camera(record, crs, unmarked)
         except (ValueError, TypeError, OverflowError) as error:
             cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
         else:
             cameras[picture] = camera
             is_geographic |= uses_lonlat
     remarks = list(find_likely_radians(name, [record for _, record in records if isinstance(record, dict)]))
-    if len(small) > 1 and all(small):
-        remarks.append(Remark("omega, phi, kappa", _RADIANS_REASON.format(file=name), None))
+    if reason := describe_unit_doubt(unmarked):
+        remarks.append(Remark("omega, phi, kappa", reason.format(file=name), None))
     return CameraFile(name, cameras, crs=LONLAT if is_geographic else crs, remarks=tuple(remarks))
 
 
-def _camera(record: PoseRecord, crs: str | None, small: list[bool]) -> tuple[SourceCamera, bool]:
+def describe_unit_doubt(turns: Sequence[tuple[float, float, float]]) -> str | None:
+    """Return the doubt about the unit of omega, phi and kappa that state none; None where they may be degrees."""
+    if len(turns) < 2:
+        return None
+    values = np.array(turns)
+    if (np.abs(values) <= 2 * math.pi).all() and (values % 1.0 != 0).any(axis=1).all():
+        return _RADIANS_REASON
+    # upright pictures: a quarter turn is 100 gon
+    quarters = np.round(values[:, 0] / 100)
+    near = (np.abs(values[:, 0] - 100 * quarters) <= _MAX_TILT_GON) & (quarters % 4 % 2 == 1)
+    return _GON_REASON if near.mean() >= _MIN_GON_SHARE or (np.abs(values) > 360).any() else None
+
+
+def _camera(
+    record: PoseRecord, crs: str | None, unmarked: list[tuple[float, float, float]]
+) -> tuple[SourceCamera, bool]:
     """Return the camera of a row, and whether its position is longitude and latitude."""
     if isinstance(record, Exception):
         raise record
@@ -98,9 +123,7 @@ def _camera(record: PoseRecord, crs: str | None, small: list[bool]) -> tuple[Sou
     if len(angles) == 3:
         turns = [_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")]
         if not any(unit for unit, _ in angles.values()):
-            small.append(
-                all(abs(turn) <= 2 * math.pi for turn in turns) and not all(turn.is_integer() for turn in turns)
-            )
+            unmarked.append((turns[0], turns[1], turns[2]))
         rotation = rotation_from_omega_phi_kappa(*turns)
     else:
         heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))

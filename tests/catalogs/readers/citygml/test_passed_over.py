@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from catalogs.readers.citygml.buildings import read_citygml
+from catalogs.readers.citygml.buildings import UNMATCHED_TEXTURES_REASON, read_citygml
 
 NAMESPACES = (
     'xmlns="http://www.opengis.net/citygml/2.0" xmlns:bldg="http://www.opengis.net/citygml/building/2.0" '
@@ -96,3 +96,13 @@ def test_pictures_that_end_inside_a_surface_are_counted(tmp_path: Path, mode: st
     found = read_citygml(write_city(tmp_path / "c.gml", data("ParameterizedTexture", content)))
     assert found.textures == (tmp_path / "wall.png",)
     assert any("wrapMode" in one.reason for one in found.remarks) == is_noted
+
+
+def test_textures_of_unknown_rings_are_noted(tmp_path: Path) -> None:
+    Image.new("RGB", (32, 32)).save(tmp_path / "w.png")
+    for ring, reasons in (("r-p0", []), ("p0", [UNMATCHED_TEXTURES_REASON])):
+        coordinates = f'<app:textureCoordinates ring="#{ring}">0 0 1 0 1 1 0 1 0 0</app:textureCoordinates>'
+        target = f'<app:target uri="#p0"><app:TexCoordList>{coordinates}</app:TexCoordList></app:target>'
+        texture = data("ParameterizedTexture", f"<app:imageURI>w.png</app:imageURI>{target}")
+        found = read_citygml(write_city(tmp_path / "c.gml", texture))
+        assert [remark.reason for remark in found.remarks] == reasons

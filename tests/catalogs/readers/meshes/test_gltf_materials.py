@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from catalogs.readers.meshes.gltf import OTHER_SCENES_REASON
 from catalogs.readers.meshes.models import read_mesh_buildings
+from catalogs.readers.meshes.surfaces import MeshSurface
+from catalogs.readers.meshes.up_axis import Z_UP_FROM_Y_UP, Z_UP_GLTF_REASON, note_sideways_gltf
 from catalogs.readers.referenced_files import NO_FILE_REASON
 from facade_core.core.arrays import FloatArray
 from facade_core.core.errors import InputError
@@ -196,3 +199,41 @@ def test_a_picture_that_is_a_pipe_is_called_one(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "wall.png")
     found = read_mesh_buildings(path)
     assert [(one.id, one.reason) for one in found.remarks] == [("wall.png", NO_FILE_REASON)]
+
+
+def test_pictures_that_end_at_their_borders_are_noted(tmp_path: Path) -> None:
+    beyond = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [3, 3]}}}
+    materials = [{"name": "wall", "pbrMetallicRoughness": {"baseColorTexture": beyond}}]
+    keys = {"materials": materials, "textures": [{"source": 0, "sampler": 0}]}
+    path = write_wall(tmp_path, samplers=[{"wrapS": 33071}], **keys)
+    assert any("(sampler): repeated there" in remark.reason for remark in read_mesh_buildings(path).remarks)
+    path = write_wall(tmp_path, samplers=[{"wrapS": 10497}], **keys)
+    assert read_mesh_buildings(path).remarks == ()
+
+
+def test_a_picture_of_light_alone_is_the_picture(tmp_path: Path) -> None:
+    path = write_wall(tmp_path, materials=[{"name": "wall", "emissiveTexture": {"index": 0}}])
+    assert [picture.name for picture in read_mesh_buildings(path).textures] == ["wall.png"]
+
+
+@pytest.mark.parametrize(
+    ("extras", "crs"),
+    [({"epsg": 32635}, "EPSG:32635"), ({"CRS": "urn:ogc:def:crs:EPSG::3067"}, "EPSG:3067"), ({"crs": "local"}, None)],
+)
+def test_extras_state_the_frame(tmp_path: Path, extras: dict[str, Any], crs: str | None) -> None:
+    path = write_wall(tmp_path, scenes=[{"nodes": [0], "extras": extras}])
+    assert read_mesh_buildings(path).crs == crs
+
+
+def test_other_scenes_and_sideways_models_are_noted(tmp_path: Path) -> None:
+    path = write_wall(tmp_path, scenes=[{"nodes": [0]}, {"nodes": []}])
+    assert [remark.reason for remark in read_mesh_buildings(path).remarks] == [OTHER_SCENES_REASON]
+    shell = read_mesh_buildings(write_wall(tmp_path)).items[0].shell
+    surface = MeshSurface("a", "wall", (shell.vertices @ Z_UP_FROM_Y_UP.T)[shell.triangles])
+    assert [remark.reason for remark in note_sideways_gltf([surface], "a")] == [Z_UP_GLTF_REASON]
+
+
+def test_tiles_placed_from_the_centre_of_the_earth_are_refused(tmp_path: Path) -> None:
+    path = write_wall(tmp_path, extensionsUsed=["CESIUM_RTC"], extensions={"CESIUM_RTC": {"center": [3e6, 1e6, 5e6]}})
+    with pytest.raises(InputError, match="centre of the Earth"):
+        read_mesh_buildings(path)

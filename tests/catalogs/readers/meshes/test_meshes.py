@@ -16,6 +16,7 @@ from catalogs.features import BuildingModel, BuildingModels
 from catalogs.readers.material_colours import SEVERAL_COLOURS_REASON
 from catalogs.readers.meshes.models import read_mesh_buildings
 from catalogs.readers.referenced_files import NO_FILE_REASON
+from catalogs.readers.source_keys import SourceKeys
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
 
@@ -101,11 +102,11 @@ def test_obj_objects_with_groups_of_kinds(tmp_path: Path) -> None:
 
 def test_obj_concave_polygons_are_cut_inside(tmp_path: Path) -> None:
     ring = [(0, 0), (9, 0), (9, 9), (6, 9), (6, 3), (3, 3), (3, 9), (0, 9)]
-    text = "".join(f"v {x} {y} 0\n" for x, y in ring) + "f " + " \\\n".join(str(i + 1) for i in range(8)) + "\n"
+    text = "".join(f"v {x} 0 {z}\n" for x, z in ring) + "f " + " \\\n".join(str(i + 1) for i in range(8)) + "\n"
     (model,) = read_mesh_buildings(obj(tmp_path / "u.obj", text)).items
     assert model.id == "u"
     corners = model.shell.vertices[model.shell.triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
+    areas = -np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 1] / 2
     assert areas.sum() == pytest.approx(81 - 18)
     assert (areas > 0).all()
 
@@ -354,7 +355,7 @@ def test_colours_of_materials_without_a_picture_are_those_of_most_of_a_building(
     (tmp_path / "box.mtl").write_text(
         "newmtl brick\nKd 0.6 0.2 0.1\nnewmtl plaster\nKd 0.9 0.9 0.8\nnewmtl tiles\nKd 0.4 0.4 0.4\n"
     )
-    found = read_mesh_buildings(tmp_path / "box.obj")
+    found = read_mesh_buildings(tmp_path / "box.obj", keys=SourceKeys(up="z"))
     assert found.items[0].finish.wall_colour == (153, 51, 26)
     assert found.items[0].finish.roof_colour == (102, 102, 102)
     assert [(one.id, one.reason) for one in found.remarks] == [("house", SEVERAL_COLOURS_REASON)]
@@ -368,7 +369,7 @@ def test_a_picture_that_is_no_file_is_called_that(tmp_path: Path, kind: str) -> 
         os.mkfifo(tmp_path / "wall.png")
     else:
         (tmp_path / "wall.png").mkdir()
-    found = read_mesh_buildings(tmp_path / "box.obj")
+    found = read_mesh_buildings(tmp_path / "box.obj", keys=SourceKeys(up="z"))
     assert [(one.id, one.reason) for one in found.remarks] == [("wall.png", NO_FILE_REASON)]
 
 

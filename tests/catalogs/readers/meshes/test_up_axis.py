@@ -11,9 +11,10 @@ import trimesh
 from PIL import Image
 
 from catalogs.block.reader import read_block
+from catalogs.readers.meshes.header_comments import read_header_comments
 from catalogs.readers.meshes.material_options import TexturePlacement, parse_texture_statement
 from catalogs.readers.meshes.models import read_mesh_buildings
-from catalogs.readers.meshes.up_axis import Y_UP_REASON
+from catalogs.readers.meshes.up_axis import UNKNOWN_UP_REASON, Y_UP_REASON, Y_UP_STATED_REASON
 from catalogs.readers.source_keys import SourceKeys
 from facade_core.core.errors import BlockFileError
 
@@ -62,12 +63,75 @@ def test_the_upward_axis_is_found_by_names_and_faces(tmp_path: Path, y_up: bool,
 
 def test_the_stated_axis_counts(tmp_path: Path) -> None:
     path = write_boxes(tmp_path / "b.obj", y_up=True)
-    assert read_mesh_buildings(path).items[0].shell.vertices[:, 2].max() == 0, "a lone box shows nothing"
+    flat = read_mesh_buildings(path, keys=SourceKeys(up="z"))
+    assert (flat.items[0].shell.vertices[:, 2].max(), flat.remarks) == (0, ())
     turned = read_mesh_buildings(path, keys=SourceKeys(up="y"))
     assert turned.items[0].shell.vertices[:, 2].max() == 12
     assert turned.remarks == ()
     named = write_boxes(tmp_path / "c.obj", y_up=True, named=True)
     assert read_mesh_buildings(named, keys=SourceKeys(up="z")).items[0].shell.vertices[:, 2].max() == 0
+
+
+def gabled_house(*, y_up: bool, name: str = "Cube", east: float = 0, north: float = 6, base: float = 0) -> str:
+    """A closed house of 12 x 9 m, 6 m to the eaves and 9 m to the ridge."""
+    plan = [(0, 0), (12, 0), (12, 9), (0, 9)]
+    corners = [(x, y, z) for z in (0, 6) for x, y in plan] + [(0, 4.5, 9), (12, 4.5, 9)]
+    placed = np.array(corners) + np.array((east, north, base))
+    placed = placed[:, [0, 2, 1]] * (1, 1, -1) if y_up else placed
+    faces = ["4 3 2 1", "1 2 6 5", "3 4 8 7", "2 3 7 10 6", "4 1 5 9 8", "5 6 10 9", "7 8 9 10"]
+    relative = [" ".join(str(int(corner) - 11) for corner in face.split()) for face in faces]
+    return "\n".join([f"o {name}", *(f"v {x} {y} {z}" for x, y, z in placed), *(f"f {face}" for face in relative), ""])
+
+
+@pytest.mark.parametrize("y_up", [True, False])
+@pytest.mark.parametrize("base", [0, 20])
+def test_roofs_without_names_show_the_axis(tmp_path: Path, y_up: bool, base: float) -> None:
+    (tmp_path / "b.obj").write_text(gabled_house(y_up=y_up, base=base))
+    found = read_mesh_buildings(tmp_path / "b.obj")
+    z = found.items[0].shell.vertices[:, 2]
+    assert (z.min(), z.max()) == (base, base + 9)
+    assert [remark.reason for remark in found.remarks] == [Y_UP_REASON] * y_up
+
+
+@pytest.mark.parametrize(
+    ("low", "reasons"), [((0, 0, -9), [Y_UP_REASON]), ((0, 6, 0), []), ((0, 0, 0), [UNKNOWN_UP_REASON])]
+)
+def test_the_ground_of_boxes_shows_the_axis(tmp_path: Path, low: tuple[float, ...], reasons: list[str]) -> None:
+    corners = np.array([(x, y, z) for z in (0, 9) for x, y in ((0, 0), (14, 0), (14, 12), (0, 12))]) + low
+    faces = [face for faces in FACES.values() for face in faces]
+    lines = [*(f"v {x} {y} {z}" for x, y, z in corners), *("f " + " ".join(map(str, face)) for face in faces)]
+    (tmp_path / "b.obj").write_text("\n".join(lines))
+    assert [remark.reason for remark in read_mesh_buildings(tmp_path / "b.obj").remarks] == reasons
+
+
+@pytest.mark.parametrize(
+    ("comment", "up", "unit"),
+    [
+        ("# Up axis: Y", "y", None),
+        ("# axis_up = Z", "z", None),
+        ("# exported y-up", "y", None),
+        ("# File units = inches", None, 0.0254),
+        ("# units: centimeters", None, 0.01),
+        ("# Blender 4.1.0", None, None),
+        ("comment z is up", "z", None),
+    ],
+)
+def test_comments_state_axis_and_unit(tmp_path: Path, comment: str, up: str | None, unit: float | None) -> None:
+    (tmp_path / "b.obj").write_text(f"{comment}\nv 0 0 0\n")
+    assert read_header_comments(tmp_path / "b.obj") == (up, unit)
+
+
+def test_stated_axis_and_unit_place_a_model(tmp_path: Path) -> None:
+    lines = gabled_house(y_up=False, base=20)
+    (tmp_path / "b.obj").write_text(f"# File units = feet\n{lines}")
+    found = read_mesh_buildings(tmp_path / "b.obj")
+    assert np.ptp(found.items[0].shell.vertices[:, 2]) == pytest.approx(9 * 0.3048)
+    assert ["converted" in remark.reason for remark in found.remarks] == [True]
+    in_feet = read_mesh_buildings(tmp_path / "b.obj", keys=SourceKeys(crs="EPSG:2263"))
+    assert np.ptp(in_feet.items[0].shell.vertices[:, 2]) == pytest.approx(9)
+    (tmp_path / "c.obj").write_text(f"# up: y\n{lines}")
+    turned = read_mesh_buildings(tmp_path / "c.obj")
+    assert [remark.reason for remark in turned.remarks] == [Y_UP_STATED_REASON]
 
 
 def test_a_street_of_facades_is_not_turned(tmp_path: Path) -> None:

@@ -217,3 +217,23 @@ def test_damaged_cells_are_named_by_their_place(compress: str, tmp_path: Path) -
     with pytest.raises(InputError, match=r"has damaged cells around 385192, 6671680 \(EPSG:32635\), in the surr"):
         read_elevation(path, UTM, (WEST + 100, NORTH - 400, WEST + 300, NORTH - 200))
     assert np.isfinite(read_elevation(path, UTM, (WEST + 300, NORTH - 100, WEST + 400, NORTH - 50)).heights).any()
+
+
+@pytest.mark.parametrize("code", [0, 9999, -999])
+def test_codes_of_unknown_heights_are_nan(tmp_path: Path, code: float) -> None:
+    heights = np.full((200, 200), 400.0, np.float32)
+    heights[120:130, 60:80] = code
+    found = read_elevation(write(tmp_path / "t.tif", heights), UTM, BOX)
+    assert np.nanmin(found.heights) == np.nanmax(found.heights) == 400
+    assert np.isnan(found.heights).any()
+
+
+def test_the_level_of_the_sea_is_a_height(tmp_path: Path) -> None:
+    heights = np.linspace(0, 40, 200, dtype=np.float32)[None].repeat(200, axis=0)
+    heights[:, :60] = 0
+    assert np.isfinite(read_elevation(write(tmp_path / "t.tif", heights), UTM, BOX).heights).all()
+
+
+def test_a_picture_is_no_elevation_model(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="3 bands of 8 bits, which is a picture"):
+        read_elevation(write(tmp_path / "t.tif", np.full((3, 200, 200), 9, np.uint8)), UTM, BOX)

@@ -359,3 +359,13 @@ def test_a_pose_without_a_heading_is_named(tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("file,lon,lat\np.jpg,24.9,60.1\n")
     with pytest.raises(InputError, match=r"poses\.csv states its place but no heading; add its heading"):
         read_panoramas(tmp_path, tmp_path / "poses.csv", CRS("EPSG:3067"))
+
+
+def test_swapped_places_and_letter_case(folder: Path, tmp_path: Path) -> None:
+    picture(folder / "a.jpg")
+    bounds = (EAST, NORTH, EAST, NORTH)
+    swapped = poses_file(tmp_path, {"poses": {"A.JPG": {"lon": LAT, "lat": LON, "heading": 0}}})
+    found = read_panoramas(folder, swapped, UTM, bounds)
+    assert ["look swapped" in remark.reason for remark in found.remarks] == [True]
+    right = poses_file(tmp_path, {"poses": {"A.JPG": {"lon": LON, "lat": LAT, "heading": 0}}})
+    assert [one.id for one in read_panoramas(folder, right, UTM, bounds).items] == ["a"]

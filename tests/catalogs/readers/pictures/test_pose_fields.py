@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -153,3 +154,65 @@ def test_headings_that_may_be_radians_are_named(
     (tmp_path / "poses.csv").write_text("\n".join([f"file,lon,lat,{header}", *rows]))
     remarks = read_poses_file(tmp_path / "poses.csv").remarks
     assert [remark.id for remark in remarks if "radians" in remark.reason] == ([header] if is_named else [])
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix"),
+    [
+        ("file;x;y;heading\np.jpg;5,0;6,00;90,5\n", ".csv"),
+        ("file x y heading\np.jpg 5 6 90.5\n", ".txt"),
+        ("# Cameras (1)\n# PhotoID, X, Y, Heading\np.jpg\t5\t6\t90.5\n", ".txt"),
+        ("imageName,X,Y,Heading\np.jpg,5,6,90.5\n", ".csv"),
+    ],
+)
+def test_forms_of_tables(text: str, suffix: str, tmp_path: Path) -> None:
+    found = pose(read(tmp_path, text, suffix))
+    assert (found.x, found.y, found.heading) == (5, 6, 90.5)
+
+
+PLACE = {"lat": 60.16, "lng": 24.93, "heading": 90.0}
+MAPILLARY = {
+    "MAPLatitude": 60.16,
+    "MAPLongitude": 24.93,
+    "MAPCompassHeading": {"TrueHeading": 90.0, "MagneticHeading": 83.0},
+}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"result": {"data": [{"name": "p.jpg", **PLACE}], "hasMoreData": False}},
+        {"osv": {"photos": [{"name": "p.jpg", **PLACE}]}},
+        {"currentPageItems": [{"name": "p.jpg", **PLACE}]},
+        [{"filename": "p.jpg", **MAPILLARY}],
+        [{"pano_id": "p.jpg", "location": {"lat": 60.16, "lng": 24.93}, "centerHeading": 90.0}],
+        [
+            {
+                "SourceFile": "a/p.jpg",
+                "GPSLatitude": "60 deg 9' 36.00\" N",
+                "GPSLongitude": "24 deg 55' 48.00\" E",
+                "yaw": 90,
+            }
+        ],
+        [{"SourceFile": "a/p.jpg", "GPSLatitude": "60°9'36\"N", "GPSLongitude": "24.93 E", "yaw": 90}],
+    ],
+)
+def test_exports_of_services(content: object, tmp_path: Path) -> None:
+    found = pose(read(tmp_path, json.dumps(content), ".json"))
+    assert (found.x, found.y, found.heading) == pytest.approx((24.93, 60.16, 90))
+
+
+def test_southern_and_western_degrees(tmp_path: Path) -> None:
+    found = pose(read(tmp_path, 'file,lat,lon,heading\np.jpg,"33°51\'30""S","70°30\'W",1\n'))
+    assert (found.x, found.y) == pytest.approx((-70.5, -33.858333))
+
+
+def test_geojson_in_a_frame_of_its_own(tmp_path: Path) -> None:
+    point = {
+        "type": "Feature",
+        "properties": {"file": "p.jpg", "yaw": 1},
+        "geometry": {"coordinates": [385000, 6671000]},
+    }
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32635"}}
+    found = pose(read(tmp_path, json.dumps({"type": "FeatureCollection", "crs": crs, "features": [point]}), ".geojson"))
+    assert (found.crs, found.x, found.y) == ("urn:ogc:def:crs:EPSG::32635", 385000, 6671000)

@@ -218,9 +218,9 @@ def test_names_of_other_programs(content: str, expected: SourcePose, tmp_path: P
 
 
 def test_a_heading_that_is_no_number_is_named(tmp_path: Path) -> None:
-    (tmp_path / "poses.csv").write_text("image;lat;lon;yaw_rad\np.jpg;60.16;24.93;1,5\n")
+    (tmp_path / "poses.csv").write_text("image;lat;lon;yaw_rad\np.jpg;60.16;24.93;east\n")
     assert read_poses_file(tmp_path / "poses.csv").poses == {
-        "p.jpg": "poses.csv: p.jpg: heading is '1,5', not a finite number; mend that entry"
+        "p.jpg": "poses.csv: p.jpg: heading is 'east', not a finite number; mend that entry"
     }
 
 

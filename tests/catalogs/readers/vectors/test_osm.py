@@ -106,8 +106,11 @@ def test_lengths(text: str, metres: float | None) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "levels"), [("5", 5.0), ("3.5", 3.5), ("4;5", 5.0), ("many", None), ("0", None), ("nan", None)]
-)
+    ("text", "levels"),
+    [
+        ("5", 5.0), ("3.5", 3.5), ("4;5", 5.0), ("3+1", 3.0), ("R+4", 5.0), ("many", None), ("0", None), ("nan", None),
+    ],
+)  # fmt: skip
 def test_levels(text: str, levels: float | None) -> None:
     assert osm.parse_floor_count(text) == levels
 

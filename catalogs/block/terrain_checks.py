@@ -1,0 +1,86 @@
+"""Doubts about an elevation model: parts without heights, roofs in it, and another datum than that of the buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from catalogs.buildings.surface_heights import heights_within
+from catalogs.printable_text import format_count
+from facade_core.core.types import Building, ElevationRaster
+
+_RING_M = (3.0, 8.0)  # around a building, where its ground is seen
+_MAX_SAMPLE = 200  # buildings
+_MIN_BUMP_M = 2.0
+_MIN_BUMP_SHARE = 0.5  # of the buildings
+_MIN_DATUM_GAP_M = 3.0
+_MAX_DATUM_SPREAD_M = 2.0
+_MAX_CELL_M = 5.0  # larger cells do not show a roof
+_MAX_STEEP_SHARE = 0.25
+_STEEP = 1.5  # metres a metre
+
+
+def note_terrain_doubts(terrain: ElevationRaster, buildings: Sequence[Building], name: str) -> tuple[str, ...]:
+    """Return notes on an elevation model that does not fit the buildings, with the remedy.
+
+    Parameters
+    ----------
+    terrain : heights in the frame of the block.
+    buildings : buildings in it.
+    name : name of the raster's file.
+    """
+    steps = np.abs(np.diff(terrain.heights, axis=1))
+    steps = steps[np.isfinite(steps)]
+    if len(steps) and float((steps > _STEEP * terrain.step).mean()) > _MAX_STEEP_SHARE:
+        return (
+            f"{name} is steeper than any ground nearly everywhere, as a picture is; give heights in metres as terrain",
+        )
+    inside = [heights_within(one.footprint.buffer(terrain.step), terrain) for one in buildings]
+    unknown = sum(len(heights) == 0 for heights in inside)
+    notes = []
+    if unknown:
+        notes.append(
+            f"{name} states no height at {format_count(unknown, 'building')} of {len(buildings)}, whose ground is continued "
+            "from the nearest heights; give a raster that covers the block"
+        )
+    if terrain.step <= _MAX_CELL_M:
+        notes += _note_roofs(terrain, buildings, name)
+    gaps = np.array(
+        [
+            float(np.median(heights)) - one.base
+            for one, heights in zip(buildings, inside, strict=True)
+            if len(heights) and one.base is not None and not one.raised
+        ]
+    )
+    middle = float(np.median(gaps)) if len(gaps) else 0.0
+    if abs(middle) > _MIN_DATUM_GAP_M and float(np.median(np.abs(gaps - middle))) < _MAX_DATUM_SPREAD_M:
+        notes.append(
+            f"the ground of {name} is {abs(middle):.1f} m {'above' if middle > 0 else 'below'} the lower ends of the "
+            "buildings (median): heights of another datum or unit; move one of them (buildings.offset)"
+        )
+    return tuple(notes)
+
+
+def _note_roofs(terrain: ElevationRaster, buildings: Sequence[Building], name: str) -> list[str]:
+    """Return a note where most buildings stand on bumps, as they do in a surface model."""
+    outlines = np.array([one.footprint for one in buildings], dtype=object)
+    tree = shapely.STRtree(outlines)
+    bumps = []
+    for outline in outlines[:: max(1, len(outlines) // _MAX_SAMPLE)]:
+        ring = outline.buffer(_RING_M[1])
+        near = shapely.union_all(outlines[tree.query(ring, predicate="dwithin", distance=_RING_M[0])])
+        core = outline.buffer(-terrain.step)
+        roof = heights_within(core, terrain)
+        ground = heights_within(ring.difference(near.buffer(_RING_M[0])), terrain)
+        if len(roof) and len(ground):
+            bumps.append(float(np.median(roof) - np.median(ground)))
+    raised = [bump for bump in bumps if bump > _MIN_BUMP_M]
+    if len(raised) <= _MIN_BUMP_SHARE * len(bumps):
+        return []
+    return [
+        f"{name} shows {len(raised)} of {format_count(len(bumps), 'building')} {np.median(raised):.1f} m above the ground "
+        "around them, as a surface model with roofs does; give a model of the ground as terrain, and this one as "
+        "buildings.heights"
+    ]
