@@ -185,9 +185,9 @@ def _find_reader(
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:
         supported = ", ".join(sorted(readers))
-        remedy = next((text for suffixes, text in _REMEDIES.items() if path.suffix.lower() in suffixes), "convert it")
+        remedy = next((f"{text}; " for suffixes, text in _REMEDIES.items() if path.suffix.lower() in suffixes), "")
         raise InputError(
-            f"{path}: files of type {path.suffix or '(none)'} are not read; {remedy}; supported: {supported}"
+            f"{path}: files of type {path.suffix or '(none)'} are not read; {remedy}supported: {supported}"
         )
     module, function = found
     reader: object = getattr(import_module(f"catalogs.readers.{module}"), function)

@@ -257,8 +257,8 @@ def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
     flat = {**record, **(record.get("properties") or {})}
     for key in _PLACE_KEYS:
         flat = {**nested, **flat} if isinstance(nested := flat.get(key), dict) else flat
-    if isinstance(heading := flat.get("MAPCompassHeading"), dict):
-        flat["heading"] = heading.get("TrueHeading")
+    if isinstance(flat.get("MAPCompassHeading"), dict):  # of mapillary_tools
+        flat["heading"] = flat.pop("MAPCompassHeading").get("TrueHeading")
     place = flat.get("computed_geometry") or flat.get("geometry")
     if place:
         names = ("lon", "lat") if crs is None else ("x", "y")
