@@ -29,7 +29,7 @@ from facade_core.geometry.buildings.passages import passage_openings, standing_o
 from facade_core.geometry.buildings.roof_details import RoofDetail
 from facade_core.geometry.buildings.roof_edges import MAX_SIGHT_M, OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
 from facade_core.geometry.buildings.roof_shapes import GRID_M, build_shell_with_roof
-from facade_core.geometry.buildings.shells import add_facet_charts, add_skirt_charts, lift_to_ground
+from facade_core.geometry.buildings.shells import add_facet_charts, add_skirt_charts, lift_to_ground, lower_to_ground
 from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
 from facade_core.geometry.charts import ChartBuilder, Charts, Mesh, SurfaceTarget
 from facade_core.geometry.ground.ground_charts import add_ground_charts
@@ -152,6 +152,7 @@ def add_building_charts(
         Where the building has no usable surface.
     """
     outline = _valid_outline(building)
+    building = lower_to_ground(building, outline, terrain)
     if building.shell is not None:
         shell = lift_to_ground(building.shell, terrain.lowest_along(outline))
     else:

@@ -1,4 +1,4 @@
-"""Charts of facets, and contact of modelled shells with the ground."""
+"""Charts of facets, and contact of buildings with the ground."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import BuildingShell
-from facade_core.geometry.buildings.facets import Facets
+from facade_core.core.types import Building, BuildingShell
+from facade_core.geometry.buildings.facets import UNDERSIDE_M, Facets
 from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
 from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles_on_grid
-from facade_core.geometry.ground.terrain import Terrain
+from facade_core.geometry.ground.terrain import Terrain, source_ground_height
 
 # Metres; wider gaps between a building and the terrain are closed by a skirt.
 MIN_SKIRT_M = 0.05
@@ -23,6 +23,9 @@ MAX_FOOT_M = 2.0
 # A shell is lifted to the ground if it is at least this deep below it, and this high above; metres.
 MIN_BURIED_M = 0.5
 MIN_VISIBLE_M = 2.5
+# A building that stands at most this high above its lowest ground is lowered to it; metres. Higher ones get a skirt: their
+# walls would be hidden by more than that on the other side.
+MAX_LOWERED_M = 1.0
 
 
 def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
@@ -41,6 +44,33 @@ def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
     vertices = shell.vertices.copy()
     vertices[deep, 2] = lowest
     return replace(shell, vertices=vertices)
+
+
+def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain: Terrain) -> Building:
+    """Lengthen the walls of a building that stands a little above its lowest ground down to it; the roof stays.
+
+    Each wall then is one surface from the ground, with the layout of a whole wall. A strip below it would be bare. Raised
+    buildings, those with passages, and shells with textures of their own stay unchanged.
+
+    Parameters
+    ----------
+    outline : footprint of the building.
+    terrain : ground heights.
+    """
+    shell = building.shell
+    if building.raised or building.passages or (shell is not None and (shell.texture >= 0).any()):
+        return building
+    foot = source_ground_height(building if shell is None else replace(building, base=None))
+    if foot is None:
+        return building
+    gap = foot - terrain.lowest_along(outline)
+    if not MIN_SKIRT_M < gap <= MAX_LOWERED_M:
+        return building
+    if shell is None:
+        return replace(building, base=foot - gap, height=building.height + gap)
+    vertices = shell.vertices.copy()
+    vertices[vertices[:, 2] < foot + UNDERSIDE_M, 2] -= gap
+    return replace(building, shell=replace(shell, vertices=vertices))
 
 
 def add_facet_charts(target: SurfaceTarget, facets: Facets, along: Float64Array | None = None) -> None:

@@ -106,6 +106,24 @@ def test_a_building_stands_on_the_lowest_ground_and_a_higher_one_has_a_skirt() -
     assert mesh.vertices[skirt[mesh.vertex_chart], 2].min() == pytest.approx(20)
 
 
+def test_walls_reach_down_to_ground_that_is_a_little_lower() -> None:
+    shell = build_shell_with_roof(replace(BOX, roof=Roof("gabled", 3.0)), 20.6)
+    assert shell is not None
+    painted = replace(shell, texture=np.zeros_like(shell.texture))
+    for house, count in ((BOX, 4), (replace(BOX, shell=shell), 6), (replace(BOX, roof=Roof("gabled", 3.0)), 6)):
+        charts, mesh = surfaces([replace(house, base=20.6)], [STREET], SLOPE)
+        walls = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size[:, 0] > 9))
+        assert len(walls) == count, "no strip below, walls and gables alone"
+        main = walls[charts.size[walls, 1] > 10]
+        foot = charts.points_at_shares(main, np.array([[0.0, 1.0], [1.0, 1.0]]))[..., 2]
+        np.testing.assert_allclose(foot, 20.0, atol=1e-6)
+        np.testing.assert_allclose(charts.origin[main, 2].min(), 20.6 + 12)
+    charts, mesh = surfaces([replace(BOX, shell=painted, base=20.6)], [STREET], SLOPE)
+    assert (charts.kind == ChartKind.WALL).sum() > 6, "pictures of its own are not drawn out"
+    own = mesh.triangles[(charts.building[mesh.chart] == 0) & (mesh.texture >= 0)]
+    assert mesh.vertices[own][..., 2].min() == pytest.approx(20.6)
+
+
 def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
     far = replace(STREET, line=shapely.affinity.translate(STREET.line, 0, 500))  # eaves stand out where they are seen
     roofed = replace(BOX, roof=Roof("gabled", 4.0), base=23.0)
