@@ -19,6 +19,7 @@ from catalogs.buildings.part_files import attach_parts
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
 from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
+from catalogs.buildings.sunken_corners import raise_sunken_corners
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
 from catalogs.reader_errors import fault_reason
@@ -250,6 +251,9 @@ def _model_candidates(
         elif outline.area < MIN_FOOTPRINT_M2:
             reasons[f"models that cover under {MIN_FOOTPRINT_M2:g} m2 set aside"].append(model.id)
         else:
+            shell, raised = raise_sunken_corners(shell)
+            if raised:
+                reasons["models with single roof corners far below the others, raised to these"].append(model.id)
             low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
             base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
             levels = max(1, int(model.levels)) if model.levels else None
