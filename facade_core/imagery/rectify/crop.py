@@ -34,6 +34,14 @@ MIN_BLUE_GREY = 150
 BORDER_RIM_PIXELS = 2
 # Share of the columns that must have such a step.
 MIN_SKYLINE_COLUMNS = 0.08
+# Clear sky beside a wall begins this near to its top and its side, is so high and at most so wide: shares of the sides. Panes
+# that reflect it are lower, and end below the top.
+SKY_RIM_SHARE = 0.03
+MIN_SKY_HEIGHT_SHARE = 0.2
+MAX_SKY_WIDTH_SHARE = 0.25
+# The inner edge of such sky is the wall's own where nine tenths of it are within this share of the width: the wall ends there
+# below the sky too.
+MAX_EDGE_SPREAD_SHARE = 0.015
 # Value of hidden pixels for the box, which keeps them if that costs nothing.
 _HIDDEN_VALUE = 1e-4
 
@@ -90,7 +98,8 @@ def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
 
     Heights of models, cameras and the ground are rarely exact to the metre. The parser alone is no proof: a bare wall
     resembles a neighbour, and sky resembles plaster. Beyond top and sides a run of such pixels from the border inwards
-    counts only if it ends at a step of brightness, as the skyline is.
+    counts only if it ends at a step of brightness, as the skyline is. Clear sky from the top down beside the wall counts by
+    its shape, with what is beyond it.
 
     Parameters
     ----------
@@ -111,7 +120,38 @@ def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
         # so turned that the top, the right and the left are the first rows
         own, unseen = np.rot90(beyond, turns), np.rot90(hidden, turns)
         found |= np.rot90(_beyond_skyline(own, unseen, np.rot90(grey, turns), MAX_BEYOND_SHARE[turns]), -turns)
+    found |= _clear_sky_beside_wall(image, hidden)
     return found & ~hidden
+
+
+def _clear_sky_beside_wall(image: UInt8Array, hidden: BoolArray) -> BoolArray:
+    """Mask blue sky that reaches down from the top near a side of a wall, and what is between it and that side."""
+    import cv2
+
+    height, width = hidden.shape
+    sky = (_is_blue(image) & ~hidden).astype(np.uint8)
+    found = np.zeros_like(hidden)
+    count, parts, boxes, _ = cv2.connectedComponentsWithStats(sky, connectivity=8)
+    for part in range(1, count):
+        left, top, wide, high = boxes[part, :4]
+        if top > SKY_RIM_SHARE * height or high < MIN_SKY_HEIGHT_SHARE * height or wide > MAX_SKY_WIDTH_SHARE * width:
+            continue
+        is_sky = cv2.dilate((parts == part).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+        if left <= SKY_RIM_SHARE * width:
+            found |= _outside_edge(is_sky[:, ::-1])[:, ::-1]
+        if width - left - wide <= SKY_RIM_SHARE * width:
+            found |= _outside_edge(is_sky)
+    return found
+
+
+def _outside_edge(is_sky: BoolArray) -> BoolArray:
+    """Mask what is right of the left edge of some sky, and below it where that edge is upright: (h, w) bool."""
+    outside: BoolArray = np.logical_or.accumulate(is_sky, axis=1)
+    edge = is_sky.argmax(axis=1)[is_sky.any(axis=1)]
+    low, middle, high = np.quantile(edge, (0.1, 0.5, 0.9))
+    if high - low <= MAX_EDGE_SPREAD_SHARE * is_sky.shape[1]:
+        outside[:, round(float(middle)) :] = True
+    return outside
 
 
 def _street_below_wall(outside: BoolArray, hidden: BoolArray) -> BoolArray:
@@ -127,8 +167,12 @@ def _street_below_wall(outside: BoolArray, hidden: BoolArray) -> BoolArray:
 
 def _looks_like_sky(image: UInt8Array) -> BoolArray:
     """Mask the pixels (h, w) that are as bright as an overcast sky, or bright and blue."""
+    return np.asarray((image.min(axis=2) >= MIN_OVERCAST_GREY) | _is_blue(image))
+
+
+def _is_blue(image: UInt8Array) -> BoolArray:
     red, blue = image[..., 0].astype(np.int16), image[..., 2].astype(np.int16)
-    return np.asarray((image.min(axis=2) >= MIN_OVERCAST_GREY) | ((blue - red >= MIN_BLUE) & (blue >= MIN_BLUE_GREY)))
+    return np.asarray((blue - red >= MIN_BLUE) & (blue >= MIN_BLUE_GREY))
 
 
 def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, max_share: float) -> BoolArray:

@@ -112,6 +112,29 @@ def test_sky_beyond_the_skyline_is_masked(monkeypatch: pytest.MonkeyPatch):
     assert wall_surroundings_mask(image, hidden)[:30].all(), "a clear sky above a pale wall"
 
 
+def test_a_strip_of_clear_sky_beside_a_wall_is_cut_with_what_is_beyond_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the left, behind a dark edge of another building; panes at the right reflect the sky and stay."""
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: np.zeros_like(hidden))
+    image = np.full((300, 330, 3), 120, np.uint8)
+    image[:, :6] = 70
+    image[4:110, 6:16] = (165, 203, 232)
+    for top in range(12, 280, 40):
+        image[top : top + 25, 304:322] = (165, 203, 232)
+    hidden = np.zeros(image.shape[:2], bool)
+    found = wall_surroundings_mask(image, hidden)
+    assert found[:, :16].all(), "the wall's edge is upright"
+    assert not found[:, 20:].any()
+    mirrored = wall_surroundings_mask(np.ascontiguousarray(image[:, ::-1]), hidden)
+    assert (mirrored[:, ::-1] == found).all()
+    for row in range(4, 110):  # the roof of a lower house beside the wall
+        image[row, 16 : 16 + (110 - row) // 3] = (165, 203, 232)
+    sloping = wall_surroundings_mask(image, hidden)
+    assert sloping[4:100, :16].all()
+    assert not sloping[120:].any()
+    image[:, 6:60] = 120
+    assert not wall_surroundings_mask(image, hidden).any(), "panes alone"
+
+
 def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
     """Twelve rows of street, on which a car stands; a third of the wall is bare and taken for a neighbour's."""
     outside, hidden = np.zeros((2, 100, 90), bool)
