@@ -17,38 +17,55 @@ MAX_RED_DIFFERENCE = 0.1
 MAX_BLUE_DIFFERENCE = 0.2
 # Largest deviation of a channel's slope from their mean.
 MAX_CHANNEL_DEVIATION = 0.1
+# A wall in the shade of its picture may be darker than the lightest wall of its material by this factor.
+MAX_SHADE_RATIO = 1.5
 # Colours are kept this far from black and white, 0..255.
 COLOUR_MARGIN = 4.0
 
 
-def level_wall_colours(colours: Sequence[Float64Array]) -> Float64Array:
-    """Return the tone curves that bring the walls of a building to the exposure of its lightest one of their material.
+def level_wall_colours(colours: Sequence[Float64Array], pictures: Sequence[str]) -> Float64Array:
+    """Return the tone curves that bring the pictures of a building's walls to one exposure.
 
-    A house is photographed from several sides, in sun and in shade, and by pictures of several exposures. Where two of its
-    walls have one hue, the darker one is lightened, within bounds.
+    A house is photographed from several sides, by pictures of several exposures. Where walls of two pictures have one hue,
+    those of the darker picture are lightened, within bounds. What differs between walls of one picture is sun and shade: it
+    stays, up to MAX_SHADE_RATIO.
 
     Parameters
     ----------
     colours : (3,) lit colour of each wall, 0..255.
+    pictures : the picture whose exposure each wall has.
 
     Returns
     -------
     (n, 3) slope at black of each wall and channel, for `apply_tone_curve`; 1 leaves it as it is.
     """
-    values = np.clip(np.array(colours, np.float64).reshape(-1, 3), COLOUR_MARGIN, 255 - COLOUR_MARGIN)
+    values = np.clip(np.array(colours, np.float64).reshape(-1, 3), COLOUR_MARGIN, 255 - COLOUR_MARGIN) / 255
     logs = np.log(values)
     hue = logs[:, [0, 2]] - logs[:, [1]]
+    light = values.mean(axis=1)
     slopes = np.ones_like(values)
     for own in range(len(values)):
         apart = np.abs(hue - hue[own])
         alike = np.flatnonzero((apart[:, 0] <= MAX_RED_DIFFERENCE) & (apart[:, 1] <= MAX_BLUE_DIFFERENCE))
-        best = alike[values[alike].mean(axis=1).argmax()]
-        slope = np.log(1 - values[best] / 255) / np.log(1 - values[own] / 255)
+        beside = np.array([wall for wall in alike.tolist() if pictures[wall] == pictures[own]])
+        lightest, lead = (group[light[group].argmax()] for group in (alike, beside))
+        exposed = _lighten_colour(values[own], _tone_slope(values[lead], values[lightest]))
+        darkest = values[lightest] / MAX_SHADE_RATIO
+        slope = _tone_slope(values[own], exposed if exposed.mean() >= darkest.mean() else darkest)
         mean = min(float(slope.mean()), MAX_SLOPE)
         if mean >= MIN_SLOPE:
             limits = mean * (1 - MAX_CHANNEL_DEVIATION), mean * (1 + MAX_CHANNEL_DEVIATION)
             slopes[own] = np.clip(slope * (mean / slope.mean()), *limits)
     return slopes
+
+
+def _tone_slope(dark: Float64Array, light: Float64Array) -> Float64Array:
+    """Return the slope (3,) of the curve that takes one colour (3,), 0 to 1, to another."""
+    return np.asarray(np.log(1 - light) / np.log(1 - dark), np.float64)
+
+
+def _lighten_colour(colour: Float64Array, slope: Float64Array) -> Float64Array:
+    return np.asarray(1 - (1 - colour) ** slope, np.float64)
 
 
 def apply_tone_curve(image: UInt8Array, slope: Float64Array) -> UInt8Array:
@@ -59,5 +76,5 @@ def apply_tone_curve(image: UInt8Array, slope: Float64Array) -> UInt8Array:
     slope : (3,) slope at black, 1 or more.
     """
     tones = np.arange(256)[:, None] / 255
-    table = np.rint(255 * (1 - (1 - tones) ** slope)).astype(np.uint8)
+    table = np.rint(255 * _lighten_colour(tones, slope)).astype(np.uint8)
     return np.stack([table[image[..., band], band] for band in range(3)], axis=-1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -44,23 +44,33 @@ def level_exposures(
     neighbours : of each of them, the other facades of its building with pictures.
     """
     for facade in neighbours:
-        own = _pictured_colour(records.get(facade))
+        own = _find_pictured_wall(records.get(facade))
         if own is None:
             continue
         others = [
-            _pictured_colour(records.get(other) or read_records(group, "facades", np.array([other]))[0])
+            _find_pictured_wall(records.get(other) or read_records(group, "facades", np.array([other]))[0])
             for other in neighbours[facade]
         ]
-        slope = level_wall_colours([own, *(colour for colour in others if colour is not None)])[0]
+        walls = [own, *(wall for wall in others if wall is not None)]
+        slope = level_wall_colours([wall.colour for wall in walls], [wall.picture for wall in walls])[0]
         if (slope != 1).any():
             _lighten(group, plan, facade, cast(FacadeRecord, records[facade]), slope)
 
 
-def _pictured_colour(record: Record | None) -> Float64Array | None:
+class _PicturedWall(NamedTuple):
+    """Lit colour of a wall, 0..255, and the picture whose exposure it has: the first of several, which shows it best."""
+
+    colour: Float64Array
+    picture: str
+
+
+def _find_pictured_wall(record: Record | None) -> _PicturedWall | None:
     if record is None or record["status"] != "done":
         return None
-    colour = cast(FacadeRecord, record).get("pictured_colour")
-    return None if colour is None else np.array(colour, np.float64)
+    facade = cast(FacadeRecord, record)
+    if "pictured_colour" not in facade:
+        return None
+    return _PicturedWall(np.array(facade["pictured_colour"], np.float64), facade["source"].split(", ")[0])
 
 
 def _lighten(group: StoreGroup, plan: Plan, facade: int, record: FacadeRecord, slope: Float64Array) -> None:
