@@ -77,7 +77,8 @@ def run(
         timeout=PATIENCE_S,
     )
     assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    printed: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return printed
 
 
 def working_in(out: Path) -> bool:
