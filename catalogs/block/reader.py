@@ -145,6 +145,19 @@ def read_block(path: Path | str) -> Block:
     return set_digest(replace(block, notes=(*block.notes, *closed)), file)
 
 
+def read_model_files(path: Path) -> TrainedModelFiles:
+    """Read which models a block file names, without reading its data.
+
+    Raises
+    ------
+    BlockFileError : as `read_block`.
+    """
+    try:
+        return _model_files(resolve_paths(validate_block_settings(read_yaml(path)), path))
+    except ValueError as error:
+        raise BlockFileError(hide_variable_values(f"{path}: {error}", path)) from error
+
+
 def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     """Build a block from checked keys, without corrections and digest.
 

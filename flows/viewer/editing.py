@@ -15,6 +15,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from catalogs.block.corrections import corrections_file, read_corrections
+from catalogs.block.reader import read_model_files
 from facade_core.core.errors import FacadeError, StoreError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
@@ -23,6 +24,7 @@ from flows.viewer.guard import editor_request_refusal
 from tasks.corrections.correction_import import CorrectionImporter, find_run_block_file
 from tasks.corrections.drawable_values import valid_correction_values
 from tasks.engine.store.status import read_run_block_file
+from tasks.viewing.facade_completions import complete_facade, parse_editor_boxes
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 
@@ -83,6 +85,11 @@ def correction_routes(reader: RunReader, editor: EditorUser, redo: BackgroundRun
         result = taker.add(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
         return {"saved": result.facades + result.buildings, "said": result.lines()[0], "notes": result.notes}
 
+    def complete(body: object) -> JsonObject:
+        view, block = reader.open_newest(), find_run_block_file(reader.out)
+        boxes = parse_editor_boxes(body)
+        return complete_facade(view, view.find_facade_index(boxes.facade), boxes, read_model_files(block))
+
     def start(body: object) -> JsonObject:
         redo.start(find_run_block_file(reader.out))
         return redo.status()
@@ -91,6 +98,7 @@ def correction_routes(reader: RunReader, editor: EditorUser, redo: BackgroundRun
         Route("/edit/state", editor_read_endpoint(editor, state)),
         Route("/edit/facade", editor_read_endpoint(editor, facade)),
         Route("/edit/corrections", editor_write_endpoint(editor, save), methods=["POST"]),
+        Route("/edit/completions", editor_write_endpoint(editor, complete), methods=["POST"]),
         Route("/edit/redo", editor_write_endpoint(editor, start), methods=["POST"]),
     ]
 

@@ -137,6 +137,81 @@ def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, 
     assert digests_of(folder / "out") == digests_of(other / "out") != digests_of(once / "out")
 
 
+def test_a_completion_is_chosen_undone_completed_again_and_kept(page: Any, once: Path, tmp_path: Path) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    folder = copied(once, tmp_path / "completed")
+    choices, boxes = page.locator(".completion"), page.locator(".boxes .box")
+    places = (
+        "JSON.stringify([...document.querySelectorAll('.boxes .box')]"
+        ".map((box) => ['number', 'x', 'y'].map((name) => box.dataset[name] ?? box.getAttribute(name))).sort())"
+    )
+
+    with viewing(folder / "out", "--edit", "--who", "anna") as address:
+        page.goto(address)
+        wait(page, "location.hash === '#/review'")
+        page.evaluate("location.hash = '#/edit/a-0'")
+        boxes.first.wait_for()
+        page.uncheck("#snap")
+        texels = [
+            page.evaluate(f"document.querySelector('.boxes').viewBox.baseVal.{side}") for side in ("width", "height")
+        ]
+        found = boxes.count()
+        page.select_option("#label", "hide")  # what is hidden: the right half
+        shown = page.locator(".boxes").bounding_box()
+        scale = min(shown["width"] / texels[0], shown["height"] / texels[1])
+        middle = shown["x"] + shown["width"] / 2, shown["y"] + shown["height"] / 2
+        half = scale * texels[0] / 2, scale * texels[1] / 2
+        drag(
+            page,
+            (middle[0] + 0.05 * half[0], middle[1] - 0.97 * half[1]),
+            (middle[0] + 0.97 * half[0], middle[1] + 0.97 * half[1]),
+        )
+        page.click("#complete")
+        choices.first.wait_for()
+        assert 2 <= choices.count() <= 5
+        before = page.evaluate(places)
+        page.click(".completion >> nth=1")
+        chosen = page.evaluate(places)
+        assert chosen != before
+        assert choices.nth(1).get_attribute("aria-pressed") == "true"
+        drawn = page.evaluate("document.querySelectorAll('.completion')[1].querySelectorAll('rect').length")
+        assert boxes.count() == drawn + 1, "the hidden part stays a box"
+        page.click("#undo")
+        assert page.evaluate(places) == before
+        page.click("#redo")
+        assert page.evaluate(places) == chosen
+        violations = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        assert [v["id"] for v in violations] == []
+
+        # one box is drawn where nothing was seen: the others are completed again, and it stays
+        page.focus(".boxes")
+        page.keyboard.press("Escape")
+        page.select_option("#label", "door")
+        page.focus(".boxes")
+        for key in ("a", *["ArrowRight"] * 8):
+            page.keyboard.press(key)
+        assert page.inner_text("#box-said").startswith("door, box")
+        left = float(page.locator(".boxes .held").get_attribute("x"))
+        assert left > 0.6 * texels[0]
+        assert choices.first.is_disabled()
+        page.click("#complete")
+        wait(page, "document.querySelector('.completion:enabled') && !document.querySelector('#complete').disabled")
+        page.click(".completion >> nth=0")
+        page.click("#save")
+        page.wait_for_selector("text=1 facades and 0 buildings corrected")
+        kept = read_corrections(folder / "in" / "block.yaml")
+        elements = kept.value_correction("a-0", "elements")
+        assert elements is not None
+        assert any(name == "door" and abs(x0 * texels[0] - left) < 0.01 for name, x0, *_ in elements)
+        assert len(elements) == boxes.count() - 1
+        page.click("#redo-now")
+        wait(page, "document.querySelector('#redo-said').textContent.includes('units done')")
+        wait(page, "document.querySelector('#completed').textContent.includes('complete again')")
+        assert boxes.count() == len(elements) + 1, "the next run has what was chosen"
+        assert found
+
+
 def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
     page: Any, once: Path, tmp_path: Path
 ) -> None:

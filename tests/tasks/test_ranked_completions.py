@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from facade_core.core.errors import InputError
+from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
 from tasks.ranked_completions import complete_file
 
@@ -35,6 +38,39 @@ def test_completions_are_ranked_and_begin_with_what_is_observed(tmp_path: Path) 
     assert [e["is_observed"] for e in objects] == [True] * 9 + [False] * (len(objects) - 9)
     assert all(e["x0"] >= 65 for e in objects[9:])
     assert len(objects) > 9
+
+
+def test_each_completion_has_a_picture_in_which_added_elements_are_filled(tmp_path: Path) -> None:
+    arguments = [str(write_layout(tmp_path / "layout.json")), "--n", "2", "--to", str(tmp_path / "new" / "pictures")]
+    shown = CliRunner().invoke(command_line, ["complete", *arguments])
+    assert shown.exit_code == 0, shown.output
+    completions = json.loads(shown.output)["completions"]
+    files = [Path(one["picture"]) for one in completions]
+    assert files == [tmp_path / "new" / "pictures" / f"completion-{rank}.png" for rank in range(1, len(files) + 1)]
+    drawn = np.asarray(Image.open(files[0]).convert("RGB"))
+    scale = drawn.shape[1] / 140
+    for e in completions[0]["objects"]:
+        middle = drawn[int((e["y0"] + e["y1"]) / 2 * scale), int((e["x0"] + e["x1"]) / 2 * scale)]
+        assert (np.ptp(middle.astype(int)) > 0) != e["is_observed"], "grey inside an outline"
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/pictures: cannot be written"):
+        complete_file(write_layout(tmp_path / "layout.json"), 1, tmp_path / "file" / "pictures")
+
+
+def test_a_picture_is_completed_where_it_is_transparent(tmp_path: Path) -> None:
+    painted = paint_facade((12.0, 14.0), floors=3, columns=5, style="classicism", metres_per_pixel=0.08, seed=3)
+    alpha = np.full(painted.labels.shape, 255, np.uint8)
+    alpha[:, alpha.shape[1] * 3 // 5 :] = 0
+    Image.fromarray(np.dstack([painted.image, alpha])).save(tmp_path / "facade.png")
+    found = complete_file(tmp_path / "facade.png", 3, tmp_path)
+    assert found["completions"]
+    for one in found["completions"]:
+        assert np.asarray(Image.open(one["picture"])).shape[1] % painted.labels.shape[1] == 0
+        assert any(e["is_observed"] for e in one["objects"])
+    assert any(not e["is_observed"] for e in found["completions"][0]["objects"])
 
 
 @pytest.mark.parametrize(

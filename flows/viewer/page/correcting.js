@@ -1,6 +1,7 @@
 // Correcting facades of a block, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page
 // of the block; and #/photos where it was given photos.
 
+import { Completions } from "./completions.js";
 import { Editor, MASKS } from "./editor.js";
 import { said } from "./columns.js";
 import { ask, blockPage, element, facadeAddress, openBase, picture } from "./elements.js";
@@ -199,6 +200,7 @@ class Page {
     this.under = choice("under", under.map(({ stage, title }) => [stage, title]), () => this.shown());
     this.zoom = choice("zoom", [["1", "whole"], ["2", "2 times"], ["4", "4 times"]], () => (this.canvas.dataset.zoom = this.zoom.value));
     this.canvas = element("div", { class: "canvas", "data-zoom": "1" }, editor.svg);
+    this.completions = new Completions(editor, (boxes) => this.correcting.told("edit/completions", { facade: this.id, ...boxes }));
     editor.svg.setAttribute("aria-label", `Elements of facade ${this.id}`);
     this.told = element("p", { role: "status", id: "box-said" });
     this.not = button("not-a-facade", "Not a facade", () => editor.say("facade", !editor.said.facade));
@@ -228,7 +230,7 @@ class Page {
       element("div", { class: "controls" }, labelled("Label", this.label), button("add", "Add a box", () => { editor.add(); editor.svg.focus(); }), this.remove,
         this.undo, this.again, element("span", { class: "field" }, this.snap, element("label", { for: "snap" }, "Snap to lattice")),
         labelled("On", this.under), labelled("Size", this.zoom)),
-      this.canvas, this.told,
+      this.canvas, this.told, this.completions.part,
       element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
         `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves. “hide” is what a picture shows that is not of the facade, “keep” what is of it although it looks like something in front. `,
         `What is saved is kept in ${this.correcting.kept}; pictures change at “Redo now” only.`),
@@ -261,6 +263,7 @@ class Page {
     this.not.setAttribute("aria-pressed", String(!editor.said.facade));
     this.showFields();
     this.keep.disabled = !this.dirty();
+    this.completions.changed();
     const metres = (texels) => (texels / editor.metre).toFixed(2);
     const count = editor.boxes.length;
     this.told.textContent = box

@@ -43,6 +43,8 @@ export class Editor {
     this.steps = new Steps({ boxes, said: stand.said });
     this.saved = boxes;
     this.selected = null;
+    // Boxes that nobody drew: as they were found, or as a completion has them. A box that is changed is another object.
+    this.found = new WeakSet(boxes);
   }
 
   get boxes() {
@@ -78,8 +80,23 @@ export class Editor {
     const [width, height] = this.size;
     const share = ({ x0, y0, x1, y1 }) => [x0 / width, y0 / height, x1 / width, y1 / height];
     const mask = (label) => this.boxes.filter((box) => box.label === label).map(share);
-    const elements = this.boxes.filter((box) => !MASKS.includes(box.label)).map((box) => [box.label, ...share(box)]);
+    const elements = this.elements.map((box) => [box.label, ...share(box)]);
     return { elements, ...Object.fromEntries(MASKS.map((label) => [label, mask(label).length ? mask(label) : null])) };
+  }
+
+  get elements() {
+    return this.boxes.filter((box) => !MASKS.includes(box.label));
+  }
+
+  // Elements as they are completed: with whether they were drawn here.
+  observations() {
+    const { elements, hide } = this.shares();
+    return { elements: this.elements.map((box, number) => [...elements[number], !this.found.has(box)]), hide };
+  }
+
+  // Elements in place of those that are here; masks stay.
+  complete(elements) {
+    this.take([...elements, ...this.boxes.filter((box) => MASKS.includes(box.label))], null);
   }
 
   lattice() {

@@ -18,7 +18,7 @@ from flows.viewer.editing import MAX_BODY_BYTES, TOKEN_HEADER, EditorUser
 from tasks.viewing.run_view import RunReader
 
 HERE = "http://127.0.0.1:PORT"
-ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
+ADDRESSES = ("/edit/corrections", "/edit/completions", "/edit/redo", "/edit/decisions")
 
 
 def served(out: Path, editor: EditorUser | None) -> Iterator[int]:
