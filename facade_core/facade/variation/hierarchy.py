@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.core.arrays import Int32Array, UInt8Array
+from facade_core.core.arrays import Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 from facade_core.facade.variation.codec import decode_hierarchy_file
 from facade_core.facade.variation.contents import ElementGroup, VariationLevel
 from facade_core.facade.variation.enlargement import enlarge_facade
+from facade_core.facade.variation.exchange import number_exchange_classes
 from facade_core.facade.variation.patches import bare_wall, box_mask
 from facade_core.facade.variation.rendering import element_boxes, element_types, paint_photo_elements
 from facade_core.facade.variation.sampling import assign_elements_by_type, make_generator, permute_within_types
@@ -64,6 +65,10 @@ class Hierarchy:
             labels[cells[cells >= 0]] = grid[cells >= 0]
         return labels
 
+    def exchange_classes(self, level: int) -> Int64Array:
+        """Return the (elements,) class of each element at a level; those of one class may take each other's place."""
+        return number_exchange_classes(self.photo, self.groups, self.types_at(level))
+
     def reconstruct(self, level: int) -> UInt8Array:
         """Return the photo with relabelled elements shown as the representative of their type, (H, W, 3) uint8."""
         photo, now = self.types_at(0), self.types_at(level)
@@ -72,11 +77,11 @@ class Hierarchy:
         return paint_photo_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
 
     def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> UInt8Array:
-        """Sample a variation: permute the elements that share a type at a level.
+        """Sample a variation: permute the elements of one row and head shape that share a type at a level.
 
         A permutation is a draw from the level's relabelling probabilities that keeps every type's count in the photo.
         Seeds 0, 1 ... give different permutations as long as there are any. With floors or columns, bands are repeated;
-        every place shows an element of its type, as far as possible from other places of the same element.
+        every place shows an element of its type and row, as far as possible from other places of the same element.
 
         Parameters
         ----------
@@ -95,16 +100,16 @@ class Hierarchy:
         LayoutError
             For fewer floors or columns than present, or for more without windows.
         """
-        now = self.types_at(level)
+        classes = self.exchange_classes(level)
         boxes = element_boxes(self.groups)
         if floors is None and columns is None:
-            places = np.arange(len(now))
+            places = np.arange(len(classes))
             return paint_photo_elements(
-                self.photo, self.photo, self.groups, places, boxes, permute_within_types(now, seed)
+                self.photo, self.photo, self.groups, places, boxes, permute_within_types(classes, seed)
             )
         rng = make_generator(seed)
         larger = enlarge_facade(self.wall, self.groups, self.cells, floors, columns, rng)
-        shown = assign_elements_by_type(now, larger.places, larger.boxes, rng)
+        shown = assign_elements_by_type(classes, larger.places, larger.boxes, rng)
         return paint_photo_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
 
     def to_bytes(self) -> bytes:

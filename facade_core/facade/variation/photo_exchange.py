@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
+from facade_core.core.arrays import UInt8Array
+from facade_core.facade.variation.exchange import number_exchange_classes
 from facade_core.facade.variation.rendering import element_boxes, paint_photo_elements
 from facade_core.facade.variation.sampling import permute_within_types
 from facade_core.facade.variation.variations import Variations
-
-# Largest distance between centres of one row, as a share of the height.
-ROW_TOLERANCE = 0.35
 
 
 def permute_photo_elements(
     image: UInt8Array, variations: Variations, share: float, seed: int
 ) -> tuple[UInt8Array, Variations]:
-    """Permute the elements of one type within their row, and return the image with its variations.
+    """Permute the elements of one type, row and head shape, and return the image with its variations.
 
-    As `Hierarchy.sample`, but within rows, since heads and sills differ between floors. The wall, and elements that
-    stay in place without a moved one behind them, keep their pixels.
+    As `Hierarchy.sample`, in the image's own pixels. The wall, and elements that stay in place without a moved one
+    behind them, keep their pixels.
 
     Parameters
     ----------
@@ -34,18 +32,8 @@ def permute_photo_elements(
         For a negative seed.
     """
     types = variations.types_at(round(share * (len(variations.levels) - 1)))
-    row = np.concatenate([_row_numbers(group.boxes) for group in variations.groups]) if variations.groups else types
-    shown = permute_within_types(types * (len(types) + 1) + row, seed)
+    shown = permute_within_types(number_exchange_classes(image, variations.groups, types), seed)
     made = paint_photo_elements(
         image, image, variations.groups, np.arange(len(types)), element_boxes(variations.groups), shown
     )
     return made, variations.permute_elements(shown)
-
-
-def _row_numbers(boxes: IntArray) -> Int64Array:
-    """Return the (N,) row, from the top, of boxes (N, 4) of comparable size."""
-    middle = (boxes[:, 1] + boxes[:, 3]) / 2
-    order = np.argsort(middle, kind="stable")
-    row = np.empty(len(boxes), int)
-    row[order] = np.append(0, np.cumsum(np.diff(middle[order]) > ROW_TOLERANCE * np.median(boxes[:, 3] - boxes[:, 1])))
-    return row

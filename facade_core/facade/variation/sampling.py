@@ -62,7 +62,7 @@ def permute_within_types(types: IntArray, seed: int) -> Int64Array:
 
 
 def assign_elements_by_type(
-    types: Int32Array, places: Int64Array, boxes: Int32Array, rng: np.random.Generator
+    types: IntArray, places: Int64Array, boxes: Int32Array, rng: np.random.Generator
 ) -> Int64Array:
     """Assign an element to each place of an enlarged facade, of the type of the place.
 
