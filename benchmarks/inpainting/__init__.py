@@ -1,17 +1,17 @@
 """Inpainting of facades behind trees, cars and people: `python -m benchmarks.inpainting --data DIR` prints one JSON object.
 
-40 facades of ecp and cmp without much else in view, each with cut-outs of occluders/ put in front until 8 to 30 % are
-hidden. Inside the holes: PSNR (dB) and SSIM, means over facades; perceptual, a distance of EfficientNet-Lite0's
-features (deploy/peers/perceptual.py); gradient_energy, that of the result over the truth's (1 is as sharp), bands the same for
-details of about 1-2, 2-4 and 4-8 px; structure, mIoU of `parse` of the result against the true labels over all holes
-together, beside that of the photo itself; hidden_rows, the share of the pixels that `parse` gets right in holes where under a
-tenth of the row is visible; door_recall and door_precision, of the pixels of doors in holes; seconds, the median. A method is
-sharp with gradient_energy 0.8 to 1.2.
+40 facades of ecp and cmp without much else in view, held out of the training of the parser and of the layout model, each with
+cut-outs of occluders/ put in front until 8 to 30 % are hidden. Inside the holes: PSNR (dB) and SSIM, means over facades;
+perceptual, a distance of EfficientNet-Lite0's features (deploy/peers/perceptual.py); gradient_energy, that of the result over
+the truth's (1 is as sharp), bands the same for details of about 1-2, 2-4 and 4-8 px; structure, mIoU of `parse` of the result
+against the true labels over all holes together, beside that of the photo itself; hidden_rows, the share of the pixels that
+`parse` gets right in holes where under a tenth of the row is visible; door_recall and door_precision, of the pixels of doors in
+holes; seconds, the median. A method is sharp with gradient_energy 0.8 to 1.2.
 
-Ours is given what the pipeline has: the parse of what is visible, and in "+ layout" the completed layout too. Peers
-are OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the size), and in environments of their
-own pypatchmatch, patchmatch-cython, object-remove and opencv-contrib's shift map. A peer that cannot be installed or fails is
-skipped, with its reason. --methods names those to measure.
+Ours is given what the pipeline has: the parse of what is visible, and in "+ layout" the completed layout too. Peers are the
+floors paper's own method (clone_and_split), OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the
+size), and in environments of their own pypatchmatch, patchmatch-cython, object-remove and opencv-contrib's shift map. A peer
+that cannot be installed or fails is skipped, with its reason. --methods names those to measure.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ import numpy as np
 
 from benchmarks.inpainting import peers
 from benchmarks.inpainting.cases import Case, cases
+from benchmarks.inpainting.clone_and_split import clone_and_split
+from benchmarks.inpainting.floor_pitch import estimate_bay_width, estimate_floor_height
 from benchmarks.parsing import confusion, scores
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import Element
@@ -39,7 +41,7 @@ from facade_core.parsing.elements import elements
 from facade_core.parsing.segmenter import parse
 
 OURS = tuple(f"{method}{given}" for method in ("floors", "tiles") for given in ("", " + layout"))
-IN_PROCESS = ("telea", "navier_stokes", "biharmonic", *OURS)
+IN_PROCESS = ("clone_and_split", "telea", "navier_stokes", "biharmonic", *OURS)
 PEERS = ("pypatchmatch", "patchmatch-cython", "object-remove", "shiftmap")
 METHODS = (*IN_PROCESS, *PEERS)
 SHARP = (0.8, 1.2)
@@ -73,6 +75,7 @@ def in_process(case: Case) -> dict[str, Callable[[], np.ndarray]]:
 
     hidden, mask = case.image, case.mask.astype(np.uint8)
     calls: dict[str, Callable[[], np.ndarray]] = {
+        "clone_and_split": lambda: clone_and_split(hidden, case.mask, np.random.default_rng(0)),
         "telea": lambda: cv2.inpaint(hidden, mask, 3, cv2.INPAINT_TELEA),
         "navier_stokes": lambda: cv2.inpaint(hidden, mask, 3, cv2.INPAINT_NS),
         "biharmonic": lambda: _biharmonic(hidden, case.mask),
@@ -129,8 +132,6 @@ def measure(
     """All figures by method, and by peer why it was skipped; pictures are left in `work` as CASE.METHOD.png. `only` names
     methods, and peers as a whole; all where it is empty."""
     from PIL import Image
-
-    from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 
     seconds: dict[str, list[float]] = {}
     for case in chosen:

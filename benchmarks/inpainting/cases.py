@@ -8,7 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.learning.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read_dataset
+from catalogs.learning.datasets import (
+    CMP,
+    ECP,
+    DatasetRecipe,
+    LabelledFacade,
+    read_dataset,
+    split_facades_for_training,
+)
 
 _SIDE = 720  # px, longest side of a facade that is measured
 _LABELLED = 0.85  # share of a facade's pixels that must have a class
@@ -35,10 +42,14 @@ class Case:
 
 
 def cases(data: Path, count: int = 40) -> Iterator[Case]:
-    """Half of them of ecp, half of cmp, evenly spread over the sets; the same ones for the same count."""
+    """Facades held out of the training of the parser and the layout model: of ecp as many as there are, at most half, the
+    others of cmp, evenly spread over the sets; the same ones for the same count."""
     pieces = _pieces(data / "occluders")
-    for recipe, share in ((ECP, count - count // 2), (CMP, count // 2)):
+    left = count
+    for recipe, most in ((ECP, count // 2), (CMP, count)):
         facades = list(_clean(recipe, data / "facades" / recipe.name))
+        share = min(len(facades), most, left)
+        left -= share
         for number in np.linspace(0, len(facades) - 1, share).astype(int):
             facade = facades[number]
             rng = np.random.default_rng([len(facade.name), *facade.name.encode()])
@@ -50,7 +61,7 @@ def cases(data: Path, count: int = 40) -> Iterator[Case]:
 def _clean(recipe: DatasetRecipe, folder: Path) -> Iterator[LabelledFacade]:
     import cv2
 
-    for facade in read_dataset(recipe, folder):
+    for facade in split_facades_for_training(list(read_dataset(recipe, folder)))[1]:
         share = np.bincount(facade.possible.ravel(), minlength=256)[:127].sum() / facade.labels.size
         if share < _LABELLED:
             continue

@@ -104,7 +104,7 @@ def build_facade_from_photo(
     masks : knowledge of the other pixels.
     doors : doors from the map.
     models : models of parser and layout.
-    seed : seed of completion and inpainting.
+    seed : seed of completion.
 
     Raises
     ------
@@ -256,7 +256,7 @@ def complete_observed_photo(
             if foot is not None:
                 result, missing, labels = repeat_storeys(image, hidden, labels, foot)
                 layout = [element for element in layout if element.y0 < foot.top]
-            result, changed = _inpaint_over_rim(result, missing, labels, layout, seed)
+            result, changed = _inpaint_over_rim(result, missing, labels, layout)
             hidden = hidden | changed | (np.arange(height)[:, None] >= (height if foot is None else foot.top))
         # Labels and elements come from the completed picture, which may differ from the planned layout.
         with time_stage(seconds, "parse"):
@@ -281,7 +281,7 @@ def complete_observed_photo(
 
 
 def _inpaint_over_rim(
-    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, layout: Sequence[Element], seed: int
+    image: UInt8Array, hidden: BoolArray, labels: UInt8Array, layout: Sequence[Element]
 ) -> tuple[UInt8Array, BoolArray]:
     """Inpaint hidden pixels and a rim around them, which fades into the photo: (h, w, 3) uint8, and (h, w) bool what changed.
 
@@ -292,7 +292,7 @@ def _inpaint_over_rim(
     rim = dilate(hidden, BLENDING_RIM_SHARE)
     if 1 - rim.mean() < MIN_VISIBLE_SHARE:
         rim = hidden
-    filled = inpaint(image, rim, labels=labels, elements=list(layout), method="floors", seed=seed)
+    filled = inpaint(image, rim, labels=labels, elements=list(layout), method="floors")
     distance = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     width = 2 + round(BLENDING_RIM_SHARE * np.sqrt(hidden.size))
     share = np.where(rim, np.clip(distance / width, 0, 1), 1.0)[..., None]

@@ -11,7 +11,6 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from facade_core.core.labels import UNKNOWN, FacadeClass
-from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.label_expansion import choose_sources
 from facade_core.facade.texture.mosaic import fill_from_chosen_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
@@ -29,13 +28,13 @@ _MAX_ROUNDS = 4
 _MAX_TRANSLATIONS = 28  # offered to the graph cuts
 # Share of roof and sky among the known labels of a row from which it is one of the roof.
 _MIN_ROOF_SHARE = 0.25
-# Height of the ground floor, as a share of the image, where the floor height is not known.
+# Height of the ground floor, as a share of the image.
 _FOOT_SHARE = 0.2
 _LEVEL_TOLERANCE_PX = 3  # rows by which a source beside a pixel may be higher or lower
 _MIN_GAIN = 1e-5  # smallest price reduction, for each hidden pixel, of an offered translation
 
 
-def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: np.random.Generator) -> UInt8Array:
+def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> UInt8Array:
     """Fill hidden pixels from repetitions of floors and bays.
 
     Parameters
@@ -43,7 +42,6 @@ def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: n
     image : (H, W, 3) uint8.
     mask : (H, W) bool, True where to fill.
     guide : (H, W) uint8 class ids, 255 unknown.
-    rng : generator of the RANSAC of pitches.
 
     Returns
     -------
@@ -51,35 +49,30 @@ def fill_by_floors(image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: n
     """
     out, missing = image, mask
     for _ in range(_MAX_ROUNDS):  # pixels beyond the reach of all translations are filled from filled ones
-        out, done = _copy_repeats(out, missing, guide, rng)
+        out, done = _copy_repeats(out, missing, guide)
         if done.all() or not (done & missing).any():
             break
         missing = ~done
     return out if done.all() else np.asarray(cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA))
 
 
-def _copy_repeats(
-    image: UInt8Array, mask: BoolArray, guide: UInt8Array, rng: np.random.Generator
-) -> tuple[UInt8Array, BoolArray]:
+def _copy_repeats(image: UInt8Array, mask: BoolArray, guide: UInt8Array) -> tuple[UInt8Array, BoolArray]:
     """Return the image with copied pixels, and the known pixels (H, W) bool after that."""
     factor = int(np.clip(np.ceil(np.sqrt(mask.size / _MAX_WORKING_PX)), 1, _MAX_REDUCTION))
     small, known, plan = _reduce_to_blocks(image, mask, guide, factor)
     if not known.any():  # the visible parts are smaller than the blocks
         factor, (small, known, plan) = 1, _reduce_to_blocks(image, mask, guide, 1)
-    byte = np.rint(small * 255.0).astype(np.uint8)
-    pitches = estimate_floor_height(byte, ~known, rng), estimate_bay_width(byte, ~known, rng)
-    found = [
-        find_repeat_translations(_local_detail(small.mean(2), known), known),
-        _pitch_translations(pitches, known.shape),
-    ]
+    found = [find_repeat_translations(_local_detail(small.mean(2), known), known)]
     planned = plan != UNKNOWN
     if (planned & ~known).any():
         found.append(
             find_repeat_translations(_local_detail(_CLASS_WEIGHTS[np.where(planned, plan, 0)], planned), planned)
         )
     translations = np.unique(np.concatenate(found), axis=0)
+    if not len(translations):  # too little is seen for any repetition
+        return image, ~mask
     reach = max(known.shape) / _CONTEXT_DIVISOR
-    roof, foot = _roof_and_foot_rows(plan, known, pitches[0])
+    roof, foot = _roof_and_foot_rows(plan, known)
     chosen = _choose_translations(small, known, plan, translations, reach, (roof, foot))
     return fill_from_chosen_sources(image, ~mask, chosen, translations, factor, reach)
 
@@ -108,19 +101,7 @@ def _local_detail(grey: Float32Array, known: BoolArray) -> Float32Array:
     return np.where(known, grey - local, 0.0).astype(np.float32)
 
 
-def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> Int64Array:
-    """Return translations (n, 3) by multiples of the floor height and of the bay width."""
-    found = [np.zeros((0, 3), int)]
-    for axis, pitch in enumerate(pitches):
-        if pitch is not None:
-            steps = np.arange(1, shape[axis] // pitch + 1) * pitch
-            table = np.zeros((2 * len(steps), 3), int)
-            table[:, axis] = np.concatenate([-steps, steps])
-            found.append(table)
-    return np.concatenate(found)
-
-
-def _roof_and_foot_rows(plan: UInt8Array, known: BoolArray, floor_height: int | None) -> tuple[BoolArray, BoolArray]:
+def _roof_and_foot_rows(plan: UInt8Array, known: BoolArray) -> tuple[BoolArray, BoolArray]:
     """Return the rows (h,) bool of the roof, dormers included, and those of the ground floor."""
     height = len(plan)
     label = np.where(known, plan, UNKNOWN)
@@ -128,7 +109,7 @@ def _roof_and_foot_rows(plan: UInt8Array, known: BoolArray, floor_height: int | 
     is_roof = on_roof >= np.maximum(1, _MIN_ROOF_SHARE * (label != UNKNOWN).sum(axis=1))
     below = np.flatnonzero(is_roof[: height // 2])
     rows = np.arange(height)
-    tall = min(floor_height or height, round(_FOOT_SHARE * height)) if height > 1 else 1
+    tall = round(_FOOT_SHARE * height) if height > 1 else 1
     return rows <= (below[-1] if len(below) else -1), rows >= height - max(1, tall)
 
 

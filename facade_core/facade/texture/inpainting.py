@@ -51,7 +51,7 @@ def inpaint(
     labels : (H, W) uint8 class ids; they count outside the mask only.
     elements : elements of a completed layout, in pixels.
     method : "floors", or "tiles", which needs labels or elements.
-    seed : seed of the fill.
+    seed : seed of method "tiles".
 
     Returns
     -------
@@ -104,13 +104,12 @@ def _draw_guide(mask: BoolArray, labels: UInt8Array | None, elements: Sequence[E
 
 
 def _fill(method: str, image: UInt8Array, mask: BoolArray, guide: UInt8Array, seed: int) -> UInt8Array:
-    rng = np.random.default_rng(seed)
     if method == "floors":
-        return fill_by_floors(image, mask, _vote_across_bays(guide, agreed=_MIN_AGREEMENT), rng)
+        return fill_by_floors(image, mask, _vote_across_bays(guide, agreed=_MIN_AGREEMENT))
     from facade_core.parsing.lattice import lattice
 
     complete = _vote_across_bays(guide, agreed=0.0)
-    return fill_by_tiles(image, mask, complete, lattice(complete), rng)
+    return fill_by_tiles(image, mask, complete, lattice(complete), np.random.default_rng(seed))
 
 
 def _vote_across_bays(guide: UInt8Array, *, agreed: float) -> UInt8Array:

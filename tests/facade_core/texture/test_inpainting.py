@@ -10,7 +10,6 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.facade.photo_facade import _inpaint_over_rim
 from facade_core.facade.texture.floor_inpainting import _forbid_foreign_rows, _roof_and_foot_rows
-from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE
@@ -132,12 +131,12 @@ def test_a_layout_does_not_wall_up_what_it_does_not_know(facade):
     assert error(filled, facade.image, shop) < 20.0
 
 
-def test_pitches(facade, hole):
-    rng = np.random.default_rng(0)
-    assert estimate_floor_height(facade.image, hole, rng) == pytest.approx(40, abs=1)
-    assert estimate_bay_width(facade.image, hole, rng) == pytest.approx(36, abs=1)
-    flat = np.full((100, 100, 3), 120, np.uint8)
-    assert estimate_floor_height(flat, np.zeros((100, 100), bool), rng) is None
+def test_where_too_little_is_seen_for_a_repetition_the_rest_is_diffused(facade):
+    seen = np.random.default_rng(0).random(facade.labels.shape) < 0.065
+    filled = inpaint(spoiled(facade.image, ~seen), ~seen)
+    np.testing.assert_array_equal(filled[seen], facade.image[seen])
+    assert not (filled == (255, 0, 255)).all(axis=2).any()
+    assert error(filled, facade.image, ~seen) < 40
 
 
 def test_the_least_path_bends_to_where_pictures_agree():
@@ -184,7 +183,7 @@ def test_what_a_hole_was_painted_with_does_not_show(facade, method):
     np.testing.assert_array_equal(one, other)
 
 
-def test_nor_is_the_pitch_read_from_it():
+def test_nor_is_a_repetition_read_from_it():
     small = paint((10.0, 10.0), floors=3, columns=3, style="brick", metres_per_pixel=0.1, seed=4)
     mask = np.zeros(small.labels.shape, bool)
     mask[40:60, 10:30] = True
@@ -251,7 +250,7 @@ def test_the_ground_floor_has_no_source_on_the_roof():
     labels[:20], labels[14:26, 5:30] = FacadeClass.ROOF, FacadeClass.ROOF  # a dormer's foot reaches lower
     known = np.ones((100, 40), bool)
     known[85:, :30] = False
-    roof, foot = _roof_and_foot_rows(labels, known, 25)
+    roof, foot = _roof_and_foot_rows(labels, known)
     assert (roof.sum(), foot.sum()) == (26, 20)
     hidden = np.array([[90, 2], [90, 25], [84, 2]])
     translations = np.array([[-70, 0, 0], [-40, 0, 0], [1, 10, 0]])
@@ -272,7 +271,7 @@ def test_the_rim_of_a_hole_fades_into_the_photo():
     hidden[120:, :100] = True
     image[hidden] = 255
     image[118:120, :100] = 180  # blurred occluder that its mask misses
-    result, changed = _inpaint_over_rim(image, hidden, np.zeros((200, 200), np.uint8), [], 0)
+    result, changed = _inpaint_over_rim(image, hidden, np.zeros((200, 200), np.uint8), [])
     filled = result.astype(int)
     assert np.abs(filled[hidden] - 100).max() < 20
     assert np.abs(filled[119, 20:80] - 100).max() < 45, "next to the hole it is mostly filling"
