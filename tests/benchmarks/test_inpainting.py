@@ -50,6 +50,7 @@ def test_a_hole_is_cloned_from_whole_floors_away_and_split_where_no_source_cover
         assert error < 0.1 * diffused
 
 
+@pytest.mark.long
 def test_no_facade_that_is_judged_has_trained_the_parser(data: Path) -> None:
     held_out = {
         f"{recipe.name}_{facade.name}"
