@@ -30,7 +30,7 @@ from tasks.training.parser_sets import paint_labelled_facades, paint_random_occl
 
 Sets = dict[str, list[LabelledFacade]]
 
-SHIPPED_SCHEDULE = TrainingSchedule(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
+SHIPPED_SCHEDULE = TrainingSchedule(steps=4791, per_step={"ecp": 9, "cmp": 10, "swiss": 5})
 # Painted facades of the training set.
 PAINTED_COUNT = 40
 # Their seed, distinct from the seed of benchmarks.
