@@ -42,6 +42,7 @@ from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
+from tasks.harvest.block_style import harvest_block_style
 from tasks.preview import start_preview
 from tasks.publish.prune import prune_snapshots_or_explain
 from tasks.publish.task import publish_block
@@ -161,7 +162,8 @@ def run_block_without_server(
 def _texture_block(
     entry: HeldRun, workers: int, dask: str | None, only: str | None, deadline: float | None, submit: Submit
 ) -> JsonObject:
-    run, block = entry.run, entry.block
+    run = entry.run
+    block = harvest_block_style(entry.block, run.folder, workers=workers, dask=dask, notify=print_status)
     # a local cluster starts in parallel with the ingest; a named one is checked first, as it may be unavailable
     ready: Future[Compute] = Future()
     map_units = partial(map_on_workers, ready)

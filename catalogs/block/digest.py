@@ -49,6 +49,9 @@ def block_digest(block: Block) -> str:
         del values["part"]
     del values["corrections"]  # the same without corrections
     del values["models"]  # the same with shipped models
+    del values["style"]  # the same without
+    if block.style:
+        values["style"] = [(path.name, file_digest(path)) for path in block.style]
     if block.models.files:
         values["models"] = model_file_digests(block.models)
     if block.corrections:

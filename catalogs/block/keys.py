@@ -172,9 +172,10 @@ class PhotosSection(_Keys):
 
 
 class ImagerySection(_Keys):
-    """Section `imagery`: exemplars, panoramas, posed pictures, photos, orthophoto, treatment of people and vehicles."""
+    """Section `imagery`: exemplars, unposed pictures, panoramas, posed pictures, photos, orthophoto, privacy."""
 
     exemplars: PathSection | None = None
+    style: PathSection | None = None
     panoramas: PanoramasSection | None = None
     cameras: CamerasSection | None = None
     photos: PhotosSection | None = None

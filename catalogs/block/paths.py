@@ -21,6 +21,7 @@ _MIN_HIDDEN_LENGTH = 4
 # Keys that name a folder of pictures; other keys name a file.
 FOLDER_KEYS = (
     "imagery.exemplars.path",
+    "imagery.style.path",
     "imagery.photos.path",
     "imagery.panoramas.path",
     "imagery.cameras.path",
@@ -49,6 +50,7 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         ("buildings.heights.path", keys.buildings.heights),
         ("part.path", keys.part),
         ("imagery.exemplars.path", imagery.exemplars),
+        ("imagery.style.path", imagery.style),
         ("imagery.photos.path", imagery.photos),
         ("imagery.panoramas.path", imagery.panoramas),
         ("imagery.cameras.path", imagery.cameras),

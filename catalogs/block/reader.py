@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import shapely
 
@@ -63,6 +63,7 @@ class Block:
     shops : (x, y) of mapped and likely shops, None without a map.
     entrances : (x, y) of mapped entrances.
     ground : ways and areas that a map states.
+    style : unposed street pictures, from which a run harvests more exemplars.
     photos : facade id -> file; unrectified street photos unless `photos_rectified`.
     privacy : treatment of people and vehicles in pictures.
     textures : pictures that the texture indices of shells refer to.
@@ -106,6 +107,7 @@ class Block:
     corrections: Corrections = NO_CORRECTIONS
     part: CityPart | None = None
     models: TrainedModelFiles = SHIPPED_MODELS
+    style: tuple[Path, ...] = ()
 
 
 class _BlockSettings(TypedDict):
@@ -176,7 +178,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
 
     if keys.part is not None:
         return _read_part(keys, files, file)
-    exemplars, photos, broken_pictures = _read_pictures(keys, files, file)
+    pictures = _read_pictures(keys, files, file)
     geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
@@ -192,8 +194,9 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         entrances=geometry.entrances,
         ground=geometry.ground,
         terrain=terrain,
-        exemplars=exemplars,
-        photos=photos,
+        exemplars=pictures.exemplars,
+        style=pictures.style,
+        photos=pictures.photos,
         panoramas=panoramas,
         textures=built.textures,
         aerial=_read_aerial(keys, files, frame, built.items, file),
@@ -203,7 +206,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         + _flat_terrain_notes(built.items, terrain)
         + (() if terrain is None else note_terrain_doubts(terrain, built.items, files["terrain.path"][0].name))
         + geoid_notes,
-        faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
+        faults=(*geometry.faults, *pictures.faults, *broken_panoramas),
         digest="",
         **_read_settings(keys, files, file, separation),
     )
@@ -346,25 +349,31 @@ def set_digest(block: Block, file: BlockFileErrorContext) -> Block:
     return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 
-def _read_pictures(
-    keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext
-) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
-    exemplars: tuple[Path, ...] = ()
+class _UnposedPictures(NamedTuple):
+    exemplars: tuple[Path, ...]
+    style: tuple[Path, ...]
+    photos: dict[str, Path]
+    faults: tuple[Fault, ...]
+
+
+def _read_pictures(keys: BlockFileSettings, files: NamedFiles, file: BlockFileErrorContext) -> _UnposedPictures:
     photos: dict[str, Path] = {}
     faults: tuple[Fault, ...] = ()
-    if "imagery.exemplars.path" in files:
-        exemplars, broken = file.call_reader(
-            "imagery.exemplars.path", list_images, files["imagery.exemplars.path"][0], "exemplar"
-        )
-        faults += broken
+    listed: dict[str, tuple[Path, ...]] = {}
+    for key in ("imagery.exemplars.path", "imagery.style.path"):
+        listed[key] = ()
+        if key in files:
+            listed[key], broken = file.call_reader(key, list_images, files[key][0], "exemplar")
+            faults += broken
     if "imagery.photos.path" in files:
         photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, files["imagery.photos.path"][0])
         faults += absent
-    if keys.texture.walls == "exemplar" and not exemplars:
+    exemplars, style = listed.values()
+    if keys.texture.walls == "exemplar" and not (exemplars or style):
         raise file.make_error(
             "imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}"
         )
-    return exemplars, photos, faults
+    return _UnposedPictures(exemplars, style, photos, faults)
 
 
 def _read_aerial(

@@ -107,7 +107,7 @@ SCHEMAS: Mapping[type, SerialSchema] = {
 BLOCK_FIELDS = _pairs(
     "name crs buildings streets shops entrances ground terrain exemplars photos photos_rectified privacy panoramas textures "
     "aerial roof_material materials texture storey geoid_separation failed_limit seed notes faults digest corrections part "
-    "models"
+    "models style"
 )
 # Fields of `Block` that the file of a part of a city holds.
 PART_FIELDS = tuple(

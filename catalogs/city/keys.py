@@ -84,6 +84,11 @@ def validate_city_settings(values: object, path: Path) -> CityFileSettings | str
         )
     rest, indexes = _resolve_tile_index({key: value for key, value in values.items() if key != CUT_KEY}, path)
     keys = validate_block_settings(rest)
+    if keys.imagery.style is not None:
+        raise ValueError(
+            "imagery.style: each block would harvest the same pictures; "
+            "run `streetloom harvest` once, and write exemplars: {path: FOLDER}"
+        )
     if keys.streets is None:
         raise ValueError(
             "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "

@@ -21,7 +21,7 @@ from facade_core.facade.photo_facade import (
     observe_photo,
 )
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.imagery.detect.detection import detect_faces_plates_text
+from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.parsing.elements import elements
@@ -33,6 +33,8 @@ MAX_SIDE_PX = 2000
 SIDE_MARGIN_SHARE = 0.012
 # Rows of sky, street or holes at the borders, as a share of a row or column, are cut away.
 MAX_BORDER_HIDDEN_SHARE = 0.5
+# Median angle in degrees between lines and axes, above which the rest is not computed.
+MAX_RESIDUAL_DEG = 0.8
 # Storey height in metres that the scale assumes, as blocks do by default.
 STOREY_M = 3.2
 
@@ -48,7 +50,7 @@ class HarvestedFacade:
     hidden : (h, w) bool, pixels that were hidden.
     metres_per_pixel : scale, from its storeys.
     floors, columns : floors, and windows in the fullest row.
-    judgement : score and reasons.
+    judgement : quality and reasons.
     """
 
     image: UInt8Array
@@ -77,6 +79,8 @@ def harvest_facade(
     ImageError : no facade can be rectified or parsed in it; the message says why.
     """
     rectified = rectify(photo, focal=focal)
+    if rectified.residual > MAX_RESIDUAL_DEG:
+        raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
     middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
     if not cut.has_facade:
@@ -88,33 +92,21 @@ def harvest_facade(
     if not any(each.label == "window" for each in observed.observed) or not count_floors(labels):
         raise ImageError("no windows are found in it")
     scale = exemplar_scale(image, labels, storey=STOREY_M)
-    picture = FacadePicture(image, labels, observed.hidden, observed.observed, scale, rectified.residual)
-    judgement = assess_candidate(picture)
+    judgement = assess_candidate(FacadePicture(image, labels, observed.hidden, observed.observed, scale))
     found = HarvestedFacade(
         image, labels, observed.hidden, scale, count_floors(labels), count_columns(observed.observed), judgement
     )
-    return found if judgement.reasons else _complete(found, picture, observed, models, seed)
+    return found if judgement.reasons else _complete(found, observed, models, seed)
 
 
-def _complete(
-    found: HarvestedFacade, picture: FacadePicture, observed: ObservedPhoto, models: TrainedModelFiles, seed: int
-) -> HarvestedFacade:
+def _complete(found: HarvestedFacade, observed: ObservedPhoto, models: TrainedModelFiles, seed: int) -> HarvestedFacade:
     """Complete an accepted facade without faces and plates, and judge it again by what it has become."""
-    private = detect_faces_plates_text(found.image).private_mask(observed.hidden.shape)
+    private = detect_on_facade(found.image, found.metres_per_pixel).private_mask(observed.hidden.shape)
     observed = replace(observed, hidden=observed.hidden | private)
     whole = complete_observed_photo(found.image, observed, NO_DOORS, models=models, seed=seed, seconds={})
     labels = fill_sky_and_unknown(whole.labels)
     scale = exemplar_scale(whole.image, labels, storey=STOREY_M)
-    judgement = assess_candidate(
-        replace(
-            picture,
-            image=whole.image,
-            labels=labels,
-            hidden=observed.hidden,
-            elements=whole.elements,
-            metres_per_pixel=scale,
-        )
-    )
+    judgement = assess_candidate(FacadePicture(whole.image, labels, observed.hidden, whole.elements, scale))
     return HarvestedFacade(
         whole.image,
         labels,

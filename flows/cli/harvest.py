@@ -9,6 +9,7 @@ import click
 
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING, FOLDER
+from tasks.harvest import MAX_EXEMPLARS
 
 # Files without a picture that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -18,7 +19,12 @@ MAX_LISTED_FAULTS = 20
 @click.argument("pictures", metavar="PICTURES...", type=EXISTING, nargs=-1, required=True)
 @click.option("--out", type=FOLDER, required=True, help="Folder of the style library.")
 @click.option(
-    "--most", default=40, show_default=True, type=click.IntRange(1), metavar="N", help="Maximum number of exemplars."
+    "--most",
+    default=MAX_EXEMPLARS,
+    show_default=True,
+    type=click.IntRange(1),
+    metavar="N",
+    help="Maximum number of exemplars.",
 )
 @click.option("--licence", metavar="WORDS", help="Licence of pictures that state none, such as CC-BY-SA-4.0.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")

@@ -36,6 +36,7 @@ from tasks.city.source_digests import block_source_digest
 # Dotted keys of a block file whose values are paths.
 _PATHS = (
     "buildings.path", "buildings.heights.path", "streets.path", "ground.path", "terrain.path", "imagery.exemplars.path",
+    "imagery.style.path",
     "imagery.photos.path",
     "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.cameras.path", "imagery.cameras.poses",
     "imagery.cameras.control", "imagery.aerial.path", "texture.roof_material.path",

@@ -26,7 +26,8 @@ def create_run(block: Block, out: Folder) -> Run:
     ------
     InputError : a model of the block cannot be used.
     """
-    key = hashlib.sha256(f"{block.digest}/{stage_code_digest('ingest')}".encode()).hexdigest()
+    codes = [stage_code_digest("ingest")] + ([stage_code_digest("harvest.library")] if block.style else [])
+    key = hashlib.sha256("/".join([block.digest, *codes]).encode()).hexdigest()
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere
         block=block.name,

@@ -120,8 +120,8 @@ def stage_code_digest(stage: str, *, neural: bool = True, root: Path = ROOT) -> 
 
 
 def worker_module(stage: str, root: Path = ROOT) -> str:
-    """Return the dotted name of the module that processes a stage's units."""
-    places = (f"tasks.stages.{stage}.worker", f"tasks.stages.{stage}.task", f"tasks.{stage}.task")
+    """Return the dotted name of the module that processes a stage's units, or of a module of `tasks`."""
+    places = (f"tasks.stages.{stage}.worker", f"tasks.stages.{stage}.task", f"tasks.{stage}.task", f"tasks.{stage}")
     return next(name for name in places if _module_path(name, root) is not None)
 
 

@@ -14,6 +14,7 @@ from facade_core.core.arrays import Int64Array, IntArray, UInt8Array
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_run_block_file
+from tasks.harvest.block_style import list_harvested_exemplars
 from tasks.publish.published_run import PublishedBlock
 from tasks.stages.shared.images import read_exemplar_picture
 
@@ -165,9 +166,10 @@ def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     if path is None:
         return {}
     try:
-        return {exemplar.stem: exemplar for exemplar in read_block(path).exemplars}
+        given = read_block(path).exemplars
     except InputError:
         return {}
+    return {exemplar.stem: exemplar for exemplar in (*list_harvested_exemplars(results.snapshot.out), *given)}
 
 
 def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:

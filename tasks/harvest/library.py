@@ -31,11 +31,14 @@ from tasks.harvest.record import (
 )
 from tasks.harvest.sheets import write_contact_sheets
 from tasks.harvest.sources import SourcePicture, list_source_pictures
+from tasks.harvest.statistics import summarise_style
 from tasks.harvest.task import harvest_picture
 from tasks.stages.shared.images import read_exemplar_picture
 
 # List of the exemplars and of the rejected facades, in the folder of the library.
 LIST_NAME = "exemplars.json"
+# Statistics of the style, beside it.
+STATISTICS_NAME = "statistics.json"
 STAGE = "harvest"
 
 
@@ -98,8 +101,10 @@ def harvest_style_library(
         for picture, record in zip(pictures, records, strict=True)
         for each in record["candidates"]
     ]
-    exemplars, rejected = choose_candidates(candidates, out, most)
+    exemplars, rejected, surplus = choose_candidates(candidates, out, most)
     _write_library(exemplars, rejected, out, earlier_files)
+    statistics = summarise_style([one.record for one in (*exemplars, *surplus)])
+    write_atomically(out / STATISTICS_NAME, f"{json.dumps(statistics, indent=1)}\n".encode())
     sheets = write_contact_sheets(
         out, [one.record for one in exemplars], [(one.record, reason) for one, reason in rejected]
     )
@@ -164,11 +169,17 @@ def _harvest_pictures(pictures: Sequence[SourcePicture], out: Path, workers: int
 
 def choose_candidates(
     candidates: Sequence[Candidate], out: Path, most: int
-) -> tuple[list[Candidate], list[tuple[Candidate, str]]]:
-    """Choose the best facades, each building once; returns them and the rejected ones with their reasons."""
+) -> tuple[list[Candidate], list[tuple[Candidate, str]], list[Candidate]]:
+    """Choose the best facades, each building once.
+
+    Returns
+    -------
+    The exemplars, the rejected ones with their reasons, and those of them that are rejected only for their number.
+    """
     usable = [one for one in candidates if "reason" not in one.record]
     rejected = [(one, one.record["reason"]) for one in candidates if "reason" in one.record]
     chosen: list[Candidate] = []
+    surplus: list[Candidate] = []
     seen: list[tuple[FacadeFeatures, str]] = []
     for one in sorted(usable, key=lambda each: (-each.record["score"], each.record["name"])):
         picture = read_exemplar_picture(out / CANDIDATES_FOLDER / f"{one.record['file']}.png")
@@ -181,8 +192,9 @@ def choose_candidates(
         if len(chosen) < most:
             chosen.append(one)
         else:
+            surplus.append(one)
             rejected.append((one, f"usable, but {most} are better; raise --most to have it"))
-    return chosen, sorted(rejected, key=lambda pair: pair[0].record["name"])
+    return chosen, sorted(rejected, key=lambda pair: pair[0].record["name"]), surplus
 
 
 def _write_library(

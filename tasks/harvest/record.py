@@ -17,6 +17,17 @@ CANDIDATES_FOLDER = "harvest/candidates"
 SHEETS_FOLDER = "harvest/sheets"
 
 
+class StatisticsRecord(TypedDict):
+    """Statistics of a facade, see `facade_core.facade.facade_statistics`."""
+
+    material: str
+    wall_colour: tuple[int, int, int] | None
+    window_share: float
+    balcony_share: float
+    shop_share: float
+    ground_storey_ratio: float | None
+
+
 class CandidateRecord(TypedDict, total=False):
     """Facade that was found in a picture, or the reason why none was.
 
@@ -31,6 +42,7 @@ class CandidateRecord(TypedDict, total=False):
     floors, columns : floors, and windows in the fullest row.
     hidden : share that was hidden and is made up.
     look : style descriptor.
+    statistics : see `facade_core.facade.facade_statistics`.
     """
 
     name: str
@@ -45,6 +57,7 @@ class CandidateRecord(TypedDict, total=False):
     columns: int
     hidden: float
     look: list[float]
+    statistics: StatisticsRecord
 
 
 class PictureRecord(TypedDict):

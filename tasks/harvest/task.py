@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -17,20 +18,28 @@ from facade_core.core.errors import FacadeError
 from facade_core.core.name_hash import hash_name
 from facade_core.core.resizing import resize_image, resize_with_labels
 from facade_core.export.pictures.rendering import encode_image
+from facade_core.facade.facade_statistics import measure_facade_statistics
 from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
-from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
+from facade_core.imagery.detect.detection import detectors_available
+from facade_core.imagery.detect.facade_detection import detect_on_thumbnail
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.imagery.rectify.panorama_views import cut_panorama_views
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
-from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
+from tasks.harvest.record import (
+    CANDIDATES_FOLDER,
+    CandidateRecord,
+    PictureRecord,
+    StatisticsRecord,
+    write_picture_record,
+)
 from tasks.stages.shared.images import read_bounded_picture, read_focal_length_px
 
 # Density at which styles are compared, pixels per metre: that of textures.
 STYLE_PIXELS_PER_METRE = 20.0
 # Longest side in pixels of the picture of a rejected facade.
-REJECTED_SIDE_PX = 320
+REJECTED_SIDE_PX = 240
 
 
 class PhotoView(NamedTuple):
@@ -103,6 +112,7 @@ def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
         found = harvest_facade(view.image, view.focal, seed=hash_name(view.name))
         texture, labels = _at_style_density(found)
         look = style_descriptor(texture, labels, 1 / STYLE_PIXELS_PER_METRE)
+        statistics = measure_facade_statistics(found.image, found.labels, found.metres_per_pixel)
     except Exception as error:
         if is_machine_fault(error):
             raise
@@ -112,8 +122,8 @@ def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
     record: CandidateRecord = {
         "name": view.name,
         "file": file,
-        "score": round(found.judgement.score, 4),
-        "parts": {part: round(value, 3) for part, value in found.judgement.parts._asdict().items()},
+        "score": round(found.judgement.quality.score, 4),
+        "parts": asdict(found.judgement.quality),
         "metres_per_pixel": round(found.metres_per_pixel, 6),
         "width_m": round(found.labels.shape[1] * found.metres_per_pixel, 2),
         "height_m": round(found.labels.shape[0] * found.metres_per_pixel, 2),
@@ -121,6 +131,7 @@ def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
         "columns": found.columns,
         "hidden": round(float(found.hidden.mean()), 4),
         "look": look,
+        "statistics": cast(StatisticsRecord, statistics._asdict()),
     }
     if found.judgement.reasons:
         _write_picture(out, file, _small_and_private(found.image))
@@ -141,7 +152,7 @@ def _small_and_private(image: UInt8Array) -> UInt8Array:
     factor = min(1.0, REJECTED_SIDE_PX / max(image.shape[:2]))
     height, width = (max(1, round(side * factor)) for side in image.shape[:2])
     small = resize_image(image, (height, width))
-    private = detect_faces_plates_text(small).private_mask((height, width))
+    private = detect_on_thumbnail(small).private_mask((height, width))
     return apply_privacy(small, private, "blur", STYLE_PIXELS_PER_METRE)
 
 

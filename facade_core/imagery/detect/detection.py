@@ -11,7 +11,7 @@ from facade_core.core.arrays import BoolArray, Float64Array, FloatArray, UInt8Ar
 from facade_core.core.types import Box, Pose
 from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
-from facade_core.imagery.detect.plates import is_plate
+from facade_core.imagery.detect.plates import has_plate_shape, is_plate
 from facade_core.imagery.detect.text import TextLine, find_text_lines, merge_line_detections
 
 # Hidden boxes extend detected ones by this share of the longer side: hair, chin and a plate's frame.
@@ -174,3 +174,9 @@ def find_plates_and_text(
     # both boxes of a plate that is found twice are hidden
     plates = [line.box for line in (*lines, *enlarged_lines) if is_plate(line, first_row)]
     return np.array(plates).reshape(-1, 4), merge_line_detections(lines, enlarged_lines)
+
+
+def find_plate_boxes(image: UInt8Array, scale: float) -> Float64Array:
+    """Find the number plates anywhere in an image (H, W, 3), enlarged by `scale`; boxes (n, 4)."""
+    lines = find_text_lines(image, scale, has_plate_shape)
+    return np.array([line.box for line in lines if is_plate(line, 0.0)]).reshape(-1, 4)

@@ -37,13 +37,24 @@ def find_faces(image: UInt8Array) -> tuple[Float32Array, Float32Array]:
     -------
     Boxes (n, 4) x0, y0, x1, y1 in pixels and scores (n,), best first.
     """
+    scales = (1.0, FACE_ENLARGEMENT) if image.size <= 3 * MAX_ENLARGED_PIXELS else (1.0,)
+    found = [_faces_at_scale(image, scale) for scale in scales]
+    boxes, scores = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return non_maximum_suppression(boxes, scores, MAX_FACE_IOU)
+
+
+def find_faces_at_scale(image: UInt8Array, scale: float) -> Float32Array:
+    """Find the faces in an image (H, W, 3), enlarged or reduced by `scale`; boxes (n, 4), best first."""
+    return non_maximum_suppression(*_faces_at_scale(image, scale), MAX_FACE_IOU)[0]
+
+
+def _faces_at_scale(image: UInt8Array, scale: float) -> tuple[Float32Array, Float32Array]:
     boxes, scores = [np.zeros((0, 4), np.float32)], [np.zeros(0, np.float32)]
-    for scale in (1.0, FACE_ENLARGEMENT) if image.size <= 3 * MAX_ENLARGED_PIXELS else (1.0,):
-        for part, x, y in split_tiles(image, round(FACE_TILE_SIDE / scale), FACE_TILE_OVERLAP):
-            tile_boxes, tile_scores = _faces_in_tile(part, scale)
-            boxes.append(tile_boxes + np.array([x, y, x, y], np.float32))
-            scores.append(tile_scores)
-    return non_maximum_suppression(np.concatenate(boxes), np.concatenate(scores), MAX_FACE_IOU)
+    for part, x, y in split_tiles(image, round(FACE_TILE_SIDE / scale), FACE_TILE_OVERLAP):
+        tile_boxes, tile_scores = _faces_in_tile(part, scale)
+        boxes.append(tile_boxes + np.array([x, y, x, y], np.float32))
+        scores.append(tile_scores)
+    return np.concatenate(boxes), np.concatenate(scores)
 
 
 def _faces_in_tile(image: UInt8Array, scale: float) -> tuple[Float32Array, Float32Array]:
@@ -51,7 +62,8 @@ def _faces_in_tile(image: UInt8Array, scale: float) -> tuple[Float32Array, Float
 
     height, width = (round(side * scale) for side in image.shape[:2])
     if scale != 1:
-        image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+        interpolation = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+        image = np.asarray(cv2.resize(image, (width, height), interpolation=interpolation), np.uint8)
     below, beside = -height % _SIDE_MULTIPLE, -width % _SIDE_MULTIPLE
     image = np.asarray(cv2.copyMakeBorder(image, 0, below, 0, beside, cv2.BORDER_REPLICATE), np.uint8)
     feed = np.ascontiguousarray(image.transpose(2, 0, 1)[None], np.float32)

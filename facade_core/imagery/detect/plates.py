@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from facade_core.imagery.detect.text import TextLine
+from facade_core.core.arrays import Float64Array
+from facade_core.imagery.detect.text import TextLine, measure_line
 
 # Length over height of a plate, also seen obliquely or in two lines; European plates with their frames: 4.7.
 ASPECT_RANGE = (1.2, 8.0)
@@ -12,10 +13,15 @@ CHARACTER_COUNT_RANGE = (4, 10)
 _LIKE_DIGITS = frozenset("OQDIBSZG")
 
 
+def has_plate_shape(corners: Float64Array) -> bool:
+    """Return True if a line of text with these corners (4, 2) is as long and high as a plate's."""
+    length, height = measure_line(corners)
+    return ASPECT_RANGE[0] <= length / max(height, 1e-9) <= ASPECT_RANGE[1]
+
+
 def is_plate(line: TextLine, horizon: float) -> bool:
     """Return True if a line below the row `horizon` has a plate's shape and characters."""
-    length, height = line.size
-    if line.corners[:, 1].mean() < horizon or not ASPECT_RANGE[0] <= length / max(height, 1e-9) <= ASPECT_RANGE[1]:
+    if line.corners[:, 1].mean() < horizon or not has_plate_shape(line.corners):
         return False
     characters = [letter for letter in line.text if letter.isalnum()]
     if (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,18 +69,33 @@ class TextLine:
     @property
     def size(self) -> tuple[float, float]:
         """Return length and height."""
-        across, down = self.corners[1] - self.corners[0], self.corners[3] - self.corners[0]
-        return float(np.hypot(*across)), float(np.hypot(*down))
+        return measure_line(self.corners)
 
 
-def find_text_lines(image: UInt8Array, scale: float = 1.0) -> list[TextLine]:
-    """Find and recognise the lines of text in an image (H, W, 3) uint8, enlarged by `scale`."""
+def measure_line(corners: Float64Array) -> tuple[float, float]:
+    """Return length and height of a line of text by its corners (4, 2)."""
+    across, down = corners[1] - corners[0], corners[3] - corners[0]
+    return float(np.hypot(*across)), float(np.hypot(*down))
+
+
+def find_text_lines(
+    image: UInt8Array, scale: float = 1.0, is_wanted: Callable[[Float64Array], bool] = lambda corners: True
+) -> list[TextLine]:
+    """Find and recognise the lines of text in an image.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    scale : enlargement.
+    is_wanted : whether a line with these corners (4, 2) is to be recognised; the others are left out.
+    """
     corners_found: list[Float64Array] = []
     for part, x, y in split_tiles(image, round(TEXT_TILE_SIDE / scale), round(TEXT_TILE_OVERLAP / scale)):
         corners_found += [corners + np.array([x, y]) for corners in _lines_in_tile(_brighten(part), scale)]
     return [
         TextLine(corners_found[index], *_read_line(image, corners_found[index]))
         for index in _deduplicate(corners_found)
+        if is_wanted(corners_found[index])
     ]
 
 

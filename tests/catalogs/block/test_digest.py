@@ -198,6 +198,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "ground": replace(block.ground, ways=(*block.ground.ways, "one")),
         "terrain": replace(block.terrain, heights=block.terrain.heights + 1),
         "exemplars": (picture,),
+        "style": (picture,),
         "photos": {"a-0": picture},
         "photos_rectified": not block.photos_rectified,
         "privacy": "mask",

@@ -13,7 +13,8 @@ from PIL import Image
 
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import ImageError, InputError
-from facade_core.facade.exemplar_admission import CandidateAssessment, CandidateParts
+from facade_core.facade.exemplar_admission import CandidateAssessment
+from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import paint_facade
@@ -50,7 +51,7 @@ def harvested(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
         labels = np.zeros(rgb.shape[:2], np.uint8)
         labels[10:30, 10:30] = 1
         hidden = np.zeros(labels.shape, bool)
-        judged = CandidateAssessment(score, CandidateParts(*[score] * 7), ())
+        judged = CandidateAssessment(ExemplarQuality(*[score] * 7), ())
         return HarvestedFacade(rgb, labels, hidden, SCALE, 3, 4, judged)
 
     monkeypatch.setattr("tasks.harvest.task.harvest_facade", find)
