@@ -24,6 +24,7 @@ from facade_core.facade.layout.scores import score
 from facade_core.facade.layout.selection import PlacementSpace, align_proposal_edges, select_proposals
 from facade_core.facade.layout.shop_floor import select_shop_row
 from facade_core.facade.layout.validation import check_domain, check_elements, check_region
+from facade_core.facade.layout.visible_region import is_middle_hidden
 from facade_core.facade.layout.window_rows import RowLimits, find_missing_windows, min_window_gap
 
 # Alternatives select proposals from these multiples of the selection thresholds.
@@ -40,6 +41,8 @@ _GROUP_BONUS = 0.2
 _ROW_FACTOR = 0.65
 # The same for the ground floor of a wall on a street, which is not bare.
 _GROUND_ROW_FACTOR = 0.2
+# Thresholds are multiplied by this where the middle is hidden: between two visible parts doubt left it empty (ADR 0123).
+_MIDDLE_FACTOR = 0.5
 # Least probability of a mapped door.
 _MAPPED_DOOR_PROBABILITY = 0.9
 # Penalty of an alternative for its similarity to those already chosen.
@@ -152,7 +155,8 @@ def propose_ranked_layouts(
     mapped = _mapped_doors(proposals, entrances)
     probability = np.where(mapped, np.maximum(probability, _MAPPED_DOOR_PROBABILITY), probability)
     obstacles = box_array([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
-    threshold = model.min_probability[proposals.label]
+    min_probability = model.min_probability * (_MIDDLE_FACTOR if is_middle_hidden(region, domain) else 1.0)
+    threshold = min_probability[proposals.label]
     min_gap = min_window_gap(observed)
     unobstructed = _find_unobstructed(proposals, observed, obstacles, min_gap)
     # Unlikely doors under every column would each be worth a try, but together they form no facade.
@@ -163,7 +167,7 @@ def propose_ranked_layouts(
     elif front:
         certain = _likeliest_door(proposals, probability, unobstructed)
     doors = _likeliest_door(proposals, probability, unobstructed & (probability >= threshold)) | certain
-    shops = select_shop_row(proposals, probability, unobstructed, float(model.min_probability[SHOP]))
+    shops = select_shop_row(proposals, probability, unobstructed, float(min_probability[SHOP]))
     preference = probability + _SUPPORT_WEIGHT * proposals.support.mean(axis=1)
     preference[shops] += _GROUP_BONUS
     preference[doors] += _GROUP_BONUS
@@ -172,7 +176,7 @@ def propose_ranked_layouts(
         """Mark proposals from a multiple of their thresholds on; shops of a row all or none."""
         chosen: BoolArray = unobstructed & (proposals.label != SHOP) & (probability >= factor * threshold)
         if len(shops):
-            chosen[shops] = probability[shops].mean() >= factor * model.min_probability[SHOP]
+            chosen[shops] = probability[shops].mean() >= factor * min_probability[SHOP]
         return chosen
 
     def select(order: Float64Array, allowed: BoolArray) -> Int64Array:
@@ -190,7 +194,7 @@ def propose_ranked_layouts(
     layouts: dict[tuple[Element, ...], float] = {}
     tried: set[bytes] = set()
     row_threshold, ground_row_threshold = (
-        float(factor * model.min_probability[WINDOW])
+        float(factor * min_probability[WINDOW])
         for factor in (_ROW_FACTOR, _GROUND_ROW_FACTOR if front else _ROW_FACTOR)
     )
     limits = RowLimits(min_gap, row_threshold, ground_row_threshold)

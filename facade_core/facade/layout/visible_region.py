@@ -6,13 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray
+from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.types import Element
+from facade_core.facade.layout.facade_frame import Rectangle
 
 # Reach of a cut window out of a hole, as a share of its side.
 _WINDOW_REACH = 0.5
 # Most cells of the longer side of the visible region.
 _MAX_CELLS = 128
+# A hidden middle: columns hidden whole make up this share of the width, between columns visible for half of the height.
+_MIDDLE_SHARE = 0.25
+_SIDE_SHARE = 0.5
+# Cells of a side for that.
+_MIDDLE_CELLS = 48
 
 
 def visible_region_boxes(hidden: BoolArray) -> list[tuple[float, float, float, float]]:
@@ -73,3 +79,22 @@ def dilate_hidden_by_window(hidden: BoolArray, observed: Sequence[Element]) -> B
         return hidden
     dilated: BoolArray = maximum_filter(hidden, tuple((np.median(size, axis=0) * _WINDOW_REACH).astype(int) * 2 + 1))
     return dilated
+
+
+def is_middle_hidden(region: Float64Array, domain: Rectangle) -> bool:
+    """Tell whether a wide strip is hidden from top to bottom between two visible parts.
+
+    Parameters
+    ----------
+    region : (M, 4) visible boxes.
+    domain : (x0, y0, x1, y1) of the facade.
+    """
+    share = (np.arange(_MIDDLE_CELLS) + 0.5) / _MIDDLE_CELLS
+    x, y = (domain[k] + share * (domain[k + 2] - domain[k]) for k in (0, 1))
+    across = (region[:, :1] <= x) & (x < region[:, 2:3])
+    upright = (region[:, 1:2] <= y) & (y < region[:, 3:])
+    visible = (upright[:, :, None] & across[:, None]).any(axis=0).mean(axis=0)
+    sides = np.flatnonzero(visible >= _SIDE_SHARE)
+    if not len(sides):
+        return False
+    return bool((visible[sides[0] : sides[-1]] == 0).sum() >= _MIDDLE_SHARE * _MIDDLE_CELLS)

@@ -6,6 +6,7 @@ import pytest
 from facade_core.core.errors import LayoutError, ModelFileError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element, Parsing
+from facade_core.facade.layout import completion
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, log_floor_progressions
 from facade_core.facade.layout.gap_filling import find_fillers_and_strays
@@ -332,3 +333,17 @@ def test_a_parse_of_the_finished_picture_finds_the_completed_layout():
     made = painted((("brick", 5), ("haussmann", 7), ("jugend", 7)))
     assert made["found again"]["all"] >= 0.9
     assert made["found again"]["touched by a hole"] >= 0.85
+
+
+def test_doubt_leaves_a_hidden_middle_less_empty_than_other_hidden_parts(monkeypatch):
+    region = [(0.0, 0.0, 60.0, 160.0), (140.0, 0.0, 200.0, 160.0)]
+
+    def propose(seed):
+        random = np.random.default_rng(seed)
+        places = [random.uniform(10, 50), random.uniform(150, 190)]
+        seen = [box("window", x, y + random.normal(0, 2), 12, 20) for y in (30, 75, 120) for x in places]
+        return len(complete(seen, DOMAIN, region)[0].elements)
+
+    found = sum(map(propose, range(6)))
+    monkeypatch.setattr(completion, "is_middle_hidden", lambda *_: False)
+    assert found > sum(map(propose, range(6)))

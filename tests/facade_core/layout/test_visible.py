@@ -1,7 +1,12 @@
 import numpy as np
+import pytest
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.visible_region import dilate_hidden_by_window, visible_region_boxes
+from facade_core.facade.layout.visible_region import (
+    dilate_hidden_by_window,
+    is_middle_hidden,
+    visible_region_boxes,
+)
 
 
 def test_visible_boxes_leave_out_the_holes() -> None:
@@ -40,3 +45,19 @@ def test_a_hole_reaches_half_a_window_out_and_none_where_no_window_is_known() ->
     assert grown.sum() == 9 * 13
     assert grown[24, 36]
     assert dilate_hidden_by_window(hidden, []) is hidden
+
+
+@pytest.mark.parametrize(
+    ("region", "expected"),
+    [
+        ([(10, 20, 40, 60), (70, 20, 110, 60)], True),
+        ([(10, 40, 40, 60), (70, 20, 110, 40)], True),  # a half of the height is visible beside
+        ([(10, 20, 50, 60), (60, 20, 110, 60)], False),  # a narrow strip
+        ([(10, 20, 40, 60), (40, 20, 70, 24), (70, 20, 110, 60)], False),  # not from top to bottom
+        ([(10, 20, 60, 60)], False),
+        ([(10, 20, 40, 30), (70, 20, 110, 30)], False),  # too little beside
+        ([], False),
+    ],
+)
+def test_hidden_strip_between_two_visible_parts(region: list[tuple[int, int, int, int]], expected: bool) -> None:
+    assert is_middle_hidden(np.array(region, float).reshape(-1, 4), (10, 20, 110, 60)) is expected
