@@ -14,24 +14,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from facade_core.core.arrays import Float32Array, UInt8Array
 from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.network import DOOR_WEIGHT, OCCLUDER_OUTPUT, OUTSIDE_OUTPUT
-from facade_core.parsing.training_views import (
-    ANY_CLASS,
-    LabelledPhoto,
-    OccluderCutout,
-    OccluderPainter,
-    estimate_metres_per_pixel,
-    extract_occluder_cutouts,
-    occluder_loss_weights,
-    sample_view,
-)
+from facade_core.parsing.step_views import StepViews
+from facade_core.parsing.training_views import ANY_CLASS, LabelledPhoto, OccluderPainter
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -163,7 +154,7 @@ def train_parser_network(
     replicas = [network, *(_replicate(network) for _ in range(parts - 1))]
     loaders = min(_MAX_LOADERS, len(os.sched_getaffinity(0)) - 1) if device.type == "cuda" else 0
     steps = torch.utils.data.DataLoader(
-        StepViews(sets, schedule, seed, parts, paint_occluders),
+        StepViews(sets, schedule.per_step, schedule.steps, seed, parts, paint_occluders),
         batch_size=None,
         sampler=range(done, schedule.steps),
         num_workers=loaders,
@@ -193,73 +184,6 @@ def train_parser_network(
                     },
                 )
     return {name: value.cpu() for name, value in average.items()}
-
-
-class _Batch(NamedTuple):
-    """Views of one part of a step, stacked; the fields of `TrainingView` and each pixel's weight in its occluder loss."""
-
-    image: UInt8Array
-    possible: UInt8Array
-    occluder: UInt8Array
-    occluder_weight: Float32Array
-    outside: UInt8Array
-    place: Float32Array
-
-
-class StepViews:
-    """Views of each step of a training run, as a map-style data set of torch.
-
-    Parameters
-    ----------
-    sets : labelled photos by name of the set.
-    schedule : schedule of the run.
-    seed : random seed.
-    parts : parallel parts of a step.
-    paint_occluders : painter of thin occluders before the views.
-    """
-
-    def __init__(
-        self,
-        sets: Mapping[str, Sequence[LabelledPhoto]],
-        schedule: TrainingSchedule,
-        seed: int,
-        parts: int,
-        paint_occluders: OccluderPainter | None,
-    ) -> None:
-        self._sets, self._seed, self._parts, self._paint = sets, seed, parts, paint_occluders
-        self._names = [name for name, count in schedule.per_step.items() for _ in range(count)]
-        self._steps = schedule.steps
-        self._cutout_groups: Sequence[Sequence[OccluderCutout]] = [
-            group for photos in sets.values() for group in extract_occluder_cutouts(photos)
-        ]
-        self._scales = {
-            name: [estimate_metres_per_pixel(photo.possible) for photo in photos] for name, photos in sets.items()
-        }
-
-    def __len__(self) -> int:
-        return self._steps
-
-    def __getitem__(self, step: int) -> list[_Batch]:
-        """Return the views of each part of a step: every so manieth of them."""
-        batches = []
-        for part in range(self._parts):
-            views = []
-            for number in range(part, len(self._names), self._parts):
-                name, rng = self._names[number], np.random.default_rng([self._seed, step, number])
-                index = int(rng.integers(len(self._sets[name])))
-                scale = self._scales[name][index]
-                views.append(sample_view(self._sets[name][index], self._cutout_groups, rng, scale, self._paint))
-            batches.append(
-                _Batch(
-                    np.stack([view.image for view in views]),
-                    np.stack([view.possible for view in views]),
-                    np.stack([view.occluder for view in views]),
-                    np.stack([occluder_loss_weights(view.occluder) for view in views]),
-                    np.stack([view.outside for view in views]),
-                    np.stack([view.place for view in views]),
-                )
-            )
-        return batches
 
 
 def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Tensor] | None) -> str:
@@ -373,7 +297,7 @@ def _make_optimiser(network: ParserNetwork, schedule: TrainingSchedule) -> Optim
 
 
 def _loss(network: ParserNetwork, batch: Sequence[Tensor]) -> Tensor:
-    """Return the loss on the layers of a `_Batch`: negative log of the summed probability of a pixel's possible classes.
+    """Return the loss on the layers of a `ViewBatch`: negative log of the summed probability of a pixel's possible classes.
 
     The cross-entropies of both binary outputs are added.
     """
