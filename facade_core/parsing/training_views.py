@@ -171,6 +171,9 @@ def sample_view(
     paint_occluders : painter of thin occluders.
     """
     image, possible, occluder, outside, place = _crop_view(photo, rng)
+    if rng.random() < 0.08:
+        # Occluders of the photo are painted over, as far as a class is known behind them.
+        image, occluder = _paint_flat(image, possible, rng), np.where(occluder == 1, UNKNOWN, occluder).astype(np.uint8)
     groups = [group for group in cutout_groups if group]
     if groups and rng.random() < _OCCLUDED_SHARE:
         for _ in range(int(rng.integers(1, 5))):
@@ -181,8 +184,6 @@ def sample_view(
         scale = metres_per_pixel * len(photo.image) / height
         image, painted = paint_occluders(image, scale, foot, rng)
         occluder = np.where(painted == 0, occluder, painted)
-    if rng.random() < 0.08:
-        image = _paint_flat(image, possible, rng)
     return TrainingView(_degrade(_vary_light(image, rng), rng), possible, occluder, outside, place)
 
 

@@ -28,7 +28,8 @@ def obj(folder: Path, uri: str) -> Path:
 
 def gltf(folder: Path, uri: str, buffer: str = "a.bin") -> Path:
     indices, uv = np.array([0, 1, 2, 0, 2, 3], np.uint32), WALL[:, [0, 2]] / 9
-    (folder / "a.bin").write_bytes(WALL.tobytes() + uv.tobytes() + indices.tobytes())
+    wall = WALL[:, [0, 2, 1]]  # y is up in glTF
+    (folder / "a.bin").write_bytes(wall.tobytes() + uv.tobytes() + indices.tobytes())
     views = [(0, WALL.nbytes), (WALL.nbytes, uv.nbytes), (WALL.nbytes + uv.nbytes, indices.nbytes)]
     kinds = [("VEC3", 5126, 4), ("VEC2", 5126, 4), ("SCALAR", 5125, 6)]
     header = {

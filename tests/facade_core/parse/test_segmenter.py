@@ -14,7 +14,7 @@ COLOURS = {
     FacadeClass.BALCONY: (70, 66, 66),
     FacadeClass.DOOR: (104, 62, 40),
     FacadeClass.ROOF: (92, 98, 112),
-    FacadeClass.SHOP: (40, 88, 70),
+    FacadeClass.SHOP: (38, 52, 96),  # a plain green band at the foot is taken for a hedge
     FacadeClass.SKY: (196, 214, 236),
 }
 
