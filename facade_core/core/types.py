@@ -257,6 +257,10 @@ class FacadeCorrections:
 AS_FOUND = FacadeCorrections()
 
 
+# Name of the layout network beside the JSON file of a layout model.
+LAYOUT_NETWORK_NAME = "layout_network.onnx"
+
+
 @dataclass(frozen=True, slots=True)
 class TrainedModelFiles:
     """Files of the trained parser and layout models; None selects the shipped one.
@@ -264,17 +268,24 @@ class TrainedModelFiles:
     Attributes
     ----------
     parser : an .onnx file, with a .json record of the same name.
-    layout : a .json file of layouts.
+    layout : a .json file of layouts, with or without a layout network beside it.
     """
 
     parser: Path | None = None
     layout: Path | None = None
 
     @property
+    def layout_network(self) -> Path | None:
+        """Return the layout network beside the layout model, if there is one."""
+        path = None if self.layout is None else self.layout.with_name(LAYOUT_NETWORK_NAME)
+        return path if path is not None and path.is_file() else None
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """Return all files that are set."""
-        parser = () if self.parser is None else (self.parser, self.parser.with_suffix(".json"))
-        return (*parser, *(() if self.layout is None else (self.layout,)))
+        layout = () if self.layout is None else (self.layout,)
+        networks = [path for path in (self.parser, self.layout_network) if path is not None]
+        return (*(file for path in networks for file in (path, path.with_suffix(".json"))), *layout)
 
 
 SHIPPED_MODELS = TrainedModelFiles()

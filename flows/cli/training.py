@@ -74,7 +74,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
 
 @train.command("layout")
 @click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with layouts/.")
-@click.option("--out", type=FOLDER, required=True, help="Folder of layouts.json.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of layouts.json and layout_network.onnx.")
 @click.option("--seed", default=1, show_default=True, help="1 for the shipped model.")
 @click.option(
     "--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Fold of every fifth facade to hold out."
@@ -88,6 +88,7 @@ def train_layout_model(
 ) -> None:
     """Train the layout model on four fifths of layouts/cmp.jsonl and on the layouts in metres.
 
+    With torch and a GPU, also trains the layout network, which finds the windows of the first completion.
     With --corrections, also trains on the layouts of corrected facades of runs or folders of runs;
     `models: {layout: DIR/layouts.json}` in a block file selects the result.
 
@@ -98,12 +99,17 @@ def train_layout_model(
     """
     from flows.console import show_progress
     from tasks.training.corrected_facades import layout_record, load_corrected_facades
-    from tasks.training.layout import train_layout
+    from tasks.training.layout import has_gpu, train_layout, train_network
 
     with show_progress(quiet=False):
         added = [layout_record(facade) for facade in load_corrected_facades(corrections)] if corrections else []
-        model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
-    print_line(model)
+        models = [train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)]
+        if has_gpu():
+            models.append(train_network(data, out, seed=seed, fold=fold, size=size, corrected=added))
+    for model in models:
+        print_line(model)
+    if len(models) == 1:
+        print_line("no layout network: torch (make train-setup) finds no GPU; the trees propose the windows")
 
 
 @train.command("materials")

@@ -19,6 +19,7 @@ from facade_core.core.grouping import RowsByValue
 from facade_core.export.bodies.footprints import building_footprints
 from facade_core.export.models.textured_mesh import build_textured_mesh
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_NETWORK
 from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
@@ -54,7 +55,7 @@ class CataloguedModel:
         return self.path.with_suffix(".md")
 
 
-# Parser and layout model of facades. A block may replace either (`run.models`).
+# Parser, layout model and layout network of facades. A block may replace the parser and the others (`run.models`).
 FACADE_MODELS = (
     CataloguedModel(
         NETWORK,
@@ -72,6 +73,11 @@ FACADE_MODELS = (
         LAYOUTS,
         "facade layout model",
         {"layouts/cmp.jsonl": "CC BY-SA", "layouts/ingolstadt_lod3_metres.jsonl": "CC BY-SA 4.0"},
+    ),
+    CataloguedModel(
+        SHIPPED_LAYOUT_NETWORK,
+        "facade layout network",
+        {"layouts/cmp.jsonl": "CC BY-SA", "plans of painted facades": "Apache-2.0"},
     ),
 )
 STREET_MODEL = CataloguedModel(
@@ -204,11 +210,15 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
     """
     used: list[CataloguedModel] = []
     if any(record and "lattice" in record for record in facades):
-        custom = (run.models.parser, run.models.layout)
-        used += [
-            shipped if path is None else _custom_model(path, shipped)
-            for path, shipped in zip(custom, FACADE_MODELS, strict=True)
-        ]
+        parser, layouts, network = FACADE_MODELS
+        own = run.models
+        used.append(parser if own.parser is None else _custom_model(own.parser, parser))
+        if own.layout is None:
+            used += [layouts, network]
+        else:
+            used.append(_custom_model(own.layout, layouts))
+            if own.layout_network is not None:
+                used.append(_custom_model(own.layout_network, network))
     if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
         used.append(STREET_MODEL)
     found = []

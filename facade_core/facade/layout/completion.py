@@ -16,8 +16,14 @@ from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.image_evidence import apply_image_evidence
 from facade_core.facade.layout.layout_sampling import sample_layouts
 from facade_core.facade.layout.model import LayoutModel, default_layout_model
+from facade_core.facade.layout.network_windows import (
+    MIN_WINDOW_PROBABILITY,
+    find_network_windows,
+    load_layout_network,
+    move_to_proposals,
+)
 from facade_core.facade.layout.proposal_features import compute_features
-from facade_core.facade.layout.proposals import Proposals, propose_elements
+from facade_core.facade.layout.proposals import Proposals, avoids_observed, move_clear, propose_elements
 from facade_core.facade.layout.ranking import predict_probability
 from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, overlap_mask, pairwise_iou
 from facade_core.facade.layout.scores import score
@@ -70,11 +76,12 @@ def complete(
     Only a window and a balcony may overlap. The confidence of a proposed element is its probability.
 
     Proposals come from extended, pooled and mirrored grids; doors and shops also from places where the database has
-    them. Boosted trees rate each proposal, and the likely ones that do not exclude each other are selected. Windows
-    keep the smallest observed distance, rows are completed, and shops fill the ground floor or are absent. A layout
-    has at most one door, or as many as are observed. The policy search of the layout paper (5.1-5.2) adds nothing to
-    that and does not run (ADR 0088). The score of a completion is the expected F1 of its selection, plus a small
-    share of `score` (Eq. 15).
+    them. Boosted trees rate each proposal, and the likely ones that do not exclude each other are selected. The layout
+    network of the model finds the windows of the first layout instead (ADR 0132). Windows keep the smallest
+    observed distance, rows are completed, and shops fill the ground floor or are absent. A layout has at most one
+    door, or as many as are observed. The policy search of the layout paper (5.1-5.2) adds nothing to that and does
+    not run (ADR 0088). The score of a completion is the expected F1 of its selection, plus a small share of `score`
+    (Eq. 15).
 
     Without any element or region, whole layouts are sampled in the styles of the database and ranked by `score`; only
     they depend on the seed. A region without elements is a bare wall and is returned as such.
@@ -147,6 +154,7 @@ def propose_ranked_layouts(
     facade = fit_columns_and_floors(observed, domain)
     features = compute_features(proposals, observed, fitted, facade, domain, region)
     probability = predict_probability(model.trees, features)
+    proposals, probability, by_network = _add_network_windows(proposals, probability, observed, domain, region, model)
     contradicted = np.zeros(len(probability), bool)
     if evidence is not None:
         prior = probability
@@ -175,6 +183,7 @@ def propose_ranked_layouts(
     def selectable(factor: float) -> BoolArray:
         """Mark proposals from a multiple of their thresholds on; shops of a row all or none."""
         chosen: BoolArray = unobstructed & (proposals.label != SHOP) & (probability >= factor * threshold)
+        chosen &= ~by_network
         if len(shops):
             chosen[shops] = probability[shops].mean() >= factor * min_probability[SHOP]
         return chosen
@@ -186,6 +195,9 @@ def propose_ranked_layouts(
     first = select(preference, selectable(1.0))
     expected = float(probability[first].sum()) / 0.8
     choices = [(preference, selectable(factor)) for factor in _THRESHOLD_FACTORS]
+    if by_network.any():
+        likely = by_network & unobstructed & (probability >= MIN_WINDOW_PROBABILITY)
+        choices.insert(0, (preference, np.where(proposals.label == WINDOW, likely, choices[0][1])))
     for support in proposals.support.T:
         preferred = (support > 0.8) & (proposals.label != SHOP)
         choices += [
@@ -203,14 +215,16 @@ def propose_ranked_layouts(
         if selected.tobytes() in tried:
             continue
         tried.add(selected.tobytes())
-        fill, strays = find_fillers_and_strays(
-            proposals, selected, np.where(contradicted, 0, preference), observed, obstacles
-        )
-        selected = _reselect(select, selected, fill & unobstructed, strays, order)
-        fill = find_missing_windows(
-            proposals, selected, np.where(contradicted, 0, probability), observed, unobstructed, limits
-        )
-        selected = _reselect(select, selected, fill, np.zeros_like(fill), order)
+        if not by_network[selected].any():
+            excluded = contradicted | by_network
+            fill, strays = find_fillers_and_strays(
+                proposals, selected, np.where(excluded, 0, preference), observed, obstacles
+            )
+            selected = _reselect(select, selected, fill & unobstructed, strays, order)
+            fill = find_missing_windows(
+                proposals, selected, np.where(excluded, 0, probability), observed, unobstructed, limits
+            )
+            selected = _reselect(select, selected, fill, np.zeros_like(fill), order)
         is_door = proposals.label[selected] == DOOR
         selected = selected[~is_door | (np.cumsum(is_door) <= max_doors)]
         if layouts and not len(selected):  # an empty completion is no alternative
@@ -224,6 +238,33 @@ def propose_ranked_layouts(
         # The first choice has the largest expected F1, so it bounds the value of the alternatives.
         layouts.setdefault(layout, min(value, next(iter(layouts.values()), value)))
     return sorted(layouts.items(), key=lambda item: -item[1])
+
+
+def _add_network_windows(
+    proposals: Proposals,
+    probability: Float64Array,
+    observed: Sequence[Element],
+    domain: Rectangle,
+    region: Float64Array,
+    model: LayoutModel,
+) -> tuple[Proposals, Float64Array, BoolArray]:
+    """Return proposals and probabilities with the windows of the layout network after them, and mark these, (N,)."""
+    found = None
+    if model.network is not None:
+        found = find_network_windows(observed, domain, region, load_layout_network(model.network))
+    if found is None:
+        return proposals, probability, np.zeros(len(probability), bool)
+    box, is_clear = move_clear(found.box, domain, region)
+    is_clear &= avoids_observed(np.column_stack([np.full(len(box), WINDOW), box]), observed)
+    box, chance = box[is_clear], found.probability[is_clear]
+    own = proposals.label == WINDOW
+    box = move_to_proposals(box, proposals.box[own], probability[own])
+    added = Proposals(
+        np.concatenate([proposals.box, box]),
+        np.concatenate([proposals.label, np.full(len(box), WINDOW, proposals.label.dtype)]),
+        np.concatenate([proposals.support, np.zeros((len(box), proposals.support.shape[1]), np.float32)]),
+    )
+    return added, np.concatenate([probability, chance]), np.arange(len(added.box)) >= len(probability)
 
 
 def _mapped_doors(proposals: Proposals, entrances: Sequence[float]) -> BoolArray:

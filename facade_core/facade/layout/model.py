@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.regular_files import read_regular
+from facade_core.core.types import LAYOUT_NETWORK_NAME
 from facade_core.facade.layout import proposal_features
 from facade_core.facade.layout.densities import (
     COMPONENT_COUNT,
@@ -31,6 +32,7 @@ from facade_core.facade.layout.ranking import BoostedTrees
 from facade_core.facade.layout.statistics import ELEMENT_TYPE_COUNT, LABEL_COUNT, PATTERNS
 
 SHIPPED_LAYOUT_MODEL = Path(__file__).parent / "models" / "layouts.json"
+SHIPPED_LAYOUT_NETWORK = SHIPPED_LAYOUT_MODEL.with_name(LAYOUT_NETWORK_NAME)
 MODEL_FORMAT = 3
 _REMEDY = "fetch it again or run `streetloom train layout`"
 
@@ -52,6 +54,7 @@ class LayoutModel:
     trees : ranking of proposed elements.
     min_probability : (LABEL_COUNT,) probability from which a proposal is selected.
     training_set : names of the training layouts.
+    network : file of the layout network, which finds the windows of the first completion; None: the trees find them.
     """
 
     densities: ScoreTermDensities
@@ -65,6 +68,7 @@ class LayoutModel:
     trees: BoostedTrees
     min_probability: Float64Array
     training_set: tuple[str, ...]
+    network: Path | None = None
 
 
 @lru_cache(maxsize=1)
@@ -74,7 +78,7 @@ def default_layout_model() -> LayoutModel:
 
 
 def load_layout_model(path: str | Path) -> LayoutModel:
-    """Read a layout model from its JSON file.
+    """Read a layout model from its JSON file; a layout network beside it belongs to it.
 
     Raises
     ------
@@ -96,9 +100,11 @@ def load_layout_model(path: str | Path) -> LayoutModel:
     if (record.get("format"), record.get("labels"), record.get("descriptors")) != expected:
         raise ModelFileError(f"{path}: made for another version of Streetloom; {_REMEDY}")
     try:
-        return _from_record(record["model"], tuple(record["training_set"]))
+        model = _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
         raise ModelFileError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
+    network = path.with_name(LAYOUT_NETWORK_NAME)
+    return replace(model, network=network) if network.is_file() else model
 
 
 def load_cached_model(path: Path) -> LayoutModel:

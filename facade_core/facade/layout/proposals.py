@@ -122,8 +122,8 @@ def propose_elements(
     variants = [guesses[:most] for guesses in variants]
     variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
     raw = np.concatenate(variants)
-    raw[:, 1:], inside = _move_clear(raw[:, 1:], domain, region)
-    inside &= _avoids_observed(raw, observed)
+    raw[:, 1:], inside = move_clear(raw[:, 1:], domain, region)
+    inside &= avoids_observed(raw, observed)
     raw, variant = raw[inside], variant[inside]
     kept = _unique_guesses(raw)
     support = best_iou_by_variant(raw[kept], raw, variant, len(variants))
@@ -285,7 +285,7 @@ def _mirror_boxes(box: Float64Array, domain: Rectangle) -> Float64Array:
     return out
 
 
-def _move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> tuple[Float64Array, BoolArray]:
+def move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> tuple[Float64Array, BoolArray]:
     """Move rectangles out of the visible region and into the domain by little; return them and those that are clear."""
     box = box.copy()
     side = box[:, 2:] - box[:, :2]
@@ -315,7 +315,7 @@ def _move_clear(box: Float64Array, domain: Rectangle, region: Float64Array) -> t
     return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
 
 
-def _avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
+def avoids_observed(raw: Float64Array, seen: Sequence[Element]) -> BoolArray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
     conflicts = overlap_mask(raw[:, 1:], box_array(seen)) & ~labels_may_overlap(raw[:, 0], other)
     is_free: BoolArray = ~np.any(conflicts, axis=1)

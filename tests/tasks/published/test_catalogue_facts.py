@@ -45,7 +45,8 @@ def test_what_models_learned_from_is_what_their_cards_say(model: CataloguedModel
 def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
     run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=SHIPPED_MODELS))
     assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
-    network, layouts = models_used(run, [{"lattice": {}}], [])
+    network, layouts, layout_network = models_used(run, [{"lattice": {}}], [])
+    assert layout_network.file == "facade_core/facade/layout/models/layout_network.onnx"
     assert network.sha256 == hashlib.sha256(FACADE_MODELS[0].path.read_bytes()).hexdigest()
     assert (network.file, layouts.id) == ("facade_core/parsing/models/network.onnx", "layouts")
     assert layouts.card is not None
@@ -59,11 +60,21 @@ def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     for suffix, text in ((".onnx", "weights"), (".json", '{"trained_on": {"our photos": "ours"}}')):
         (tmp_path / f"mine{suffix}").write_text(text)
     run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(parser=tmp_path / "mine.onnx")))
-    network, layouts = models_used(run, [{"lattice": {}}], [])
+    network, layouts, _ = models_used(run, [{"lattice": {}}], [])
     assert (network.file, network.title, network.card) == ("mine.onnx", "facade parser of the block", None)
     assert network.trained_on == {"our photos": "ours"}
     assert network.sha256 == hashlib.sha256(b"weights").hexdigest()
     assert layouts.file == "facade_core/facade/layout/models/layouts.json"
+    (tmp_path / "layouts.json").write_text("{}")
+    own = SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(layout=tmp_path / "layouts.json"))
+    assert [model.file for model in models_used(cast(Any, own), [{"lattice": {}}], [])][1:] == ["layouts.json"]
+    for suffix, text in ((".onnx", "weights"), (".json", "{}")):
+        (tmp_path / f"layout_network{suffix}").write_text(text)
+    found = models_used(cast(Any, own), [{"lattice": {}}], [])
+    assert [model.file for model in found][1:] == ["layouts.json", "layout_network.onnx"]
+    assert own.models.files == tuple(
+        tmp_path / f"layout{name}" for name in ("_network.onnx", "_network.json", "s.json")
+    )
 
 
 def record(unit: str, status: str = "done", at: float = 0, seconds: float = 2.0, **more: Any) -> dict[str, Any]:
