@@ -106,7 +106,7 @@ def test_a_later_snapshot_is_published_beside_the_first(
     said = json.loads((stac / "runs" / "run.json").read_text())["properties"]
     assert said["streetloom:units"]["viewpoints"] == {"done": undisturbed[1]["viewpoints"]}
     assert said["start_datetime"] < said["end_datetime"]
-    assert {path.stem for path in (stac / "models").glob("*.md")} == {"network", "layouts"}
+    assert {path.stem for path in (stac / "models").glob("*.md")} == {"network", "layouts", "layout_network"}
 
     session = open_repository(out / "store").writable_session(BRANCH)
     group = zarr.open_group(session.store)
