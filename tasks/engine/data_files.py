@@ -14,8 +14,8 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
         "catalogs/published/report_exemplars.html.j2",
         "catalogs/published/report_street.html.j2",
     ),
-    "facade_core.facade.layout.model": ("facade_core/facade/layout/models/layouts.json",),
-    "facade_core.facade.layout.network_windows": (
+    "facade_core.facade.layout.model": (
+        "facade_core/facade/layout/models/layouts.json",
         "facade_core/facade/layout/models/layout_network.json",
         "facade_core/facade/layout/models/layout_network.onnx",
     ),
