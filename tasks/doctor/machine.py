@@ -97,14 +97,14 @@ def _check_open3d() -> Finding:
 def _shipped_models() -> dict[Path, Callable[[Path], object]]:
     """Return the shipped model files, and the loader of each."""
     from facade_core.facade.layout import model as layouts
-    from facade_core.facade.layout import network_windows
+    from facade_core.facade.layout.network.windows import load_layout_network
     from facade_core.parsing import network
     from facade_core.street.translator import neural_translator
 
     return {
         network.SHIPPED_NETWORK: network.load_network,
         layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
-        layouts.SHIPPED_LAYOUT_NETWORK: network_windows.load_layout_network,
+        layouts.SHIPPED_LAYOUT_NETWORK: load_layout_network,
         neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_translator,
     }
 

@@ -13,8 +13,8 @@ from facade_core.core.types import LAYOUT_NETWORK_NAME, Element
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import save_layout_model
-from facade_core.facade.layout.network_export import save_layout_network
-from facade_core.facade.layout.network_training import NetworkSchedule, train_layout_network
+from facade_core.facade.layout.network.export import save_layout_network
+from facade_core.facade.layout.network.training import NetworkSchedule, train_layout_network
 from facade_core.facade.layout.training_examples import Layout
 from facade_core.synth.facade_plan import plan_facade
 from facade_core.synth.styles import STYLE_BY_NAME, STYLES

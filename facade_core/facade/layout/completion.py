@@ -16,7 +16,7 @@ from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.image_evidence import apply_image_evidence
 from facade_core.facade.layout.layout_sampling import sample_layouts
 from facade_core.facade.layout.model import LayoutModel, default_layout_model
-from facade_core.facade.layout.network_windows import (
+from facade_core.facade.layout.network.windows import (
     MIN_WINDOW_PROBABILITY,
     find_network_windows,
     load_layout_network,

@@ -7,11 +7,11 @@ pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
 import torch
 
-from facade_core.facade.layout.network_architecture import LayoutNetwork
-from facade_core.facade.layout.network_export import save_layout_network
-from facade_core.facade.layout.network_raster import CHANNELS, RASTER
-from facade_core.facade.layout.network_training import NetworkSchedule, train_layout_network
-from facade_core.facade.layout.network_windows import load_layout_network
+from facade_core.facade.layout.network.architecture import LayoutNetwork
+from facade_core.facade.layout.network.export import save_layout_network
+from facade_core.facade.layout.network.raster import CHANNELS, RASTER
+from facade_core.facade.layout.network.training import NetworkSchedule, train_layout_network
+from facade_core.facade.layout.network.windows import load_layout_network
 
 LAYOUT = (
     [Element("window", x, y, x + 12, y + 14) for y in (10, 50) for x in (10, 40, 70, 100)],

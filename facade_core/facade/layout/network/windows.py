@@ -15,7 +15,7 @@ from facade_core.core.model_file import file_stamps, open_inference_session, rea
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.network_raster import (
+from facade_core.facade.layout.network.raster import (
     RASTER,
     STRIDE,
     decode_boxes,

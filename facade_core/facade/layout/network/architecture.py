@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from facade_core.core.labels import ELEMENT_CLASSES
-from facade_core.facade.layout.network_raster import CHANNELS, RASTER, STRIDE
+from facade_core.facade.layout.network.raster import CHANNELS, RASTER, STRIDE
 
 # Channels at 1/2, 1/4 and 1/8 of the raster.
 WIDTHS = (48, 80, 128)

@@ -16,8 +16,8 @@ import numpy as np
 
 from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import ELEMENT_CLASSES
-from facade_core.facade.layout.network_raster import RASTER, STRIDE, WINDOW_PIXELS, decode_boxes, draw_inputs
-from facade_core.facade.layout.network_views import LayoutView, sample_layout_view
+from facade_core.facade.layout.network.raster import RASTER, STRIDE, WINDOW_PIXELS, decode_boxes, draw_inputs
+from facade_core.facade.layout.network.views import LayoutView, sample_layout_view
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -95,7 +95,7 @@ def train_layout_network(
         raise ModelFileError(
             "training the network needs torch; install the extra `train` (make train-setup)"
         ) from error
-    from facade_core.facade.layout.network_architecture import LayoutNetwork
+    from facade_core.facade.layout.network.architecture import LayoutNetwork
 
     torch.manual_seed(seed)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")

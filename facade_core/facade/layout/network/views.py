@@ -14,7 +14,7 @@ from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.network_raster import RASTER, draw_region, fit_pixel_scale
+from facade_core.facade.layout.network.raster import RASTER, draw_region, fit_pixel_scale
 
 if TYPE_CHECKING:
     from facade_core.facade.layout.training_examples import Layout

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facade_core.core.model_file import write_model
-from facade_core.facade.layout.network_raster import CHANNELS, RASTER
-from facade_core.facade.layout.network_windows import load_layout_network
+from facade_core.facade.layout.network.raster import CHANNELS, RASTER
+from facade_core.facade.layout.network.windows import load_layout_network
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -27,7 +27,7 @@ def save_layout_network(weights: Mapping[str, Tensor], path: Path, *, training_s
     """
     import torch
 
-    from facade_core.facade.layout.network_architecture import LayoutNetwork
+    from facade_core.facade.layout.network.architecture import LayoutNetwork
 
     network = LayoutNetwork()
     network.load_state_dict(weights)
