@@ -8,7 +8,7 @@ against the true labels over all holes together, beside that of the photo itself
 `parse` gets right in holes where under a tenth of the row is visible; door_recall and door_precision, of the pixels of doors in
 holes; seconds, the median. A method is sharp with gradient_energy 0.8 to 1.2.
 
-Ours is given what the pipeline has: the parse of what is visible, and in "+ layout" the completed layout too. Peers are the
+Our methods get the parse of the visible part, and in "+ layout" the completed layout too. Peers are the
 floors paper's own method (clone_and_split), OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the
 size), and in environments of their own pypatchmatch, patchmatch-cython, object-remove and opencv-contrib's shift map. A peer
 that cannot be installed or fails is skipped, with its reason. --methods names those to measure.

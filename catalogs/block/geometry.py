@@ -376,7 +376,7 @@ def _empty_error(
     file: BlockFileErrorContext,
     notes: Sequence[str] = (),
 ) -> BlockFileError:
-    """Return the error for a block without usable buildings or streets; `notes` say what was set aside."""
+    """Return the error for a block without usable buildings or streets; `notes` name what was set aside."""
     path = ", ".join(map(str, files[f"{key}.path"]))
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""

@@ -49,7 +49,7 @@ def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
         return f"{axes[0]} and {axes[1]} look swapped (the first number is {x:.7g}, the second {y:.7g}); write {axes[0]} first"
     if frame.is_geographic:
         return None
-    if frame.to_string() != _WEB_MERCATOR and _is_on_map_of(frame, *_from_web_mercator(middle)):
+    if frame.to_string() != _WEB_MERCATOR and _lies_in_area_of_use(frame, *_from_web_mercator(middle)):
         return f"coordinates (as in {x:.0f}, {y:.0f}) look like Web Mercator; name their frame, EPSG:3857"
     zone = int(x // _ZONE_STEP)
     for own in range(0, 70):
@@ -81,7 +81,7 @@ def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ..
         return ()
     middle = np.array([[(extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2]])
     longitude, latitude = coordinate_transform(frame, LONLAT)(middle[:, 0], middle[:, 1])
-    if _is_on_map_of(frame, longitude, latitude - _MAX_ORIGIN_ERROR_DEG):
+    if _lies_in_area_of_use(frame, longitude, latitude - _MAX_ORIGIN_ERROR_DEG):
         return ()
     return (
         f"coordinates of the buildings (as in {middle[0, 0]:.0f}, {middle[0, 1]:.0f}) look local: near the origin of "
@@ -93,13 +93,20 @@ def _from_web_mercator(points: Float64Array) -> tuple[Float64Array, Float64Array
     return coordinate_transform(_WEB_MERCATOR, LONLAT)(points[:, 0], points[:, 1])
 
 
-def _is_on_map_of(frame: CRS, longitude: Float64Array, latitude: Float64Array) -> bool:
+def _lies_in_area_of_use(frame: CRS, longitude: Float64Array, latitude: Float64Array) -> bool:
     """Return True where all places, degrees, are in the area of use of a CRS that has one."""
+    return frame.area_of_use is not None and bool(_area_of_use_mask(frame, longitude, latitude, 0.0).all())
+
+
+def _area_of_use_mask(frame: CRS, longitude: Float64Array, latitude: Float64Array, margin: float) -> BoolArray:
+    """Return a mask (n,) of places, degrees, in the area of use of a CRS with a margin; of all where it has none."""
     area = frame.area_of_use
     if area is None:
-        return False
-    found = (longitude >= area.west) & (longitude <= area.east) & (latitude >= area.south) & (latitude <= area.north)
-    return bool(found.all())
+        return np.ones(len(longitude), bool)
+    east = (longitude - area.west + margin) % 360.0
+    width = (area.east - area.west) % 360.0 + 2 * margin + (360.0 if area.west <= -180.0 else 0.0)
+    found: BoolArray = (latitude >= area.south - margin) & (latitude <= area.north + margin) & (east <= width)
+    return found
 
 
 def swapped_places(first: Float64Array, second: Float64Array) -> bool:
@@ -127,13 +134,7 @@ def _is_in_use(frame: CRS, points: Float64Array) -> BoolArray:
     longitude, latitude = coordinate_transform(frame, LONLAT)(points[:, 0], points[:, 1])
     with np.errstate(invalid="ignore"):
         found: BoolArray = np.isfinite(longitude + latitude) & (np.abs(longitude) <= 360.0) & (np.abs(latitude) <= 90.0)
-        area = frame.area_of_use
-        if area is not None:
-            found &= (latitude >= area.south - AREA_MARGIN_DEG) & (latitude <= area.north + AREA_MARGIN_DEG)
-            east = (longitude - area.west + AREA_MARGIN_DEG) % 360.0
-            found &= east <= (area.east - area.west) % 360.0 + 2 * AREA_MARGIN_DEG + (
-                360.0 if area.west <= -180.0 else 0.0
-            )
+        found &= _area_of_use_mask(frame, longitude, latitude, AREA_MARGIN_DEG)
     if not frame.is_geographic:  # beyond its zone a projection may fold back
         x, y = coordinate_transform(LONLAT, frame)(longitude, latitude)
         with np.errstate(invalid="ignore"):

@@ -8,6 +8,7 @@ from typing import TypedDict
 
 from catalogs.published.folders import write_atomically
 from facade_core.core.errors import InputError
+from facade_core.core.json_types import JsonObject
 from facade_core.core.regular_files import read_regular
 
 # Folders of a style library, below that of the exemplars: none holds pictures itself, or a block would report them.
@@ -15,17 +16,6 @@ WORK_FOLDER = "harvest"
 RECORDS_FOLDER = "harvest/records"
 CANDIDATES_FOLDER = "harvest/candidates"
 SHEETS_FOLDER = "harvest/sheets"
-
-
-class StatisticsRecord(TypedDict):
-    """Statistics of a facade, see `facade_core.facade.facade_statistics`."""
-
-    material: str
-    wall_colour: tuple[int, int, int] | None
-    window_share: float
-    balcony_share: float
-    shop_share: float
-    ground_storey_ratio: float | None
 
 
 class CandidateRecord(TypedDict, total=False):
@@ -42,7 +32,7 @@ class CandidateRecord(TypedDict, total=False):
     floors, columns : floors, and windows in the fullest row.
     hidden : share that was hidden and is made up.
     look : style descriptor.
-    statistics : see `facade_core.facade.facade_statistics`.
+    statistics : fields of `FacadeStatistics`.
     """
 
     name: str
@@ -57,7 +47,7 @@ class CandidateRecord(TypedDict, total=False):
     columns: int
     hidden: float
     look: list[float]
-    statistics: StatisticsRecord
+    statistics: JsonObject
 
 
 class PictureRecord(TypedDict):

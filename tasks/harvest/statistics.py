@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from facade_core.core.json_types import JsonObject
+from facade_core.facade.facade_statistics import FacadeStatistics
 from tasks.harvest.record import CandidateRecord
 
 # Share of the width from which a ground floor counts as one of shops, and share of a facade as one with balconies.
@@ -19,26 +20,24 @@ def summarise_style(records: Sequence[CandidateRecord]) -> JsonObject:
 
     Heights in metres are none of it: the scale of a picture assumes a height of storeys.
     """
-    facades = [record["statistics"] for record in records]
-    materials = sorted({one["material"] for one in facades})
+    facades = [FacadeStatistics(**record["statistics"]) for record in records]
+    materials = sorted({one.material for one in facades})
     return {
         "facades": len(facades),
         "materials": {
             material: {
-                "share": _share(one["material"] == material for one in facades),
-                "colours": sorted(
-                    one["wall_colour"] for one in facades if one["material"] == material and one["wall_colour"]
-                ),
+                "share": _share(one.material == material for one in facades),
+                "colours": sorted(one.wall_colour for one in facades if one.material == material and one.wall_colour),
             }
             for material in materials
         },
-        "window_share": _quartiles([one["window_share"] for one in facades]),
+        "window_share": _quartiles([one.window_share for one in facades]),
         "floors": _quartiles([record["floors"] for record in records]),
         "ground_storey_ratio": _quartiles(
-            [one["ground_storey_ratio"] for one in facades if one["ground_storey_ratio"] is not None]
+            [one.ground_storey_ratio for one in facades if one.ground_storey_ratio is not None]
         ),
-        "with_shops": _share(one["shop_share"] >= MIN_SHOP_SHARE for one in facades),
-        "with_balconies": _share(one["balcony_share"] >= MIN_BALCONY_SHARE for one in facades),
+        "with_shops": _share(one.shop_share >= MIN_SHOP_SHARE for one in facades),
+        "with_balconies": _share(one.balcony_share >= MIN_BALCONY_SHARE for one in facades),
     }
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,13 +27,7 @@ from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.imagery.rectify.panorama_views import cut_panorama_views
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
-from tasks.harvest.record import (
-    CANDIDATES_FOLDER,
-    CandidateRecord,
-    PictureRecord,
-    StatisticsRecord,
-    write_picture_record,
-)
+from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
 from tasks.stages.shared.images import read_bounded_picture, read_focal_length_px
 
 # Density at which styles are compared, pixels per metre: that of textures.
@@ -131,7 +125,7 @@ def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
         "columns": found.columns,
         "hidden": round(float(found.hidden.mean()), 4),
         "look": look,
-        "statistics": cast(StatisticsRecord, statistics._asdict()),
+        "statistics": statistics._asdict(),
     }
     if found.judgement.reasons:
         _write_picture(out, file, _small_and_private(found.image))

@@ -16,7 +16,7 @@ from facade_core.core.errors import ModelFileError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.regular_files import read_regular
-from facade_core.core.types import LAYOUT_NETWORK_NAME
+from facade_core.core.types import LAYOUT_NETWORK_NAME, TrainedModelFiles
 from facade_core.facade.layout import proposal_features
 from facade_core.facade.layout.densities import (
     COMPONENT_COUNT,
@@ -103,8 +103,7 @@ def load_layout_model(path: str | Path) -> LayoutModel:
         model = _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
         raise ModelFileError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
-    network = path.with_name(LAYOUT_NETWORK_NAME)
-    return replace(model, network=network) if network.is_file() else model
+    return replace(model, network=TrainedModelFiles(layout=path).layout_network)
 
 
 def load_cached_model(path: Path) -> LayoutModel:

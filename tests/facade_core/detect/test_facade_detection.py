@@ -9,13 +9,13 @@ from facade_core.imagery.detect import facade_detection
 from facade_core.imagery.detect.facade_detection import detect_on_facade, detect_on_thumbnail
 from facade_core.imagery.detect.plates import has_plate_shape
 
-Searched = list[tuple[str, int, float]]
+SearchCalls = list[tuple[str, int, float]]
 
 
 @pytest.fixture
-def searched(monkeypatch: pytest.MonkeyPatch) -> Searched:
+def search_calls(monkeypatch: pytest.MonkeyPatch) -> SearchCalls:
     """Rows and scale of each search, which finds a box in the first row of what it is given."""
-    calls: Searched = []
+    calls: SearchCalls = []
 
     def find(kind: str, image: np.ndarray, scale: float) -> np.ndarray:
         calls.append((kind, len(image), scale))
@@ -27,26 +27,26 @@ def searched(monkeypatch: pytest.MonkeyPatch) -> Searched:
     return calls
 
 
-def test_the_foot_is_searched_enlarged_and_boxes_are_those_of_the_picture(searched: Searched) -> None:
+def test_the_foot_is_searched_enlarged_and_boxes_are_those_of_the_picture(search_calls: SearchCalls) -> None:
     found = detect_on_facade(np.zeros((400, 300, 3), np.uint8), 1 / 25)
-    assert searched == [("faces", 125, 2.0), ("plates", 75, 3.0)]
+    assert search_calls == [("faces", 125, 2.0), ("plates", 75, 3.0)]
     assert found.faces.tolist() == [[4, 275, 9, 278]]
     assert found.plates.tolist() == [[4, 325, 9, 328]]
 
 
-def test_a_fine_picture_is_searched_whole_for_faces_and_no_finer_than_needed(searched: Searched) -> None:
+def test_a_fine_picture_is_searched_whole_for_faces_and_no_finer_than_needed(search_calls: SearchCalls) -> None:
     detect_on_facade(np.zeros((2000, 300, 3), np.uint8), 1 / 160)
-    assert searched == [("faces", 800, 0.5), ("faces", 1200, 0.5), ("plates", 480, 1.0)]
+    assert search_calls == [("faces", 800, 0.5), ("faces", 1200, 0.5), ("plates", 480, 1.0)]
 
 
-def test_a_low_facade_is_searched_to_its_top(searched: Searched) -> None:
+def test_a_low_facade_is_searched_to_its_top(search_calls: SearchCalls) -> None:
     detect_on_facade(np.zeros((50, 300, 3), np.uint8), 1 / 25)
-    assert [rows for _, rows, _ in searched] == [50, 50]
+    assert [rows for _, rows, _ in search_calls] == [50, 50]
 
 
-def test_a_thumbnail_is_searched_for_plates_in_its_lower_half(searched: Searched) -> None:
+def test_a_thumbnail_is_searched_for_plates_in_its_lower_half(search_calls: SearchCalls) -> None:
     found = detect_on_thumbnail(np.zeros((240, 180, 3), np.uint8))
-    assert [rows for _, rows, _ in searched] == [120, 240]
+    assert [rows for _, rows, _ in search_calls] == [120, 240]
     assert found.plates.tolist() == [[4, 120, 9, 123]]
     assert len(found.faces) == 1
 

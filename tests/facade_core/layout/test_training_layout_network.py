@@ -22,7 +22,7 @@ LAYOUT = (
 def test_a_trained_network_is_exported_with_equal_outputs(tmp_path):
     steps = []
     weights = train_layout_network(
-        [LAYOUT], [LAYOUT], NetworkSchedule(2, 2, 1), seed=1, report=lambda done, total: steps.append((done, total))
+        [LAYOUT], [LAYOUT], NetworkSchedule(2, 2), seed=1, report=lambda done, total: steps.append((done, total))
     )
     assert steps == [(1, 2), (2, 2)]
     save_layout_network(weights, tmp_path / "layout_network.onnx", training_set=["a"], seed=1)

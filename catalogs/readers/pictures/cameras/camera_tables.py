@@ -47,8 +47,8 @@ _RADIANS_REASON = (
 )
 
 _GON_REASON = (
-    "omega, phi and kappa of {file} taken as degrees, and look like gon (grads), of which 100 are a quarter turn; where they "
-    "are, call them omega_gon, phi_gon, kappa_gon"
+    "omega, phi and kappa of {file} taken as degrees, but they look like gon (100 to a quarter turn); if they are, call them "
+    "omega_gon, phi_gon, kappa_gon"
 )
 _MAX_TILT_GON = 5.0
 _MIN_GON_SHARE = 0.8  # of the pictures

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
-from itertools import count
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
@@ -45,9 +45,9 @@ _DISTANCE_WEIGHT = 0.3
 _BOX_WEIGHT = 3.0
 # Added to the number of hidden elements by which a view's loss is divided.
 _COUNT_OFFSET = 6.0
-# Batches in preparation, and kept to be used again while the next one is not ready.
-_AHEAD = 12
-_KEPT = 400
+# Processes that sample views, at most, and batches in preparation.
+_MAX_WORKERS = 14
+_AHEAD = 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +58,10 @@ class NetworkSchedule:
     ----------
     steps : number of steps.
     batch : views of a step.
-    workers : processes that sample views.
     """
 
     steps: int = 1800
     batch: int = 256
-    workers: int = 2
 
 
 def train_layout_network(
@@ -81,7 +79,7 @@ def train_layout_network(
     layouts : layouts of the database.
     generated : generated layouts.
     schedule : length of the training.
-    seed : random seed. A run is not reproduced exactly: batches are used again while the next one is not ready.
+    seed : random seed.
     report : called after each step with the number of finished steps, and of all.
 
     Raises
@@ -103,18 +101,17 @@ def train_layout_network(
     average = copy.deepcopy(network).eval()
     optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_WEIGHT_DECAY)
     with ProcessPoolExecutor(
-        schedule.workers,
+        min(_MAX_WORKERS, len(os.sched_getaffinity(0))),
         mp_context=get_context("spawn"),
         initializer=_keep_layouts,
         initargs=(layouts, generated),
     ) as pool:
-        batches = _batches(pool, schedule, seed)
-        for step in range(schedule.steps):
+        for step, batch in enumerate(_batches(pool, schedule, seed)):
             done = step / schedule.steps
             rate = _RATE * min(1.0, done / _WARM_UP_SHARE + 0.02) * (0.5 + 0.5 * math.cos(math.pi * done)) + 1e-6
             for group in optimiser.param_groups:
                 group["lr"] = rate
-            views = {name: torch.from_numpy(value).to(device) for name, value in next(batches).items()}
+            views = {name: torch.from_numpy(value).to(device) for name, value in batch.items()}
             inputs, targets = _prepare(views)
             with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
                 raw = network(inputs)
@@ -125,7 +122,6 @@ def train_layout_network(
             optimiser.step()
             _follow(average, network, min(1 - 1 / _AVERAGE_STEPS, (1 + step) / (10 + step)))
             report(step + 1, schedule.steps)
-        pool.shutdown(wait=True, cancel_futures=True)
     weights: Mapping[str, Tensor] = average.cpu().state_dict()
     return weights
 
@@ -139,19 +135,13 @@ def _keep_layouts(layouts: Sequence[Layout], generated: Sequence[Layout]) -> Non
 
 
 def _batches(pool: ProcessPoolExecutor, schedule: NetworkSchedule, seed: int) -> Iterator[Mapping[str, np.ndarray]]:
-    """Yield batches; one of the last again while the next is not ready."""
-    kept: deque[Mapping[str, np.ndarray]] = deque(maxlen=_KEPT)
-    rng = np.random.default_rng([seed, 6])
+    """Yield the batch of each step, sampled ahead."""
     pending: deque[Future[Mapping[str, np.ndarray]]] = deque()
-    number = count()
-    while True:
-        while len(pending) < _AHEAD:
-            pending.append(pool.submit(_sample_batch, schedule.batch, (seed, 5, next(number))))
-        if pending[0].done() or len(kept) < 4:
-            kept.append(pending.popleft().result())
-            yield kept[-1]
-        else:
-            yield kept[int(rng.integers(len(kept)))]
+    for step in range(schedule.steps):
+        pending.append(pool.submit(_sample_batch, schedule.batch, (seed, 5, step)))
+        if len(pending) == _AHEAD:
+            yield pending.popleft().result()
+    yield from (future.result() for future in pending)
 
 
 def _sample_batch(size: int, seeds: Sequence[int]) -> Mapping[str, np.ndarray]:
@@ -163,7 +153,7 @@ def _sample_batch(size: int, seeds: Sequence[int]) -> Mapping[str, np.ndarray]:
             views.append(view)
     longest = -(-max(len(v.box) for v in views) // 32) * 32
 
-    def padded(name: str) -> np.ndarray:
+    def pad_to_longest(name: str) -> np.ndarray:
         values = [getattr(v, name) for v in views]
         out = np.zeros((size, longest, *values[0].shape[1:]), np.float32)
         for row, value in zip(out, values, strict=True):
@@ -171,7 +161,7 @@ def _sample_batch(size: int, seeds: Sequence[int]) -> Mapping[str, np.ndarray]:
         return out
 
     return {
-        **{name: padded(name) for name in ("box", "label", "hidden", "distance")},
+        **{name: pad_to_longest(name) for name in ("box", "label", "hidden", "distance")},
         "valid": np.arange(longest) < np.array([[len(v.box)] for v in views]),
         "extent": np.stack([v.extent for v in views]),
         "region": np.stack([np.rint(255 * v.region).astype(np.uint8) for v in views]),
