@@ -73,6 +73,7 @@ def write_inputs(folder: Path) -> Path:
         for column in range(2):
             id = "plot 12/4" if row == column == 1 else f"h{row}{column}"
             house(city, id, 16.0 * column, y, textured=row == column == 1)
+    house(city, "behind", 40, 40)  # shown by no picture
     house(city, "shed", -6, 12, size=(3, 10, 2.45))  # too low for facades
     house(city, "nowhere", 60, 0)
     city["vertices"][-1][0] = float("nan")

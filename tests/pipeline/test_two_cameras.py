@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import zarr
@@ -16,37 +15,13 @@ from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.bundles.refined_poses import read_bundled_pose_records
+from tests.pipeline.painted_panoramas import FAR, HEIGHT_M, PAVED, paint_panorama
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 pytestmark = pytest.mark.long
 
-WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0
-WALL = paint((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
-# The ground from 10 m south and 10 m west of where streets begin, four pixels a metre.
 SEEDED = ("seed", "seed_evidence")
-PAVED = cv2.resize(np.random.default_rng(4).integers(60, 190, (44, 84), np.uint8), (168, 88)).astype(np.uint8)
-
-
-def panorama(path: Path, east: float, north: float) -> None:
-    """What a camera sees of house a, or of house c 600 m to the north, and of paved ground."""
-    longitude = ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) * 2 * np.pi
-    latitude = ((0.5 - (np.arange(WIDTH // 2) + 0.5) / (WIDTH // 2)) * np.pi)[:, None]
-    ahead, right, up = np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)
-    image = np.full((WIDTH // 2, WIDTH, 3), (200, 215, 235), np.uint8)
-    with np.errstate(divide="ignore"):
-        down = HEIGHT_M / np.where(up < 0, -up, np.nan) * np.ones_like(ahead)
-        wall = (5.0 - north) / np.where(ahead > 1e-6, ahead, np.nan)
-    column, row = ((at + 10) * 4 for at in (east + down * right, north + down * ahead))
-    paved = (down > 0) & (column >= 0) & (column < 168) & (row >= 0) & (row < 88)
-    image[up[:, 0] < 0] = 120
-    image[paved] = PAVED[row[paved].astype(int), column[paved].astype(int), None]
-    x, z = east + wall * right - 4.0, HEIGHT_M + wall * up
-    on = (wall > 0) & (x >= 0) & (x < 12) & (z >= 0) & (z < 7)
-    rows, columns = WALL.shape[:2]
-    image[on] = WALL[((7 - z[on]) / 7 * rows).astype(int), (x[on] / 12 * columns).astype(int)]
-    Image.fromarray(image).save(path, quality=95)
 
 
 def posed(folder: Path, cameras: dict[str, tuple[float, float, float]]) -> None:
@@ -54,7 +29,8 @@ def posed(folder: Path, cameras: dict[str, tuple[float, float, float]]) -> None:
     (folder / "panoramas").mkdir(parents=True, exist_ok=True)
     poses = {}
     for name, (east, north, stated) in cameras.items():
-        panorama(folder / "panoramas" / f"{name}.jpg", east, north - FAR * round(north / FAR))
+        image = paint_panorama(east, north - FAR * round(north / FAR))
+        Image.fromarray(image).save(folder / "panoramas" / f"{name}.jpg", quality=95)
         poses[f"{name}.jpg"] = {"x": EAST + east, "y": NORTH + north, "z": stated, "heading": 0}
     (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": poses}))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +24,7 @@ from facade_core.core.errors import InputError
 from flows.cli.commands import command_line
 from tasks.fetching import ImageryFetchResult, fetch_block_panoramas, fetch_box_panoramas
 from tasks.publish.task import publish_block
+from tests.pipeline.painted_panoramas import FAR, paint_panorama
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)
@@ -41,6 +44,15 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Imagery]:
     near = [shot(f"near-{i}", 9 + i / 4, 0) for i in range(5)]
     with serving(Imagery([*near, shot("other", 30, 0, captured="2021-01-01"), shot("far", 9000, 0)])) as imagery:
         yield imagery
+
+
+def show_houses(taken: Shot) -> Shot:
+    """Give a picture of the first or third street what is seen of the house there."""
+    x, y = LONLAT.transform(taken.lon, taken.lat, direction="INVERSE")
+    north = y - NORTH - FAR * round((y - NORTH) / FAR)
+    written = io.BytesIO()
+    Image.fromarray(paint_panorama(x - EAST, north)).save(written, "JPEG", quality=95)
+    return replace(taken, content=written.getvalue())
 
 
 def names(folder: Path) -> set[str]:
@@ -74,6 +86,7 @@ def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(serv
 def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     served: Imagery, tmp_path: Path
 ) -> None:
+    served.shots = [show_houses(taken) for taken in served.shots]
     kept = {name: BUILDINGS[name] for name in ("a", "c")}
     block_file = write_block(tmp_path / "in", buildings=kept, streets={name: STREETS[name] for name in ("1", "3")})
     out = tmp_path / "out"
@@ -84,7 +97,7 @@ def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     assert told
     assert set(told.values()) <= {"2024-05-17", "2021-01-01"}
     before = started(out)
-    served.shots = [*served.shots, shot("newer", 9, 600, captured="2026-02-03")]
+    served.shots = [*served.shots, show_houses(shot("newer", 9, 600, captured="2026-02-03"))]
     fetch_block_panoramas(block_file, stac_service(served.stac()), dates="2026-01-01/..")
     texture(block_file, out)
     again = {unit for stage, unit in redone(before, out) if stage == "facades"}

@@ -1,0 +1,34 @@
+"""What a camera sees of house a of the small block and of paved ground, as an equirectangular picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.synth.facade import paint_facade
+
+HEIGHT_M = 2.5
+FAR = 600.0  # houses c and d stand this far north of a and b
+WALL = paint_facade((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
+# The ground from 10 m south and 10 m west of where streets begin, four pixels a metre.
+PAVED = cv2.resize(np.random.default_rng(4).integers(60, 190, (44, 84), np.uint8), (168, 88)).astype(np.uint8)
+
+
+def paint_panorama(east: float, north: float, width: int = 1536) -> np.ndarray:
+    """Paint the picture from a place in metres from the streets' beginning; it looks north."""
+    longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    latitude = ((0.5 - (np.arange(width // 2) + 0.5) / (width // 2)) * np.pi)[:, None]
+    ahead, right, up = np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)
+    image = np.full((width // 2, width, 3), (200, 215, 235), np.uint8)
+    with np.errstate(divide="ignore"):
+        down = HEIGHT_M / np.where(up < 0, -up, np.nan) * np.ones_like(ahead)
+        wall = (5.0 - north) / np.where(ahead > 1e-6, ahead, np.nan)
+    column, row = ((at + 10) * 4 for at in (east + down * right, north + down * ahead))
+    paved = (down > 0) & (column >= 0) & (column < 168) & (row >= 0) & (row < 88)
+    image[up[:, 0] < 0] = 120
+    image[paved] = PAVED[row[paved].astype(int), column[paved].astype(int), None]
+    x, z = east + wall * right - 4.0, HEIGHT_M + wall * up
+    on = (wall > 0) & (x >= 0) & (x < 12) & (z >= 0) & (z < 7)
+    rows, columns = WALL.shape[:2]
+    image[on] = WALL[((7 - z[on]) / 7 * rows).astype(int), (x[on] / 12 * columns).astype(int)]
+    return image
