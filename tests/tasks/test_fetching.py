@@ -97,7 +97,7 @@ def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
     assert told
     assert set(told.values()) <= {"2024-05-17", "2021-01-01"}
     before = started(out)
-    served.shots = [*served.shots, show_houses(shot("newer", 9, 600, captured="2026-02-03"))]
+    served.shots = [*served.shots, show_houses(shot("newer", 8.6, 600, captured="2026-02-03"))]
     fetch_block_panoramas(block_file, stac_service(served.stac()), dates="2026-01-01/..")
     texture(block_file, out)
     again = {unit for stage, unit in redone(before, out) if stage == "facades"}
