@@ -15,7 +15,14 @@ import shapely
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.axes import CoordinateAxes, resolve_crs_axes
-from catalogs.readers.cityjson.parts import Lod, format_lod, group_building_objects, parse_lod, select_lod_geometries
+from catalogs.readers.cityjson.parts import (
+    Lod,
+    format_lod,
+    group_building_objects,
+    is_of_building,
+    parse_lod,
+    select_lod_geometries,
+)
 from catalogs.readers.cityjson.surfaces import CityJsonAppearance, extract_faces, instantiate_geometry_template
 from catalogs.readers.cityjson.values import (
     apply_transform,
@@ -48,11 +55,15 @@ _MIN_MODEL_HEIGHT_M = 0.01  # m
 _MAX_HEIGHT_M = 1500.0  # m
 _MAX_GROUND_HEIGHT_M = 9000.0  # m
 _MAX_LEVELS = 200.0
+_MAX_TYPE_NAME = 60  # characters of the name of a type in a note
 
 
 @dataclass(slots=True)
 class _ReaderState:
-    """Head of a file and the results so far; pictures: index by path as written."""
+    """Head of a file and the results so far.
+
+    pictures: index by path as written; other_types: objects that are no part of a building, by type.
+    """
 
     path: Path
     requested_lod: Lod | None
@@ -60,6 +71,7 @@ class _ReaderState:
     axes: CoordinateAxes | None = None
     pictures: dict[str, int] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
+    other_types: Counter[str] = field(default_factory=Counter)
     models: list[BuildingModel] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
@@ -181,6 +193,8 @@ def _read_document(document: JsonObject, reading: _ReaderState) -> None:
     for id, thing in mapping_or_empty(document.get("CityObjects")).items():
         if isinstance(thing, dict):
             objects[id] = thing
+            if not is_of_building(thing):
+                reading.other_types[str(thing.get("type"))[:_MAX_TYPE_NAME]] += 1
         else:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
     for root, ids in group_building_objects(objects):
@@ -320,6 +334,10 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
         reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"
         reading.remarks.append(Remark(reading.path.name, reason, None))
     reading.remarks += [Remark(image, OUTSIDE_FOLDER_REASON, None) for image in refused]
+    reading.remarks += [
+        Remark(f"{count} {kind} of {reading.path.name}", "objects that are no buildings left out", None)
+        for kind, count in sorted(reading.other_types.items())
+    ]
     models = []
     for model in reading.models:
         texture = numbers[model.shell.texture]

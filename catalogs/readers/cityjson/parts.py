@@ -29,12 +29,17 @@ def format_lod(lod: Lod) -> str:
     return ".".join(map(str, lod)) or "unknown"
 
 
+def is_of_building(thing: JsonObject) -> bool:
+    """Return whether a CityObject is a building, or a part, room, element or installation of one."""
+    return str(thing.get("type")).startswith("Building")
+
+
 def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str]]]:
     """Yield (id, ids of its objects, itself first) of each building.
 
     A part without a building in the file counts as a building.
     """
-    kin = {id for id, thing in objects.items() if str(thing.get("type")).startswith("Building")}
+    kin = {id for id, thing in objects.items() if is_of_building(thing)}
     parents: dict[str, str] = {}
     for id in objects:
         if id in kin:

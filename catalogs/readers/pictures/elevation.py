@@ -36,6 +36,7 @@ _HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, d
 _UNKNOWN_CODES = (0.0, 9999.0, -999.0, 999.0)
 _CODE_GAP_M = 50.0
 _MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
+_MAX_MEDIAN_SLOPE = 1.0  # metres of height a metre; steeper ground bears no streets
 _METRES_PER_UNIT = {
     "ft": 0.3048,
     "foot": 0.3048,
@@ -76,8 +77,8 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
     Raises
     ------
     InputError
-        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, or has no
-        height inside the bounds.
+        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, has no
+        height inside the bounds, or is too steep for heights in metres.
     """
     path = Path(path)
     if not (np.isfinite(bounds).all() and bounds[0] <= bounds[2] and bounds[1] <= bounds[3]):
@@ -200,7 +201,21 @@ def _read_around(
     inner = heights[_MARGIN_CELLS : height - _MARGIN_CELLS, _MARGIN_CELLS : width - _MARGIN_CELLS]
     if not np.isfinite(inner).any():
         raise InputError(_coverage_message(raster, path, raster_crs, crs, bounds, "has no known height inside"))
+    _check_slope(heights, step, path)
     return ElevationRaster(float(west), float(north), step, heights)
+
+
+def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
+    """Raise where most of the ground is too steep, which tells heights in a smaller unit that is not stated."""
+    if min(heights.shape) < 2:
+        return
+    slopes = np.hypot(*np.gradient(heights, step))
+    slopes = slopes[np.isfinite(slopes)]
+    if len(slopes) and (median := float(np.median(slopes))) > _MAX_MEDIAN_SLOPE:
+        raise InputError(
+            f"{path}: half of the ground rises more than {median:.2g} m a metre, so its heights are in no metres; state "
+            "their unit, e.g. gdal_translate -a_scale 0.01 for centimetres"
+        )
 
 
 def _mask_codes(heights: Float32Array) -> None:

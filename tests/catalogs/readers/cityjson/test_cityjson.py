@@ -130,9 +130,13 @@ def only(models: BuildingModels) -> BuildingModel:
 @pytest.mark.parametrize("version", ["1.0", "1.0.3", "1.1", "2.0", "2.0.1"])
 def test_a_house_of_every_version(read: Callable[..., BuildingModels], version: str) -> None:
     attributes = {"measuredHeight": 9.0, "storeysAboveGround": 2, "name": " De Hoop ", "TerrainHeight": 1.4}
-    models = read(city({"h": house(solid(), attributes=attributes), "r": {"type": "Road"}}, version))
+    others = {"r": {"type": "Road"}, "p1": {"type": "+Pavilion"}, "p2": {"type": "+Pavilion"}}
+    models = read(city({"h": house(solid(), attributes=attributes), **others}, version))
     model = only(models)
-    assert (models.crs, models.textures, models.remarks) == ("EPSG:7415", (), ())
+    assert (models.crs, models.textures) == ("EPSG:7415", ())
+    assert [(remark.id, remark.reason) for remark in models.remarks] == [
+        (f"{kind} of a.city.json", "objects that are no buildings left out") for kind in ("2 +Pavilion", "1 Road")
+    ]
     assert (model.id, model.height, model.levels, model.name, model.base) == ("h", 9.0, 2.0, "De Hoop", 1.4)
     assert areas(model) == pytest.approx(HOUSE_AREAS)
     assert volume(model) == pytest.approx(VOLUME), "closed, and seen from outside"
