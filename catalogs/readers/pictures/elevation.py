@@ -36,7 +36,7 @@ _HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, d
 _UNKNOWN_CODES = (0.0, 9999.0, -999.0, 999.0)
 _CODE_GAP_M = 50.0
 _MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
-_MAX_MEDIAN_SLOPE = 1.0  # metres of height a metre; steeper ground bears no streets
+_MAX_MEDIAN_SLOPE = 2.0  # metres of height a metre; over that of tree tops in a surface model
 _METRES_PER_UNIT = {
     "ft": 0.3048,
     "foot": 0.3048,
@@ -213,7 +213,7 @@ def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
     slopes = slopes[np.isfinite(slopes)]
     if len(slopes) and (median := float(np.median(slopes))) > _MAX_MEDIAN_SLOPE:
         raise InputError(
-            f"{path}: half of the ground rises more than {median:.2g} m a metre, so its heights are in no metres; state "
+            f"{path}: half of its cells rise more than {median:.2g} m a metre, so its heights are in no metres; state "
             "their unit, e.g. gdal_translate -a_scale 0.01 for centimetres"
         )
 

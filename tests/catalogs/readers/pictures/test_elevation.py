@@ -119,7 +119,7 @@ def test_the_first_band_counts_in_whatever_unit(tmp_path: Path) -> None:
 
 def test_heights_in_a_smaller_unit_that_is_not_stated_are_refused(tmp_path: Path) -> None:
     steps = write(tmp_path / "centimetres.tif", np.round(tilted() * 100).astype(np.int16))
-    with pytest.raises(InputError, match=r"centimetres\.tif: half of the ground rises more than 2.2 m a metre"):
+    with pytest.raises(InputError, match=r"centimetres\.tif: half of its cells rise more than 2.2 m a metre"):
         read_elevation(steps, UTM, BOX)
     towers = tilted()
     towers[::8, ::8] += 90  # a surface model of thin towers is no such thing
