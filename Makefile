@@ -45,6 +45,8 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r deploy/constraints/installer.txt
 	$(BIN)/uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r deploy/constraints/constraints.txt
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
+	@# a relative path: Python reads this file in the encoding of the locale, and a path may have any letters
+	@for file in .venv/lib/python3*/site-packages/_streetloom.pth; do echo ../../../.. > "$$file"; done
 	@touch $@
 
 train-setup: setup  ## Install the training dependencies (torch, gigabytes) into the same .venv
