@@ -152,6 +152,12 @@ def query(
     is_flag=True,
     help="With --lit: emissive windows. glb and usd have variants day and night; this selects night by default.",
 )
+@click.option(
+    "--crs",
+    type=click.Choice(["native"]),
+    help="With 3dtiles: coordinates and heights of the block's own CRS, for maps in that CRS, in exports/3dtiles-native.  "
+    "[default: on the earth]",
+)
 def export(
     folder: Folder,
     style: str,
@@ -161,6 +167,7 @@ def export(
     max_texture_mb: float | None,
     lit: bool | None,
     night: bool,
+    crs: str | None,
 ) -> None:
     """Export the products of a run, or of all blocks of a city, for other programs.
 
@@ -168,7 +175,8 @@ def export(
 
     \b
     glb           block and buildings, in metres around an origin that its extras state with the CRS; y up
-    3dtiles       on the earth (EPSG:4978); heights above the ellipsoid by geoid_separation of the block file
+    3dtiles       on the earth (EPSG:4978); heights above the ellipsoid by geoid_separation of the block file; with
+                  --crs native in the block's CRS, with the block's heights
     cityjson(seq) LoD2, in the block's CRS; a Solid for each building with a closed surface
     lod3          as cityjson, with windows and doors recessed in the walls, balconies and ledges projecting from them
     citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
@@ -192,6 +200,7 @@ def export(
       streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
       streetloom export out/demo --format 3dtiles --textures factored --to factored-tiles/
       streetloom export out/demo --format 3dtiles --night --to night/
+      streetloom export out/demo --format 3dtiles --crs native             for a map in the block's CRS
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
       streetloom export out/helsinki --format 3dtiles --to tiles/           of the whole city, usable without it
@@ -202,7 +211,15 @@ def export(
 
     with show_progress(quiet=not sys.stderr.isatty()):
         done = write(
-            folder, style, to, buildings, textures=textures, max_texture_mb=max_texture_mb, lit=lit, night=night
+            folder,
+            style,
+            to,
+            buildings,
+            textures=textures,
+            max_texture_mb=max_texture_mb,
+            lit=lit,
+            night=night,
+            crs=crs,
         )
     for line in done.notes:
         print_notice(line)

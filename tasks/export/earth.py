@@ -8,29 +8,37 @@ from facade_core.core.arrays import Float64Array
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
-    from facade_core.export.tiles.earth import EarthTangentFrame
+    from facade_core.export.tiles.earth import TilesetFrame
+
+# Value of --crs for tiles in the block's projected CRS instead of the earth-centred frame.
+NATIVE_CRS = "native"
 
 
 def georeference_tiles(
-    results: PublishedBlock, origin: Float64Array
-) -> tuple[EarthTangentFrame, dict[str, object], list[str]]:
-    """Compute the earth frame of a block's tiles.
+    results: PublishedBlock, origin: Float64Array, crs: str | None = None
+) -> tuple[TilesetFrame, dict[str, object], list[str]]:
+    """Compute the frame of a block's tiles.
 
     Parameters
     ----------
     results : published results of a block.
     origin : (3,) origin of the tiles, world metres.
+    crs : NATIVE_CRS: the block's own, with its own heights; None: earth-centred (EPSG:4978).
 
     Returns
     -------
-    frame : transform to earth-centred coordinates.
+    frame : transform to the coordinates of the tileset.
     extras : facts for the tileset.
     notes : remarks for the user.
     """
-    from facade_core.export.tiles.earth import earth_tangent_frame
+    from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 
     separation = results.group.attrs.get("geoid_separation")
     extras: dict[str, object] = {"block": results.block, "crs": results.crs, "snapshot": results.snapshot.id}
+    if crs == NATIVE_CRS:
+        extras["coordinates"] = f"metres of {results.crs}: x east, y north, z up; not earth-centred"
+        extras["heights"] = "the block's own, as given"
+        return ProjectedFrame(origin), extras, []
     if separation is None:
         extras["heights"] = (
             "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"

@@ -90,7 +90,7 @@ def write_factored_glb(
 
 
 def write_factored_tiles(
-    results: PublishedBlock, buildings: IntArray, shown: IntArray, folder: Path
+    results: PublishedBlock, buildings: IntArray, shown: IntArray, folder: Path, crs: str | None = None
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and tiles with factored leaves, which share picture files.
 
@@ -102,6 +102,7 @@ def write_factored_tiles(
     buildings : (n,) indices of buildings.
     shown : the buildings, and -1 for the ground.
     folder : target folder.
+    crs : of the tiles; see `write_3dtiles`.
 
     Returns
     -------
@@ -123,7 +124,7 @@ def write_factored_tiles(
     start = time.monotonic()
     whole = results.textured_mesh
     source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
-    frame, extras, notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin)
+    frame, extras, notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     cells = build_quadtree(source)
     walls = build_factored_walls(results, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
     far, near = walls.details

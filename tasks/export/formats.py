@@ -17,12 +17,14 @@ from catalogs.published.runs import CITY_FILE_NAME
 from catalogs.published.s3 import S3Path, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.code_digest import export_key
+from tasks.export.earth import NATIVE_CRS
 from tasks.export.models import FACTORED
 from tasks.export.targets import (
     HIDDEN_MARKER,
     MARKER,
     ExportResult,
     check_target,
+    export_folder_name,
     marker_name,
     replace_file,
     replace_folder,
@@ -69,6 +71,7 @@ FORMATS_BY_OPTION = {
     "max_texture_mb": ("3dtiles",),
     "lit": ("glb", "3dtiles", "usd"),
     "night": ("glb", "3dtiles", "usd"),
+    "crs": ("3dtiles", f"{FACTORED} 3dtiles"),
 }
 
 
@@ -82,6 +85,7 @@ def export_run(
     max_texture_mb: float | None = None,
     lit: bool | None = None,
     night: bool = False,
+    crs: str | None = None,
 ) -> ExportResult:
     """Export the published results of a run, or of all blocks of a city.
 
@@ -95,13 +99,14 @@ def export_run(
     ----------
     out : folder of the run, or of the city.
     format : one of FORMATS; of a city, one of `tasks.export.whole_city.formats.CITY_FORMATS`.
-    to : target folder; None: OUT/exports/FORMAT. A path that ends in .gpkg is one new file.
+    to : target folder; None: OUT/exports/FORMAT, with crs OUT/exports/FORMAT-CRS. A path that ends in .gpkg is one new file.
     buildings : ids of buildings; empty: all.
     textures : encoding of 3dtiles pictures (jpeg if None, webp, ktx2); FACTORED, for glb too: an unlit model of few
         pictures.
     max_texture_mb : 3dtiles only: graphics memory of a view, MB; None: 300, for ktx2 120; infinity: full resolution.
     lit : glb, 3dtiles and usd: materials react to light.
     night : glb, 3dtiles and usd: windows emit light.
+    crs : 3dtiles only: "native" gives coordinates in the block's CRS; None: earth-centred (EPSG:4978).
 
     Raises
     ------
@@ -109,7 +114,9 @@ def export_run(
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
-    asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None}
+    if crs not in (None, NATIVE_CRS):
+        raise InputError(f"--crs {crs}: is not written; use {NATIVE_CRS}, the block's own, or leave it out")
+    asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None, "crs": crs}
     options = {name: value for name, value in asked.items() if value is not None}
     made = f"{FACTORED} {format}" if textures == FACTORED else format
     for name in options:
@@ -141,7 +148,8 @@ def _export(
     options: Mapping[str, object],
 ) -> ExportResult:
     chosen = results.select_buildings(buildings)
-    target = Path(str(results.snapshot.out)) / "exports" / format if to is None else to.resolve()
+    default = Path(str(results.snapshot.out)) / "exports" / export_folder_name(format, options)
+    target = default if to is None else to.resolve()
     if to is None:
         check_target(target, format, as_file)
     try:
@@ -191,10 +199,11 @@ def _lock_exclusively(folder: Path) -> Iterator[bool]:
 
 
 def _export_in_bucket(place: S3Path, format: str, options: Mapping[str, object]) -> ExportResult:
-    here = local_run_folder(place) / "exports" / format
+    name = export_folder_name(format, options)
+    here = local_run_folder(place) / "exports" / name
     try:
         with open_published_run(place) as results:
-            target = join_path(place, f"exports/{format}/{results.snapshot.id}")
+            target = join_path(place, f"exports/{name}/{results.snapshot.id}")
             written = _export(results, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
         map_concurrently(

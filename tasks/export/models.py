@@ -132,6 +132,7 @@ def write_3dtiles(
     max_texture_mb: float | None = None,
     lit: bool | None = None,
     night: bool = False,
+    crs: str | None = None,
 ) -> tuple[list[str], list[str]]:
     """Write tileset.json and its georeferenced tiles, with the catalogue's columns as metadata.
 
@@ -144,6 +145,7 @@ def write_3dtiles(
     max_texture_mb : graphics memory of a view, MB; None: default of the encoding.
     lit : relight materials; see `mesh_with_requested_lighting`.
     night : bake night emission.
+    crs : NATIVE_CRS: the block's own; None: earth-centred; see `georeference_tiles`.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def write_3dtiles(
     if textures == FACTORED:
         from tasks.export.factored import write_factored_tiles
 
-        return write_factored_tiles(results, buildings, append_ground_index(results, buildings), folder)
+        return write_factored_tiles(results, buildings, append_ground_index(results, buildings), folder, crs)
     from dataclasses import replace
 
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
@@ -175,7 +177,7 @@ def write_3dtiles(
     chosen = np.isin(source.charts.building[source.mesh.chart], append_ground_index(results, buildings))
     source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = results.plan.scene.spec.texels_per_metre
-    frame, extras, earth_notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin)
+    frame, extras, earth_notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     notes += earth_notes
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"

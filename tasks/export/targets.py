@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,6 +57,11 @@ class ExportResult:
 def marker_name(format: str) -> str:
     """Return the name of an export's marker file, which lists its sources and digests."""
     return HIDDEN_MARKER if format == "labelme" else MARKER
+
+
+def export_folder_name(format: str, options: Mapping[str, object]) -> str:
+    """Return the name of an export's default folder; tiles of another CRS must not replace those that a city refers to."""
+    return f"{format}-{options['crs']}" if "crs" in options else format
 
 
 def read_marker(folder: Path) -> JsonObject | None:

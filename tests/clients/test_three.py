@@ -43,6 +43,17 @@ def test_every_tile_opens_and_a_facade_answers(
         assert shown.said == []
 
 
+@pytest.mark.long
+def test_tiles_in_the_crs_of_the_block_open(browser: Any, exported: Exported) -> None:
+    with present(), in_three(browser, exported("3dtiles", crs="native")) as shown:
+        told = shown("figures()")
+        assert told["failed"] == []
+        assert told["bare"] == []
+        assert shown("colours()") > 500
+        assert any(row and row["kind"] == "facade" for row in (shown(f"picked({x}, {y})") for x, y in PLACES))
+        assert shown.said == []
+
+
 @pytest.mark.parametrize("lit", [False, True])
 def test_a_model_opens_with_its_pictures(browser: Any, exported: Exported, lit: bool) -> None:
     with present(), in_three(browser, first(exported("glb", lit=lit))) as shown:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,18 +19,22 @@ class TilesetReference:
     Attributes
     ----------
     uri : relative to the root tileset.
-    sphere : (x, y, z, radius), earth-centred metres.
+    sphere : (x, y, z, radius), metres of the tileset's coordinates.
     geometric_error : its geometric error, metres.
+    frame : its extras on coordinates that are not earth-centred; the same in all blocks.
     """
 
     uri: str
     sphere: Float64Array
     geometric_error: float
+    frame: Mapping[str, str] = field(default_factory=dict)
 
 
 def refer_to_tileset(uri: str, tileset: JsonObject) -> TilesetReference:
     """Return the reference to a block's tileset by its document."""
-    return TilesetReference(uri, _bounding_sphere(tileset["root"]), float(tileset["geometricError"]))
+    extras = tileset["asset"].get("extras", {})
+    frame = {key: extras[key] for key in ("crs", "coordinates")} if "coordinates" in extras else {}
+    return TilesetReference(uri, _bounding_sphere(tileset["root"]), float(tileset["geometricError"]), frame)
 
 
 def build_city_tileset(
@@ -49,7 +53,8 @@ def build_city_tileset(
     radius = float((np.linalg.norm(spheres[:, :3] - centre, axis=1) + spheres[:, 3]).max())
     asset: JsonObject = {"version": "1.1"}
     if attribution is not None:
-        asset |= {"copyright": attribution.line, "extras": {"city": name, "attribution": attribution.to_json()}}
+        extras = {"city": name, **references[0].frame, "attribution": attribution.to_json()}
+        asset |= {"copyright": attribution.line, "extras": extras}
     root = {
         "boundingVolume": {"sphere": [*centre.tolist(), radius]},
         "geometricError": 2 * radius,
@@ -67,7 +72,7 @@ def build_city_tileset(
 
 
 def _bounding_sphere(root: JsonObject) -> Float64Array:
-    """Compute the sphere around a tileset's root from its box and its transform, earth-centred metres."""
+    """Compute the sphere around a tileset's root from its box and its transform, in metres."""
     box = np.array(root["boundingVolume"]["box"], float)
     transform = np.array(root.get("transform", np.eye(4).reshape(-1)), float).reshape(4, 4).T
     centre = (transform @ np.append(box[:3], 1.0))[:3]

@@ -1,17 +1,37 @@
-"""Georeference of 3D Tiles: from a block's projected frame to the earth-centred frame."""
+"""Georeference of 3D Tiles: in the earth-centred frame, or in a block's projected frame."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from facade_core.core.arrays import Float64Array
-from facade_core.export.models.textured_mesh import to_y_up
+from facade_core.export.models.textured_mesh import ModelFrame, YUpFrame, to_y_up
 
 # Distance over which the angle between grid north and true north is measured, metres.
 NORTH_STEP_M = 100.0
+
+
+class TilesetFrame(ModelFrame, Protocol):
+    """Frame of a tileset's models, with its place in the coordinates of the tileset."""
+
+    def transform(self) -> Float64Array:
+        """Return the matrix (4, 4) from the frame, z up, to the coordinates of the tileset."""
+        ...
+
+
+@dataclass(frozen=True)
+class ProjectedFrame(YUpFrame):
+    """Frame along the axes of a block's projected CRS, in which the tileset has its coordinates."""
+
+    def transform(self) -> Float64Array:
+        """Return the matrix (4, 4) from the frame to the projected CRS: a translation."""
+        matrix = np.eye(4)
+        matrix[:3, 3] = self.origin
+        return matrix
 
 
 @dataclass(frozen=True)

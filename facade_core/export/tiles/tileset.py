@@ -16,7 +16,7 @@ from facade_core.export.models.features import FeatureTable
 from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, material_texel_ratio
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.cells import COARSE_SCALE, QuadtreeCell
-from facade_core.export.tiles.earth import EarthTangentFrame
+from facade_core.export.tiles.earth import TilesetFrame
 from facade_core.export.tiles.far_shells import BuildingShells
 from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
 from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
@@ -118,7 +118,7 @@ class TiledModel:
 
     source: TexturedMesh
     shells: BuildingShells
-    frame: EarthTangentFrame
+    frame: TilesetFrame
     features: FeatureTable
 
 
@@ -384,7 +384,7 @@ def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> Int64Array:
     return np.union1d(cell.ground, source.select_charts(cell.buildings)).astype(np.int64)
 
 
-def _page_batches(pages: TilePages, rows: IntArray, frame: EarthTangentFrame) -> list[TileBatch]:
+def _page_batches(pages: TilePages, rows: IntArray, frame: TilesetFrame) -> list[TileBatch]:
     """Return one batch per page."""
     drawn = pages.packed
     source, mesh = drawn.source, drawn.source.mesh

@@ -27,6 +27,7 @@ from tasks.export.targets import (
     MARKER,
     ExportResult,
     check_target,
+    export_folder_name,
     file_digests,
     read_marker,
     replace_file,
@@ -56,7 +57,7 @@ def export_city(
     ----------
     out : folder of the city.
     format : name of the format.
-    to : target; None: exports/FORMAT in the folder of the city.
+    to : target; None: exports/FORMAT in the folder of the city, with a CRS exports/FORMAT-CRS.
     buildings : ids of buildings; empty: all.
     as_file : the target is one GeoPackage.
     options : options of the format.
@@ -76,10 +77,11 @@ def export_city(
     blocks, notes = _list_published_blocks(out, log)
     if buildings:
         blocks = _list_owners(out, blocks, buildings)
-    target = Path(str(out)).resolve() / "exports" / format if to is None else to.resolve()
+    default = Path(str(out)).resolve() / "exports" / export_folder_name(format, options)
+    target = default if to is None else to.resolve()
     check_target(target, format, as_file)
     kind = CITY_FORMATS[format]
-    city = _read_city_facts(out, log, blocks, kind)
+    city = _read_city_facts(out, log, blocks, kind, in_block_crs="crs" in options)
     gc.collect()  # an opened block is in cycles of references: several of them would stay in memory
     staging = Staging(target.with_name(f".{target.name}.part"), kind.keeps_folders)
     job = _CityExport(out, format, kind, city, staging, tuple(buildings), dict(options))
@@ -164,7 +166,7 @@ class _CityExport:
         sources = [target / part.uri]
         block = self._block_folder(part)
         if self.kind.is_block_export and isinstance(block, Path):
-            sources.append(block / "exports" / self.format)
+            sources.append(block / "exports" / export_folder_name(self.format, self.options))
         return any(self.staging.copy_part(part, source, key) for source in sources)
 
     def _block_folder(self, part: Part) -> Folder:
@@ -251,18 +253,22 @@ def _own_buildings(results: PublishedBlock) -> set[str]:
     return {results.names[building] for building in results.select_buildings(()).tolist()}
 
 
-def _read_city_facts(out: Folder, log: CityLog, blocks: Sequence[str], kind: CityFormat) -> CityFacts:
+def _read_city_facts(
+    out: Folder, log: CityLog, blocks: Sequence[str], kind: CityFormat, *, in_block_crs: bool
+) -> CityFacts:
     """Read what the parts share: the origin of the first block, and the CRS of all."""
     with current_snapshot(out / BLOCKS_FOLDER / blocks[0]).hold_for_reading() as snapshot:
         first = open_published_snapshot(snapshot)
         facts = CityFacts(log.name, first.crs, model_origin(first), has_unique_ids=not log.sources)
-    if kind.shares_crs and log.sources:  # block files of the user; blocks cut from one city have its CRS
+    if (
+        kind.shares_crs or in_block_crs
+    ) and log.sources:  # block files of the user; blocks cut from one city have its CRS
         for block in blocks[1:]:
             with current_snapshot(out / BLOCKS_FOLDER / block).hold_for_reading() as snapshot:
                 crs = str(open_root(snapshot.open_session()).attrs["crs"])
             if crs != facts.crs:
                 raise InputError(
-                    f"{out}: block {blocks[0]} is in {facts.crs} and {block} in {crs}, and the format has one frame; use "
-                    "3dtiles or cog, or export the blocks one by one"
+                    f"{out}: block {blocks[0]} is in {facts.crs} and {block} in {crs}, and the format has one frame; "
+                    f"{'leave --crs out' if in_block_crs else 'use 3dtiles or cog'}, or export the blocks one by one"
                 )
     return facts

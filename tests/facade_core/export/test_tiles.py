@@ -25,7 +25,7 @@ from facade_core.export.models.gltf_materials import TimeOfDay
 from facade_core.export.models.textured_mesh import TexturedMesh, mesh_y_up_frame
 from facade_core.export.tiles import cells
 from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
-from facade_core.export.tiles.earth import earth_tangent_frame
+from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
 from facade_core.export.tiles.tileset import (
     TiledModel,
@@ -60,6 +60,17 @@ def test_the_frame_puts_points_where_they_are_on_the_earth(crs: str) -> None:
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
     north = frame.directions(np.array([[0.0, 1.0, 0.0]]))[0]
     np.testing.assert_allclose(north, (model[2] - model[0]) / np.linalg.norm(model[2] - model[0]), atol=1e-3)
+
+
+def test_the_projected_frame_keeps_coordinates_and_directions_of_the_block() -> None:
+    origin = np.array([92000.0, 436000.0, -1.0])
+    frame = ProjectedFrame(origin)
+    world = origin + np.array([[0, 0, 0], [800, -300, 40], [0, 1000, 0]])
+    matrix = frame.transform()
+    placed = frame.points(world)[:, [0, 2, 1]] * [1, -1, 1] @ matrix[:3, :3].T + matrix[:3, 3]
+    np.testing.assert_array_equal(placed, world)
+    north = frame.directions(np.array([[0.0, 1.0, 0.0]]))[0]
+    np.testing.assert_array_equal(north, [0, 0, -1])
 
 
 def test_shells_look_like_their_buildings(coloured: TexturedMesh) -> None:

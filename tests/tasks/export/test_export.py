@@ -143,6 +143,40 @@ def test_tiles_stand_on_the_block(found: PublishedBlock, undisturbed: Run, tmp_p
     assert tileset["root"]["children"]
 
 
+@pytest.mark.parametrize("textures", [None, "factored"])
+def test_tiles_have_the_coordinates_of_the_block(
+    textures: str | None, found: PublishedBlock, undisturbed: Run, tmp_path: Path
+) -> None:
+    done = export_run(undisturbed[0], "3dtiles", tmp_path / "tiles", textures=textures, crs="native")
+    assert not any("geoid_separation" in note for note in done.notes)
+    tileset = json.loads((tmp_path / "tiles" / "tileset.json").read_text())
+    extras = tileset["asset"]["extras"]
+    assert extras["crs"] == found.crs
+    assert "not earth-centred" in extras["coordinates"]
+    matrix = np.array(tileset["root"]["transform"]).reshape(4, 4).T
+    np.testing.assert_array_equal(matrix[:3, :3], np.eye(3))
+    ends: list[Any] = []
+    for path in (tmp_path / "tiles" / "tiles").glob("near*.glb" if textures else "full*.glb"):
+        with path.open("rb") as file:
+            document = read_glb_header(file)[0]
+        for node in document["nodes"]:
+            for primitive in document["meshes"][node["mesh"]]["primitives"]:
+                positions = document["accessors"][primitive["attributes"]["POSITION"]]
+                ends += [np.array(positions[end]) * node["scale"] + node["translation"] for end in ("min", "max")]
+    world = np.array(ends)[:, [0, 2, 1]] * [1, -1, 1] + matrix[:3, 3]
+    mesh = found.textured_mesh.mesh
+    drawn = mesh.vertices[np.unique(mesh.triangles)]
+    np.testing.assert_allclose(world.min(axis=0), drawn.min(axis=0), atol=0.3 if textures else 0.02)
+    np.testing.assert_allclose(world.max(axis=0), drawn.max(axis=0), atol=0.3 if textures else 0.02)
+
+
+def test_another_crs_is_refused(undisturbed: Run) -> None:
+    with pytest.raises(InputError, match="--crs: is of 3dtiles and factored 3dtiles; leave it out with gpkg"):
+        export_run(undisturbed[0], "gpkg", crs="native")
+    with pytest.raises(InputError, match="--crs EPSG:3857: is not written; use native"):
+        export_run(undisturbed[0], "3dtiles", crs="EPSG:3857")
+
+
 def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(
     found: PublishedBlock, tmp_path: Path
 ) -> None:

@@ -213,6 +213,26 @@ def test_a_tileset_of_a_city_is_whole_by_itself(export_once: Any, found: Publish
         assert np.linalg.norm(np.array([x, y, z]) - centre) + reach <= radius + 1e-6
 
 
+def test_tiles_of_a_city_have_the_coordinates_of_its_blocks(
+    undisturbed: Run, found: PublishedBlock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = write_city(tmp_path / "city", undisturbed[0], NAMES)
+    building = int(found.select_buildings(())[0])
+    folder = export_run(whole, "3dtiles", buildings=[found.names[building]], crs="native").path
+    assert folder == whole / "exports" / "3dtiles-native", "the city's own tileset refers to the folder 3dtiles"
+    root = json.loads((folder / "tileset.json").read_text())  # type: ignore[operator]
+    assert root["asset"]["extras"]["crs"] == found.crs
+    assert "not earth-centred" in root["asset"]["extras"]["coordinates"]
+    source = found.textured_mesh
+    corners = source.mesh.vertices[source.mesh.triangles[source.charts.building[source.mesh.chart] == building]]
+    sphere = np.array(root["root"]["boundingVolume"]["sphere"])
+    assert np.linalg.norm(corners.reshape(-1, 3) - sphere[:3], axis=1).max() <= sphere[3] + 0.1
+    assert sphere[3] < 200, "metres around the building"
+    monkeypatch.setattr(city_export, "open_root", lambda session: SimpleNamespace(attrs={"crs": "EPSG:3067"}))
+    with pytest.raises(InputError, match="block a9 is in EPSG:32635 and a10 in EPSG:3067.*; leave --crs out"):
+        export_run(whole, "3dtiles", tmp_path / "other", crs="native")
+
+
 def test_orthophotos_of_a_city_are_one_raster_and_one_catalogue(export_once: Any, found: PublishedBlock) -> None:
     folder = export_once("cog")
     catalogue = pystac.Catalog.from_file(folder / "catalog.json")
