@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import unicodedata
 
 # Control and format characters, surrogates, line and paragraph separators.
@@ -36,6 +37,11 @@ def short_repr(value: object, max_length: int = 60) -> str:
     """Return the repr of a value on one line of at most `max_length` characters."""
     text = " ".join(repr(value).split()) if value is not None else "nothing"
     return text if len(text) <= max_length else text[: max_length - 3] + "..."
+
+
+def format_command(*words: object) -> str:
+    """Return a command of Streetloom as it is typed: words with spaces and the like are quoted."""
+    return shlex.join(["streetloom", *map(str, words)])
 
 
 def format_count(count: int, noun: str) -> str:

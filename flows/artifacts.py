@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import logging
 import re
-import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +24,7 @@ from prefect.artifacts import (
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
+from catalogs.printable_text import format_command
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.json_types import JsonObject
@@ -115,7 +115,7 @@ def track_progress(block: str) -> Iterator[None]:
 @_ignore_server_errors()
 def publish_viewer_link(run: Run) -> None:
     """Create a link to the address of the run's viewer, which may be started while the run is in progress."""
-    command = shlex.join(["streetloom", "view", run.out])
+    command = format_command("view", run.out)
     create_link_artifact(
         f"http://{VIEWER_HOST}:{VIEWER_PORT}/",
         link_text=f"map, facades and 3D model of {escape_markdown(run.block)}",
@@ -170,7 +170,7 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
         [*map(escape_row, facades[:MAX_TABLE_ROWS])],
         key=f"{slug}-facades",
         description=f"{len(facades)} facades, failed ones first; "
-        f"{markdown_code(f'streetloom query {run.out}')} finds what you look for",
+        f"{markdown_code(format_command('query', run.out))} finds what you look for",
     )
     report = folder_at(outputs["report"]).resolve()
     # browsers do not follow links from a server's page to files, so each path can also be copied
@@ -184,9 +184,9 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     files = [(name, folder_at(path).resolve()) for name, path in links]
     lines = [f"- [{name}]({_file_address(path)}): {markdown_code(str(path))}" for name, path in files]
     find = (
-        f"{markdown_code(f'streetloom view {run.out}')} serves the map, every facade stage by stage and the block in 3D at "
+        f"{markdown_code(format_command('view', run.out))} serves the map, every facade stage by stage and the block in 3D at "
         f"[{VIEWER_HOST}:{VIEWER_PORT}](http://{VIEWER_HOST}:{VIEWER_PORT}/), also while a run goes on; "
-        f"{markdown_code(f'streetloom query {run.out}')} answers questions about the facades."
+        f"{markdown_code(format_command('query', run.out))} answers questions about the facades."
     )
     create_markdown_artifact(
         "\n".join([f"# {escape_markdown(run.block)}", "", *lines, "", find]),

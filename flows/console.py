@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from catalogs.printable_text import escape_invisible, format_count
+from catalogs.printable_text import escape_invisible, format_command, format_count
 from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import StageProgress, add_listener
 
@@ -126,7 +126,7 @@ def print_summary(target: Console, summary: JsonObject, *, painted: bool = False
     for model in summary["outputs"]["glb"]:
         _print_escaped(target, f"  model   {model}")
     _print_escaped(target, f"  items   {summary['outputs']['items']}")
-    _print_escaped(target, f"  look    streetloom view {summary['out']}")
+    _print_escaped(target, f"  look    {format_command('view', summary['out'])}")
 
 
 def _print_escaped(target: Console, *parts: str | tuple[str, str]) -> None:

@@ -387,7 +387,7 @@ def _empty_error(
         named = " of these names" if key == "streets" and keys.streets and keys.streets.names else ""
         span = f"; they span [{', '.join(f'{value:.4f}' for value in bounds)}]" if bounds else ""
         south, west, north, east = keys.area
-        remedy = "mend area"
+        remedy = "choose an area within it" if bounds else "choose another area"
         if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
             remedy = f"{SWAPPED_AXES_NOTE}: write {[west, south, east, north]}"
         return file.make_error("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")

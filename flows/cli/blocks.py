@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.imagery import fetch_block_imagery, print_imagery_fetch
-from flows.cli.output import print_line
+from flows.cli.output import print_command, print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
@@ -81,7 +81,7 @@ def new_block(
         print_line(line)
     if imagery is not None:
         print_imagery_fetch(fetch_block_imagery(block_file, imagery))
-    print_line(f"ready: streetloom run {block_file}")
+    print_command("ready", "run", block_file)
 
 
 def require_map_files(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> MapFiles:
@@ -124,4 +124,4 @@ def fetch(name: str | None, out: Path) -> None:
     with show_progress(quiet=not sys.stderr.isatty()):
         block, source = fetch_block(name, out)
     print_line(f"licence: {source.licence}")
-    print_line(f"ready: streetloom run {block}")
+    print_command("ready", "run", block)

@@ -84,10 +84,11 @@ def city_command(
 def _note_default_partition(city_file: Path) -> None:
     """Print a notice where the city file states no `cut`; a block file is a valid city file too."""
     from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, uses_default_partition
+    from catalogs.printable_text import format_command
 
     with suppress(ValueError):  # reported when the file is read
         if uses_default_partition(city_file):
-            remedy = f"as one block: streetloom run {city_file}"
+            remedy = f"as one block: {format_command('run', city_file)}"
             print_notice(
                 f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}"
             )
@@ -105,6 +106,7 @@ def _city_exit_code(summary: JsonObject) -> int:
 
 def print_city_summary(summary: JsonObject) -> None:
     """Print what a run of a city did, and what of its inputs was left out or assumed."""
+    from catalogs.printable_text import format_command
     from tasks.engine.forecast import describe_rejected_inputs
 
     print_line(
@@ -124,7 +126,7 @@ def print_city_summary(summary: JsonObject) -> None:
     if (estimate := summary["estimate"])["processor_hours_taken"]:
         print_line(f"  took   {_describe_estimate_use(estimate)}")
     print_line(f"  model  {summary['out']}/overview.glb")
-    print_line(f"  look   streetloom view {summary['out']}")
+    print_line(f"  look   {format_command('view', summary['out'])}")
 
 
 def _describe_estimate_use(estimate: JsonObject) -> str:

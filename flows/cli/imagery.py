@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.output import print_line, print_notice
+from flows.cli.output import print_command, print_line, print_notice
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
@@ -69,7 +69,7 @@ def fetch_imagery(
     exit_on_signal("interrupted; what was fetched stays, run the same command to go on")
     if block_file is not None:
         print_imagery_fetch(fetch_block_imagery(block_file, source, to, poses, dates, most, licence))
-        print_line(f"ready: streetloom run {block_file}")
+        print_command("ready", "run", block_file)
         return
     if to is None:
         raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
@@ -128,7 +128,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         print_line(f"photos     {found.count} taken")
         if by_hand:
             print_notice(f"write into the block file: {by_hand}")
-        print_line(f"ready: streetloom run {block_file}")
+        print_command("ready", "run", block_file)
         return
     table = out or block_file.parent / TABLE
     with show_progress(quiet=not sys.stderr.isatty()):
@@ -141,7 +141,10 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         print_notice(f"of those without a place: {PLACE_REMEDY}")
     matches = found_table.matches()
     if not matches:
-        raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
+        raise InputError(
+            f"{photos}: none of its photos can be matched, for the reasons above; correct those, or name each photo after "
+            "its facade"
+        )
     write_match_table(found_table, new=True)
     for photo in matches:
         candidates = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in photo.candidates)
@@ -155,8 +158,8 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         f"{sum(bool(photo.facade) for photo in matches)} of {len(matches)} are sure; the others' candidates: {table}"
     )
     if out is None:
-        print_line(f"to decide on a page: streetloom view OUT --edit --photos {photos}")
-    print_line(f"then: streetloom match {block_file} {photos} --take {table}")
+        print_command("to decide on a page", "view", "OUT", "--edit", "--photos", photos)
+    print_command("then", "match", block_file, photos, "--take", table)
 
 
 def fetch_block_imagery(

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from flows.cli.blocks import require_map_files
-from flows.cli.output import print_line
+from flows.cli.output import print_command, print_line
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, NEW_FILE
 from flows.cli.usage import BboxCommand
 
@@ -52,5 +52,5 @@ def new_city(
     map_files = require_map_files(osm, buildings, streets, crs)
     write_new_city(city_file, CityInputs(map_files, bbox, block_size, exemplars, panoramas))
     print_line(f"written: {city_file}; its comments explain what can be added")
-    print_line(f"cost:  streetloom plan {city_file}")
-    print_line(f"ready: streetloom city {city_file}")
+    print_command("cost", "plan", city_file)
+    print_command("ready", "city", city_file)

@@ -15,6 +15,13 @@ def print_line(line: object, *, err: bool = False) -> None:
     click.echo(text, err=err)
 
 
+def print_command(label: str, *words: object) -> None:
+    """Print a command of Streetloom to run next, quoted for a shell."""
+    from catalogs.printable_text import format_command
+
+    print_line(f"{label}: {format_command(*words)}")
+
+
 def print_notice(line: str) -> None:
     """Print a notice on stderr, apart from the command's output."""
     print_line(f"streetloom: {line}", err=True)

@@ -306,6 +306,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/helsinki                     a city: all of its blocks on one map and in one model
       streetloom view s3://bucket/helsinki
     """
+    from catalogs.printable_text import format_command
     from facade_core.core.errors import InputError
     from flows.cli.interrupts import exit_on_signal
     from flows.lock import is_locked
@@ -331,7 +332,9 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         folder = find_run_block_file(target.first_run).parent
         if photos is not None and not (folder / TABLE).is_file():
             block = find_run_block_file(target.first_run)
-            raise InputError(f"{folder / TABLE}: there is no such table; write it: streetloom match {block} {photos}")
+            raise InputError(
+                f"{folder / TABLE}: there is no such table; write it: {format_command('match', block, photos)}"
+            )
 
     def ready(address: str, seen_by: str | None) -> None:
         if seen_by:

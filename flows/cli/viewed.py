@@ -60,6 +60,7 @@ def find_single_run(folder: Folder) -> Folder:
     InputError
         There are several runs, which the message names, or none.
     """
+    from catalogs.printable_text import format_command
     from catalogs.published.runs import find_runs_with_store
     from catalogs.published.s3 import S3Path
     from facade_core.core.errors import InputError
@@ -75,7 +76,7 @@ def find_single_run(folder: Folder) -> Folder:
         for begun in (lock.parent for lock in locks if is_locked(lock.parent)):
             raise InputError(
                 f"{begun}: a run has just begun here and has no store yet; wait until it has ingested its block, then: "
-                f"streetloom view {begun}"
+                f"{format_command('view', begun)}"
             )
         raise InputError(
             f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
@@ -83,5 +84,7 @@ def find_single_run(folder: Folder) -> Folder:
     if len(found) > 1:
         names = ", ".join(name for name, _ in found[:MAX_NAMED_RUNS])
         more = f" and {len(found) - MAX_NAMED_RUNS} more" if len(found) > MAX_NAMED_RUNS else ""
-        raise InputError(f"{folder}: holds {len(found)} runs ({names}{more}); open one: streetloom view {found[0][1]}")
+        raise InputError(
+            f"{folder}: holds {len(found)} runs ({names}{more}); open one: {format_command('view', found[0][1])}"
+        )
     return found[0][1]

@@ -24,6 +24,7 @@ from catalogs.block.corrections import (
     corrections_file,
     read_corrections,
 )
+from catalogs.printable_text import format_command
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_FILE_NAME, find_runs
 from catalogs.published.snapshot import current_snapshot
@@ -197,10 +198,10 @@ def _rerun_command(out: Folder, block: Path) -> str:
     """Return the command that runs the affected units of a block again."""
     home = city_or_block_file(block)
     if (out / CITY_FILE_NAME).is_file():
-        return f"streetloom city {home if home != block else 'CITY.yaml'} --out {out}"
+        return format_command("city", home if home != block else "CITY.yaml", "--out", out)
     if home != block:
-        return f"streetloom city {home} --out {out.parent.parent}"
-    return f"streetloom run {block} --out {out}"
+        return format_command("city", home, "--out", out.parent.parent)
+    return format_command("run", block, "--out", out)
 
 
 def _import_into_city(out: Folder, path: Path, by: Correction) -> ImportResult:

@@ -19,7 +19,7 @@ from catalogs.block.reader import Block, read_block
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.features import safe_file_stem
-from catalogs.printable_text import format_count
+from catalogs.printable_text import format_command, format_count
 from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -149,7 +149,7 @@ class NewBlock:
             return []
         return [
             f"           {_shorten_list(self.without_pose)}: no pose, and not named after a facade; for photos run "
-            f"`streetloom match {self.path} {self.folder}`, for panoramas give --poses"
+            f"`{format_command('match', self.path, self.folder)}`, for panoramas give --poses"
         ]
 
     def _unused(self) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,7 +132,7 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
     else:
         panoramas = f"{about_panoramas}\n  panoramas: {{path: {quote(inputs.panoramas)}}}"
     return _TEMPLATE.format(
-        file=path.name,
+        file=shlex.quote(path.name),
         name=json.dumps(path.stem, ensure_ascii=False),
         area=f"{'' if inputs.area else '# '}area: {area}",
         buildings=source(inputs.map_files.buildings),
@@ -141,5 +142,5 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
         exemplars=quote(inputs.exemplars or path.parent / "exemplars"),
         panoramas=panoramas,
         texels=TEXELS_PER_METRE,
-        out=Path("out") / path.stem,
+        out=shlex.quote(f"out/{path.stem}"),
     )

@@ -1,4 +1,4 @@
-// Correcting facades of a block, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page
+// Correcting facades of a block, for who opened the viewer by the address with its token: #/edit/ID, and "Run now" on every page
 // of the block; and #/photos where it was given photos.
 
 import { Completions } from "./completions.js";
@@ -41,7 +41,7 @@ class Correcting {
   constructor(told, state, again) {
     Object.assign(this, { told, labels: [...state.labels, ...MASKS], words: state.words, who: state.who, kept: state.kept, again });
     this.open = new Map(); // facade -> what is being done there; kept while other pages are looked at
-    this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
+    this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Run now");
     this.running = element("p", { role: "status", id: "redo-said" });
     this.attach();
     this.photos = state.photos ? new Photos(told) : null;
@@ -233,7 +233,7 @@ class Page {
       this.canvas, this.told, this.completions.part,
       element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
         `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves. “hide” is what a picture shows that is not of the facade, “keep” what is of it although it looks like something in front. `,
-        `What is saved is kept in ${this.correcting.kept}; pictures change at “Redo now” only.`),
+        `What is saved is kept in ${this.correcting.kept}; pictures change at “Run now” only.`),
       element("fieldset", { class: "controls" }, element("legend", {}, `Building ${stand.building}`),
         ...NUMBERS.map(([name, , called]) => labelled(called, this.fields[name])), ...WORDS.map(([name, called]) => labelled(called, this.fields[name])),
         ...COLOURS.map(([name, called]) => element("span", { class: "field" }, labelled(called, this.fields[name]), this.pickers[name])),

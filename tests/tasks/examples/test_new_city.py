@@ -57,6 +57,8 @@ def test_given_files_are_named_and_nothing_is_written_over(tmp_path: Path) -> No
     assert written["imagery"]["panoramas"] == {"path": "panoramas"}
     assert written["buildings"] == {"path": f"in/{named[0].name}", "crs": keys["crs"]}
     assert not (tmp_path / "exemplars").exists()
+    write_new_city(tmp_path / "my town.yaml", inputs)
+    assert "streetloom city 'my town.yaml' --out 'out/my town'" in (tmp_path / "my town.yaml").read_text()
     with pytest.raises(InputError, match="is there already"):
         write_new_city(tmp_path / "town.yaml", inputs)
 

@@ -229,7 +229,7 @@ def test_tiles_of_a_city_have_the_coordinates_of_its_blocks(
     assert np.linalg.norm(corners.reshape(-1, 3) - sphere[:3], axis=1).max() <= sphere[3] + 0.1
     assert sphere[3] < 200, "metres around the building"
     monkeypatch.setattr(city_export, "open_root", lambda session: SimpleNamespace(attrs={"crs": "EPSG:3067"}))
-    with pytest.raises(InputError, match="block a9 is in EPSG:32635 and a10 in EPSG:3067.*; leave --crs out"):
+    with pytest.raises(InputError, match=r"block a9 is in EPSG:32635 and a10 in EPSG:3067.*; leave --crs out"):
         export_run(whole, "3dtiles", tmp_path / "other", crs="native")
 
 
