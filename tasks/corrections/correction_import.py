@@ -24,7 +24,7 @@ from catalogs.block.corrections import (
     corrections_file,
     read_corrections,
 )
-from catalogs.printable_text import format_command
+from catalogs.printable_text import format_command, format_count
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_FILE_NAME, find_runs
 from catalogs.published.snapshot import current_snapshot
@@ -66,7 +66,7 @@ class ImportResult:
             return ["nothing differs from what was published; nothing was written"]
         where = self.files[0] if len(self.files) == 1 else f"{len(self.files)} files beside those of the blocks"
         return [
-            f"{self.facades} facades and {self.buildings} buildings corrected in {where}",
+            f"{format_count(self.facades, 'facade')} and {format_count(self.buildings, 'building')} corrected in {where}",
             f"what depends on them is due: {self.command}",
         ]
 

@@ -313,8 +313,8 @@ def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:
         raise InputError(f"{option}: {error}") from error
     if found is None and source.items:
         raise InputError(
-            f"{option}: none of {len(source.items)} buildings of {geometry.buildings} can be of {crs}; give what its "
-            "coordinates count in as --crs EPSG:..."
+            f"{option}: none of {format_count(len(source.items), 'building')} of {geometry.buildings} can be of {crs}; give "
+            "what its coordinates count in as --crs EPSG:..."
         )
     if found is None:
         raise InputError(f"{option}: {geometry.buildings} holds no buildings; give a file that does")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,7 +131,7 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
     else:
         panoramas = f"{about_panoramas}\n  panoramas: {{path: {quote(inputs.panoramas)}}}"
     return _TEMPLATE.format(
-        file=shlex.quote(path.name),
+        file=path.name,
         name=json.dumps(path.stem, ensure_ascii=False),
         area=f"{'' if inputs.area else '# '}area: {area}",
         buildings=source(inputs.map_files.buildings),
@@ -142,5 +141,5 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
         exemplars=quote(inputs.exemplars or path.parent / "exemplars"),
         panoramas=panoramas,
         texels=TEXELS_PER_METRE,
-        out=shlex.quote(f"out/{path.stem}"),
+        out=Path("out") / path.stem,
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import safe_file_stem
+from catalogs.printable_text import format_count
 from facade_core.core.arrays import IntArray
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.published_run import PublishedBlock
@@ -97,4 +98,4 @@ def _note_missing(results: PublishedBlock, buildings: IntArray, written: int) ->
     missing = int(np.isin(results.plan.facades.building, buildings).sum()) - written
     if not missing:
         return []
-    return [f"{missing} facades without a layout are left out; `streetloom query` says why"]
+    return [f"left out: {format_count(missing, 'facade')} without a layout; `streetloom query` says why"]

@@ -10,6 +10,7 @@ import numpy as np
 from catalogs.block.corrections import read_corrections
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
+from catalogs.printable_text import format_count
 from catalogs.published.folders import Folder
 from catalogs.published.runs import find_runs
 from facade_core.atlas.rasters import read_chart_raster
@@ -81,8 +82,8 @@ def load_corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
         found += _read_run(folder)
     if len(found) < MIN_FACADES:
         raise InputError(
-            f"{len(found)} facades have corrected elements there, and at least {MIN_FACADES} are learnt from; "
-            "`streetloom import` takes more"
+            f"only {format_count(len(found), 'facade')} with corrected elements there, and at least {MIN_FACADES} are learnt "
+            "from; `streetloom import` takes more"
         )
     return found
 

@@ -66,6 +66,8 @@ def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, 
         page.evaluate(f"location.hash = '#/edit/{FACADE}'")
         boxes.first.wait_for()
         wait(page, "document.querySelector('.boxes image').getBBox().width > 0")
+        labels = page.locator("#label option").all_inner_texts()
+        assert page.locator(".correcting > .legend span").all_inner_texts() == labels
         count, texels = boxes.count(), page.evaluate("document.querySelector('.boxes').viewBox.baseVal.width")
         assert count > 1
         assert page.is_disabled("#save")
@@ -117,7 +119,7 @@ def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, 
         # kept as an import is
         page.fill("#why", "seen from the street")
         page.keyboard.press("Control+s")
-        page.wait_for_selector("text=1 facades and 0 buildings corrected")
+        page.wait_for_selector("text=1 facade and 0 buildings corrected")
         assert page.is_disabled("#save")
         kept = read_corrections(folder / "in" / "block.yaml").by_target[FACADE]["elements"]
         assert (kept.who, kept.why) == ("anna", "seen from the street")
@@ -199,7 +201,7 @@ def test_a_completion_is_chosen_undone_completed_again_and_kept(page: Any, once:
         wait(page, "document.querySelector('.completion:enabled') && !document.querySelector('#complete').disabled")
         page.click(".completion >> nth=0")
         page.click("#save")
-        page.wait_for_selector("text=1 facades and 0 buildings corrected")
+        page.wait_for_selector("text=1 facade and 0 buildings corrected")
         kept = read_corrections(folder / "in" / "block.yaml")
         elements = kept.value_correction("a-0", "elements")
         assert elements is not None
@@ -265,7 +267,7 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
         assert "'reddish' is no colour" in page.inner_text("#saved")
         page.fill("#wall_colour", "red")
         page.click("#save")
-        page.wait_for_selector("text=1 facades and 1 buildings corrected")
+        page.wait_for_selector("text=1 facade and 1 building corrected")
         assert page.input_value("#wall_colour") == "#9e4232"
         said = read_corrections(block)
         made_of = {what: said.by_target["a"].pop(what).value for what in list(said.by_target["a"]) if "_" in what}  # type: ignore[attr-defined]
@@ -325,7 +327,7 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         assert not read_corrections(block), "all or none"
         page.fill("#storeys", "3")
         page.click("#save")
-        page.wait_for_selector("text=1 facades and 1 buildings corrected")
+        page.wait_for_selector("text=1 facade and 1 building corrected")
         said = read_corrections(block)
         assert said.value_correction("a-0", "facade") is False
         assert said.value_correction("a", "levels") == 3

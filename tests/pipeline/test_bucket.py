@@ -179,7 +179,7 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
         assert exported.exit_code == 0, exported.output
     # what is corrected of it is kept beside its block file, which lies in no bucket
     walls = geopandas.read_file(tmp_path / "a.gpkg", layer="facades")
-    for said in ("nothing differs from what was published", "1 facades and 0 buildings corrected in"):
+    for said in ("nothing differs from what was published", "1 facade and 0 buildings corrected in"):
         taken = call(command_line, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
         assert said in taken.output
         walls.assign(is_facade=walls["id"] != facade).to_file(tmp_path / "a.gpkg", layer="facades")

@@ -211,7 +211,7 @@ def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatc
     said = [["window", 0.25, 0.25, 0.5, 0.5]]
     import_corrections(folder / "out", own(folder, {"facade_id": "a-0", "elements": said}), who="anna")
     import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "keep": [[0.0, 0.0, 0.5, 0.5]]}), who="anna")
-    with pytest.raises(InputError, match="1 facades have corrected elements"):
+    with pytest.raises(InputError, match="only 1 facade with corrected elements"):
         load_corrected_facades([folder / "out"])
     monkeypatch.setattr("tasks.training.corrected_facades.MIN_FACADES", 1)
     (one,) = load_corrected_facades([folder / "out"])

@@ -119,6 +119,18 @@ def test_notes_on_the_poses_file_are_printed(block_file: Path) -> None:
     assert "headings of poses.csv taken as degrees, and all are within 6.3" in ended.output
 
 
+def test_photos_of_which_none_can_be_matched_have_a_remedy_that_is_not_their_places(block_file: Path) -> None:
+    photos, poses = block_file.parent.parent / "photos", block_file.parent / "poses.csv"
+    for name in ("far.jpg", "silent.jpg"):
+        (photos / name).unlink()
+    poses.write_text("file,lon,lat\nIMG_1.jpg,,60\n")
+    ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--poses", str(poses)])
+    assert ended.exit_code == 2
+    assert "IMG_1.jpg: " in ended.output
+    assert "none of its photos can be matched, for the reasons above" in ended.output
+    assert "--poses" not in ended.output.splitlines()[-1]
+
+
 def test_photos_without_any_place_are_told_before_the_block_is_read(tmp_path: Path) -> None:
     for name in ("one.jpg", "two.jpg"):
         Image.new("RGB", (64, 64)).save(tmp_path / name)

@@ -4,7 +4,7 @@
 import { Completions } from "./completions.js";
 import { Editor, MASKS } from "./editor.js";
 import { said } from "./columns.js";
-import { ask, blockPage, element, facadeAddress, openBase, picture } from "./elements.js";
+import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
 import { Photos } from "./photos.js";
 
 const LOOK_AGAIN_MS = 1000;
@@ -230,7 +230,7 @@ class Page {
       element("div", { class: "controls" }, labelled("Label", this.label), button("add", "Add a box", () => { editor.add(); editor.svg.focus(); }), this.remove,
         this.undo, this.again, element("span", { class: "field" }, this.snap, element("label", { for: "snap" }, "Snap to lattice")),
         labelled("On", this.under), labelled("Size", this.zoom)),
-      this.canvas, this.told, this.completions.part,
+      this.canvas, legend(editor.labels.map((label) => [editor.colour(label), label])), this.told, this.completions.part,
       element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
         `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves. “hide” is what a picture shows that is not of the facade, “keep” what is of it although it looks like something in front. `,
         `What is saved is kept in ${this.correcting.kept}; pictures change at “Run now” only.`),

@@ -143,7 +143,7 @@ def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_pa
         geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house]).to_file(file)
     with pytest.raises(InputError, match=r"^--buildings: .* states no frame; give --crs"):
         write_new_block(tmp_path / "mine.yaml", MapFiles(file, None), 200.0, None, exemplars)
-    with pytest.raises(InputError, match=r"^--buildings: none of 1 buildings of .* can be of EPSG:4326; give .* --crs"):
+    with pytest.raises(InputError, match=r"^--buildings: none of 1 building of .* can be of EPSG:4326; give .* --crs"):
         write_new_block(tmp_path / "mine.yaml", MapFiles(file, None, "EPSG:4326"), 200.0, None, exemplars)
     found = write_new_block(tmp_path / "mine.yaml", MapFiles(file, None, "EPSG:3067"), 200.0, None, exemplars)
     assert len(found.block.buildings) == 1
