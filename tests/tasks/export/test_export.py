@@ -162,7 +162,8 @@ def test_tiles_have_the_coordinates_of_the_block(
         for node in document["nodes"]:
             for primitive in document["meshes"][node["mesh"]]["primitives"]:
                 positions = document["accessors"][primitive["attributes"]["POSITION"]]
-                ends += [np.array(positions[end]) * node["scale"] + node["translation"] for end in ("min", "max")]
+                scale, shift = node.get("scale", 1.0), node.get("translation", 0.0)
+                ends += [np.array(positions[end]) * scale + shift for end in ("min", "max")]
     world = np.array(ends)[:, [0, 2, 1]] * [1, -1, 1] + matrix[:3, 3]
     mesh = found.textured_mesh.mesh
     drawn = mesh.vertices[np.unique(mesh.triangles)]
