@@ -149,7 +149,7 @@ def measure_layout(
     return unary, pairs, _measure_whole(box, label, extent, domain)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _measure_grid(
     out: Float64Array, count: int, width: float, height: float, xs: Float64Array, ys: Float64Array
 ) -> None:

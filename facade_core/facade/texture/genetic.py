@@ -124,8 +124,9 @@ def _evolve(
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))
     fitness = np.empty(count)
+    start = int(np.int64(0))  # numba compiles a callee again for a literal
     for k in range(count):
-        update_costs(tab, cost[k], population[k], 0, tall, 0, wide)
+        update_costs(tab, cost[k], population[k], start, tall, start, wide)
         fitness[k] = sum_costs(cost[k])
     lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()

@@ -155,11 +155,11 @@ def _neighbour(cell: int, k: int, width: int) -> int:
 def _update_cell(state: IcmState, at: int) -> None:
     """Compute the changes of all moves of a cell."""
     types = state.types.reshape(-1)
-    own = types[at]
+    own = int(np.int64(types[at]))  # one integer type, so that callees are compiled once
     width = state.types.shape[1]
     part = np.empty(state.types.shape, np.bool_)
     for k in range(5):
-        label = own if k == 4 else types[_neighbour(at, k, width)]
+        label = own if k == 4 else int(np.int64(types[_neighbour(at, k, width)]))
         if k < 4 and (label < 0 or label == own):
             continue
         _mark_parts(state.types, at, label, part)
@@ -186,7 +186,7 @@ def _invalidate(state: IcmState, part: BoolArray, label: int) -> None:
         state.is_merge_current[label, t] = state.is_merge_current[t, label] = False
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _move_cells(
     state: IcmState, previous: Int32Array, cost: Float64Array, alpha: float, energies: Float64Array, moves: int
 ) -> int:
@@ -197,7 +197,7 @@ def _move_cells(
     part = np.empty(state.types.shape, np.bool_)
     joined = np.full(len(count), FIXED_POINT_ONE)
     for at in range(types.size):
-        a, p = types[at], before[at]
+        a, p = int(np.int64(types[at])), before[at]
         if a < 0:
             continue
         if not state.is_current[at]:

@@ -145,7 +145,7 @@ class MaterialFieldArrays(NamedTuple):
     seed: int
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def compute_point_colours(
     order: Int64Array,
     chart: Int64Array,
@@ -200,7 +200,7 @@ def _lower_bound(numbers: Int64Array, number: int) -> int:
     return low
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, inline="always", error_model="numpy")
 def _colour_batch(
     c: int, points: Float64Array, side: Float64Array, field: MaterialFieldArrays, lights: DaylightGrids, out: UInt8Array
 ) -> None:

@@ -50,7 +50,7 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
     return noise
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy")
 def stripe_share(position: float, wide: float, first: float, width: float) -> float:
     """Return the share of an interval on unit-spaced stripes.
 
@@ -65,7 +65,7 @@ def stripe_share(position: float, wide: float, first: float, width: float) -> fl
     return share
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, forceinline=True, error_model="numpy")
 def running_bond_stone_share(
     column: float, row: float, wide: float, high: float, joint: float, across: float, down: float
 ) -> float:

@@ -127,7 +127,7 @@ def paving_tone(x: Float64Array, y: Float64Array, side: Float64Array, seed: int,
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
         add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
-    add_piece_tones(x, y, side, SLAB_M, 14, seed + 11, out)
+    add_piece_tones(x, y, side, SLAB_M, 14.0, seed + 11, out)
     across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 log = logging.getLogger(__name__)
 
 # Seconds that another process is waited for.
 MAX_WAIT_S = 120.0
+# New objects after which garbage is collected while kernels are compiled.
+COMPILING_GC_OBJECTS = 100_000
 
 
 def has_compiled_kernels() -> bool:
@@ -63,5 +67,23 @@ def _compile_part(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
                 if time.monotonic() >= until:
                     return False
                 time.sleep(0.2)
-        part()
+        with collect_garbage_rarely():
+            part()
         return True
+
+
+@contextmanager
+def collect_garbage_rarely() -> Iterator[None]:
+    """Collect garbage after COMPILING_GC_OBJECTS new objects, and only among new ones.
+
+    The compiler makes millions of objects and keeps most of them, and Python's usual 700 make it visit them all again
+    and again.
+    """
+    before = gc.get_threshold()
+    gc.freeze()
+    gc.set_threshold(COMPILING_GC_OBJECTS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
