@@ -16,7 +16,6 @@ from collections import defaultdict
 from typing import Any
 
 from benchmarks.timing import once
-from tasks.engine.compute.worker_setup import limit_threads
 
 PACKAGE = "facade_core."
 
@@ -27,14 +26,16 @@ def main() -> None:
     parser.add_argument("--worst", type=int, default=20, help="number of kernels listed (20)")
     parser.add_argument("--part", action="append", help="a part of the warm-up, such as compile_layout_kernels (all)")
     options = parser.parse_args()
-    limit_threads()
     with tempfile.TemporaryDirectory() as folder:
-        os.environ["NUMBA_CACHE_DIR"] = folder  # numba reads it when it is imported
+        os.environ["NUMBA_CACHE_DIR"] = folder  # numba reads it when it is imported, by the modules below too
         print(json.dumps(measure_compilation(options.worst, options.part), indent=1))
 
 
 def measure_compilation(worst: int, names: list[str] | None) -> dict[str, Any]:
     """Measure the compilation of kernels by parts of the warm-up, all where `names` is None."""
+    from tasks.engine.compute.worker_setup import limit_threads
+
+    limit_threads()
     from numba.core import event
 
     from facade_core.kernel_warmup import WARMUPS
