@@ -54,8 +54,11 @@ def read_regular(path: Path, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
         Where the path is no regular file, or holds more than `max_bytes`.
     """
     with open_regular(path, max_bytes) as file:
-        content = file.read(max_bytes + 1)
-    if len(content) > max_bytes:  # it grew, or is a file of /proc, whose size is 0
+        size = os.fstat(file.fileno()).st_size
+        content = file.read(size + 1)  # a read takes memory for as much as it asks for
+        if len(content) > size:  # it grew, or is a file of /proc, whose size is 0
+            content += file.read(max_bytes + 1 - len(content))
+    if len(content) > max_bytes:
         raise InputError(f"{path} has more than {max_bytes} bytes; give the file that is meant, or a part of it")
     return content
 
