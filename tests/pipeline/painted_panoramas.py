@@ -7,6 +7,7 @@ import numpy as np
 
 from facade_core.synth.facade import paint_facade
 
+WIDTH = 1536
 HEIGHT_M = 2.5
 FAR = 600.0  # houses c and d stand this far north of a and b
 WALL = paint_facade((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
@@ -14,12 +15,12 @@ WALL = paint_facade((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per
 PAVED = cv2.resize(np.random.default_rng(4).integers(60, 190, (44, 84), np.uint8), (168, 88)).astype(np.uint8)
 
 
-def paint_panorama(east: float, north: float, width: int = 1536) -> np.ndarray:
+def paint_panorama(east: float, north: float) -> np.ndarray:
     """Paint the picture from a place in metres from the streets' beginning; it looks north."""
-    longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
-    latitude = ((0.5 - (np.arange(width // 2) + 0.5) / (width // 2)) * np.pi)[:, None]
+    longitude = ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) * 2 * np.pi
+    latitude = ((0.5 - (np.arange(WIDTH // 2) + 0.5) / (WIDTH // 2)) * np.pi)[:, None]
     ahead, right, up = np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)
-    image = np.full((width // 2, width, 3), (200, 215, 235), np.uint8)
+    image = np.full((WIDTH // 2, WIDTH, 3), (200, 215, 235), np.uint8)
     with np.errstate(divide="ignore"):
         down = HEIGHT_M / np.where(up < 0, -up, np.nan) * np.ones_like(ahead)
         wall = (5.0 - north) / np.where(ahead > 1e-6, ahead, np.nan)

@@ -47,7 +47,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Imagery]:
 
 
 def show_houses(taken: Shot) -> Shot:
-    """Give a picture of the first or third street what is seen of the house there."""
+    """Return the shot with a picture that shows the house at its place."""
     x, y = LONLAT.transform(taken.lon, taken.lat, direction="INVERSE")
     north = y - NORTH - FAR * round((y - NORTH) / FAR)
     written = io.BytesIO()

@@ -213,7 +213,7 @@ def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
     slopes = slopes[np.isfinite(slopes)]
     if len(slopes) and (median := float(np.median(slopes))) > _MAX_MEDIAN_SLOPE:
         raise InputError(
-            f"{path}: half of its cells rise more than {median:.2g} m a metre, so its heights are in no metres; state "
+            f"{path}: half of its cells rise more than {median:.2g} m a metre, so its heights cannot be metres; state "
             "their unit, e.g. gdal_translate -a_scale 0.01 for centimetres"
         )
 
