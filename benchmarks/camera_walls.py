@@ -33,7 +33,7 @@ from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import main_surface_mask
 from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
+from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import chart_coverage_mask, fuse_wall_view
 from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_from_world, camera_position
@@ -92,7 +92,7 @@ def _recovered(
             image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own)
         )
         for image, pose, mask, factor, own in zip(
-            images, poses, hidden, exposure_factors(squares), squares, strict=True
+            images, poses, hidden, estimate_common_exposure(squares).factors, squares, strict=True
         )
     ]
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))

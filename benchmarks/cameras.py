@@ -33,7 +33,7 @@ from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
+from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
@@ -137,7 +137,7 @@ def _recovered(
         seconds["look"].append(looked - start)
         seconds["mask"].append(time.perf_counter() - looked)
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), typical_ground_colour(squares[-1])))
-    factor = exposure_factors(squares)
+    factor = estimate_common_exposure(squares).factors
     cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
     street_line = Street(

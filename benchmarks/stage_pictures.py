@@ -26,7 +26,7 @@ from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import WallRole, main_surface_mask
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
+from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_ground_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
@@ -202,7 +202,9 @@ def ground() -> np.ndarray:
     squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
     found = [
         PanoramaCamera(image, pose, mask_ground_occluders(image, pose), factor, typical_ground_colour(own))
-        for image, pose, factor, own in zip(images, seen, exposure_factors(squares), squares, strict=True)
+        for image, pose, factor, own in zip(
+            images, seen, estimate_common_exposure(squares).factors, squares, strict=True
+        )
     ]
     shown = {
         c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
@@ -235,7 +237,9 @@ def walls() -> np.ndarray:
             factor,
             typical_ground_colour(own),
         )
-        for image, pose, factor, own in zip(images, poses, exposure_factors(squares), squares, strict=True)
+        for image, pose, factor, own in zip(
+            images, poses, estimate_common_exposure(squares).factors, squares, strict=True
+        )
     ]
     plain = [c for c in np.flatnonzero(main_surface_mask(scene.charts)).tolist() if c not in street.charts]
     shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}

@@ -14,7 +14,12 @@ from facade_core.core.provenance import Provenance
 from facade_core.facade.photo_facade import MappedDoors, PhotoMasks, build_facade_from_photo
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
+from facade_core.imagery.cameras.exposure import (
+    CommonExposure,
+    estimate_common_exposure,
+    sample_ground_colours,
+    typical_ground_colour,
+)
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import (
     mask_building_occluders,
@@ -41,9 +46,10 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
     """Return the raster of each chart: facades parsed and completed, other walls and ground fused, materials elsewhere."""
     scene, poses, images = case.scene, case.poses, case.images
     squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    exposure = estimate_common_exposure(squares)
     cameras = [
         PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), factor, typical_ground_colour(own))
-        for image, pose, factor, own in zip(images, poses, exposure_factors(squares), squares, strict=True)
+        for image, pose, factor, own in zip(images, poses, exposure.factors, squares, strict=True)
     ]
     built = [
         _hide(camera, mask_building_occluders(camera.image, camera.pose) | mask_model_edges(scene, camera.pose, shape))
@@ -53,7 +59,7 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
     ground = [_hide(camera, mask_ground_occluders(camera.image, camera.pose)) for camera in cameras]
     known: dict[int, Texels] = {}
     for chart in case.facades:
-        found = _texture_facade(case, chart, files)
+        found = _texture_facade(case, chart, files, exposure)
         if found is not None:
             known[chart] = found
     walls = []
@@ -107,13 +113,19 @@ class _Reader:
         return rgb[rows, columns], rank[rows, columns]
 
 
-def _texture_facade(case: Case, chart: int, files: Sequence[Path]) -> Texels | None:
+def _texture_facade(case: Case, chart: int, files: Sequence[Path], exposure: CommonExposure) -> Texels | None:
     size = case.size(chart)
     sizes = [image.shape[:2] for image in case.images]
     shown = order_by_coverage(find_sightings(case.scene, chart, case.poses, sizes))[:MAX_PANORAMAS]
     if not shown:
         return None
-    imagery = FacadeImagery(panoramas=tuple((files[one.panorama], case.poses[one.panorama]) for one in shown))
+    numbers = [one.panorama for one in shown]
+    imagery = FacadeImagery(
+        panoramas=tuple((files[number], case.poses[number]) for number in numbers),
+        exposure_factors={
+            files[number]: tuple(exposure.factors[number].tolist()) for number in numbers if exposure.is_shared[number]
+        },
+    )
     # of a plan the scene alone is looked at
     plan = cast(Plan, SimpleNamespace(scene=case.scene))
     evidence = read_evidence("panoramas", plan, chart, size, imagery, (), [])

@@ -30,6 +30,10 @@ icechunk.set_logs_filter("off")
 # A commit rewrites the manifests that it touches, and its snapshot has a line for every manifest (ADR 0045).
 UNITS_PER_MANIFEST = 64
 PAGES_PER_MANIFEST = 4
+# What a process keeps of the metadata that it read: about ten snapshots of a large store, as each counts its arrays and groups,
+# and some hundred manifests. By default all snapshots of a run stay, which is half a gigabyte when history is expired.
+CACHED_SNAPSHOT_NODES = 10_000
+CACHED_CHUNK_REFERENCES = 1_000_000
 
 # The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an
 # error. A bucket has it; there the lock saves retries within a process.
@@ -102,7 +106,8 @@ def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
     manifests = icechunk.ManifestConfig(
         preload=preload, splitting=icechunk.ManifestSplittingConfig.from_dict(splitting)
     )
-    return icechunk.RepositoryConfig(manifest=manifests)
+    caching = icechunk.CachingConfig(num_snapshot_nodes=CACHED_SNAPSHOT_NODES, num_chunk_refs=CACHED_CHUNK_REFERENCES)
+    return icechunk.RepositoryConfig(caching=caching, manifest=manifests)
 
 
 def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:

@@ -23,17 +23,17 @@ MAX_SHADE_RATIO = 1.5
 COLOUR_MARGIN = 4.0
 
 
-def level_wall_colours(colours: Sequence[Float64Array], pictures: Sequence[str]) -> Float64Array:
+def level_wall_colours(colours: Sequence[Float64Array], exposures: Sequence[str]) -> Float64Array:
     """Return the tone curves that bring the pictures of a building's walls to one exposure.
 
-    A house is photographed from several sides, by pictures of several exposures. Where walls of two pictures have one hue,
-    those of the darker picture are lightened, within bounds. What differs between walls of one picture is sun and shade: it
-    stays, up to MAX_SHADE_RATIO.
+    A house is photographed from several sides, by pictures of several exposures. Where walls of two exposures have one hue,
+    the darker ones are lightened, within bounds. What differs between walls of one exposure is sun and shade: it stays, up to
+    MAX_SHADE_RATIO.
 
     Parameters
     ----------
     colours : (3,) lit colour of each wall, 0..255.
-    pictures : the picture whose exposure each wall has.
+    exposures : name of the exposure that each wall has: of a picture, or of all that have a common one.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def level_wall_colours(colours: Sequence[Float64Array], pictures: Sequence[str])
     for own in range(len(values)):
         apart = np.abs(hue - hue[own])
         alike = np.flatnonzero((apart[:, 0] <= MAX_RED_DIFFERENCE) & (apart[:, 1] <= MAX_BLUE_DIFFERENCE))
-        beside = np.array([wall for wall in alike.tolist() if pictures[wall] == pictures[own]])
+        beside = np.array([wall for wall in alike.tolist() if exposures[wall] == exposures[own]])
         lightest, lead = (group[light[group].argmax()] for group in (alike, beside))
         exposed = _lighten_colour(values[own], _tone_slope(values[lead], values[lightest]))
         darkest = values[lightest] / MAX_SHADE_RATIO

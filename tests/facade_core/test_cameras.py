@@ -10,7 +10,7 @@ import pytest
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground_colours, typical_ground_colour
+from facade_core.imagery.cameras.exposure import estimate_common_exposure, sample_ground_colours, typical_ground_colour
 from facade_core.imagery.cameras.ground import (
     MIN_GROUND_DISTANCE_M,
     MIN_UNCONFIRMED_DISTANCE_M,
@@ -94,10 +94,12 @@ def test_exposures_come_out_of_shared_squares_but_for_a_common_factor() -> None:
         at = range(first, first + 14)
         seen.append([[i, 7, *np.round(truth[i % 30] * gain).astype(int).tolist()] for i in at])
     seen[1][0][2:] = [250, 5, 5]  # a car that only one of them saw
-    left = gains * exposure_factors(seen)
+    exposure = estimate_common_exposure(seen)
+    left = gains * exposure.factors
     assert np.ptp(np.log(left[:3]), axis=0).max() < 0.06
-    assert exposure_factors(seen)[3] == pytest.approx([1, 1, 1])
-    assert (exposure_factors([]) == np.ones((0, 3))).all()
+    assert exposure.factors[3] == pytest.approx([1, 1, 1])
+    assert exposure.is_shared.tolist() == [False, True, True, False], "the first shares five squares"
+    assert (estimate_common_exposure([]).factors == np.ones((0, 3))).all()
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +122,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
                 image, pose, np.zeros(image.shape[:2], bool), np.ones(3), typical_ground_colour(ground.squares)
             )
         )
-    gains = exposure_factors(squares)
+    gains = estimate_common_exposure(squares).factors
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
     cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, gains, strict=True)]
     errors, plain = [], []

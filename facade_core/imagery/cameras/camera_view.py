@@ -57,6 +57,12 @@ class FusedCameraView:
     confidence: Float32Array
 
 
+def apply_exposure_factor(rgb: UInt8Array, factor: Float64Array) -> UInt8Array:
+    """Multiply a picture (h, w, 3) by a factor (3,)."""
+    light: UInt8Array = np.clip(rgb * factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
+    return light
+
+
 def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: BoolArray) -> ChartView:
     """Convert a camera's view to the common exposure, limited to the texels of a mask.
 
@@ -71,7 +77,7 @@ def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: BoolArray) 
     The view in the common exposure.
     """
     seen = view.seen & mask
-    rgb = np.clip(view.rgb * camera.exposure_factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
+    rgb = apply_exposure_factor(view.rgb, camera.exposure_factor)
     return ChartView(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 

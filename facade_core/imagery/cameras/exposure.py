@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.arrays import Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
@@ -128,7 +128,20 @@ def sample_ground_colours(scene: Scene, image: UInt8Array, pose: Pose) -> Ground
     return GroundColourSamples(round(float(below[0]), 3), squares)
 
 
-def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Float64Array:
+class CommonExposure(NamedTuple):
+    """Factors that bring n cameras to one exposure and white balance.
+
+    Attributes
+    ----------
+    factors : (n, 3) factors per camera and channel; 1 of a camera that shares no ground.
+    is_shared : (n,) bool, the camera shares ground with another.
+    """
+
+    factors: Float64Array
+    is_shared: BoolArray
+
+
+def estimate_common_exposure(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> CommonExposure:
     """Estimate the factors that bring cameras to one exposure and white balance.
 
     Least squares over the pairs that share squares. The ratio of a pair is a median, and the mean factor is one.
@@ -138,11 +151,9 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Fl
     ----------
     squares_by_camera : squares of each of n cameras, see `GroundColourSamples`.
 
-    Returns
-    -------
-    (n, 3) factors per camera and channel.
     """
     n = len(squares_by_camera)
+    is_shared = np.zeros(n, bool)
     colours = [{(one[0], one[1]): one[2:] for one in squares if _is_exposed(one[2:])} for squares in squares_by_camera]
     cameras_by_square: dict[tuple[int, int], list[int]] = {}
     for camera, squares in enumerate(colours):
@@ -156,9 +167,10 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Fl
             both = np.array([[colours[one][square] for square in shared] for one in (i, j)], np.float64)
             weight = np.sqrt(len(shared))
             equations.append((i, j, weight))
+            is_shared[[i, j]] = True
             ratios.append(weight * np.median(np.log(both[1] / both[0]), axis=0))
     if not equations:
-        return np.ones((n, 3))
+        return CommonExposure(np.ones((n, 3)), is_shared)
     from scipy.sparse import coo_array, vstack
     from scipy.sparse.linalg import spsolve
 
@@ -174,7 +186,7 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> Fl
     factors: Float64Array = (
         np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
     )
-    return factors
+    return CommonExposure(factors, is_shared)
 
 
 def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[Float64Array, Float64Array] | None:

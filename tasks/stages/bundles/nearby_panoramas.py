@@ -14,7 +14,7 @@ from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, IntArray
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
-from facade_core.imagery.cameras.exposure import exposure_factors
+from facade_core.imagery.cameras.exposure import estimate_common_exposure
 from facade_core.imagery.panorama_camera import camera_reach, is_any_in_view
 from facade_core.plan.plan import Plan
 from tasks.stages.bundles.refined_poses import pose_from_record, read_bundled_pose_records
@@ -116,8 +116,8 @@ def index_usable_panoramas(
 ) -> UsablePanoramaIndex:
     """Index the panoramas with a usable record, with refined poses and exposure factors."""
     records = read_bundled_pose_records(group)
-    squares = [_squares(record) for record in records]
-    gains = exposure_factors(squares)
+    squares = [ground_squares(record) for record in records]
+    gains = estimate_common_exposure(squares).factors
     taken = tuple(
         SurfacePanorama(panorama.path, pose_from_record(pose, record), tuple(gain), own)
         for panorama, pose, record, gain, own in zip(
@@ -144,5 +144,6 @@ def _chart_pieces(charts: Charts, chart: int) -> Float64Array:
     return charts.points_at_shares(np.array([chart]), share.reshape(-1, 2))[0, :, :2].reshape(count, 4, 2)
 
 
-def _squares(record: PoseRecord | None) -> tuple[tuple[int, ...], ...]:
+def ground_squares(record: PoseRecord | None) -> tuple[tuple[int, ...], ...]:
+    """Return the squares of ground that a panorama shows, by its record."""
     return tuple(tuple(square) for square in record.get("squares", ())) if record else ()

@@ -16,6 +16,7 @@ from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
+from facade_core.imagery.cameras.camera_view import apply_exposure_factor
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import detect_changes
 from facade_core.imagery.rectify.colour_fringes import remove_colour_fringes
@@ -268,6 +269,8 @@ def _dated_views(
     for path, pose in pictures:
         with collect_input_errors(refused):
             view = _view_of_panorama(plan, chart, path, pose, size, parser)
+            if path in imagery.exposure_factors:
+                view = replace(view, rgb=apply_exposure_factor(view.rgb, np.array(imagery.exposure_factors[path])))
             found.append(_DatedView(view, path.name, pose, imagery.captured.get(path) or capture_date(path)))
     return found
 

@@ -52,16 +52,16 @@ def level_exposures(
             for other in neighbours[facade]
         ]
         walls = [own, *(wall for wall in others if wall is not None)]
-        slope = level_wall_colours([wall.colour for wall in walls], [wall.picture for wall in walls])[0]
+        slope = level_wall_colours([wall.colour for wall in walls], [wall.exposure for wall in walls])[0]
         if (slope != 1).any():
             _lighten(group, plan, facade, cast(FacadeRecord, records[facade]), slope)
 
 
 class _PicturedWall(NamedTuple):
-    """Lit colour of a wall, 0..255, and the picture whose exposure it has: the first of several, which shows it best."""
+    """Lit colour of a wall, 0..255, and what has its exposure: the common one, or its first picture, which shows it best."""
 
     colour: Float64Array
-    picture: str
+    exposure: str
 
 
 def _find_pictured_wall(record: Record | None) -> _PicturedWall | None:
@@ -70,7 +70,13 @@ def _find_pictured_wall(record: Record | None) -> _PicturedWall | None:
     facade = cast(FacadeRecord, record)
     if "pictured_colour" not in facade:
         return None
-    return _PicturedWall(np.array(facade["pictured_colour"], np.float64), facade["source"].split(", ")[0])
+    exposure = "" if facade.get("common_exposure") else first_picture(facade["source"])
+    return _PicturedWall(np.array(facade["pictured_colour"], np.float64), exposure)
+
+
+def first_picture(source: str) -> str:
+    """Return the first of the pictures that a facade is made from, which shows it best."""
+    return source.split(", ")[0]
 
 
 def _lighten(group: StoreGroup, plan: Plan, facade: int, record: FacadeRecord, slope: Float64Array) -> None:

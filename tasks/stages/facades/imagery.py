@@ -20,6 +20,7 @@ class FacadeImagery:
     panoramas : panoramas that show it and their poses, best first.
     earlier : those of an earlier capture.
     captured : day of each panorama, by path.
+    exposure_factors : factors to the common exposure of each panorama that shares ground with others, by path.
     textured : whether its wall carries a texture of the model.
     exemplar : (index, name) of its exemplar.
     is_exemplar_stated : whether a correction names the exemplar, which a pictured facade of the building then leaves alone.
@@ -33,6 +34,7 @@ class FacadeImagery:
     panoramas: tuple[tuple[Path, Pose], ...] = ()
     earlier: tuple[tuple[Path, Pose], ...] = ()
     captured: Mapping[Path, str] = field(default_factory=dict)
+    exposure_factors: Mapping[Path, tuple[float, ...]] = field(default_factory=dict)
     textured: bool = False
     exemplar: tuple[int, str] | None = None
     is_exemplar_stated: bool = False

@@ -74,7 +74,12 @@ def facade_keys(
         elif source == "panoramas":
             parts["panoramas"], earlier = (
                 [
-                    [path.name, file_digest(path), pose_key_parts(pose), *filter(None, [imagery.captured.get(path)])]
+                    [
+                        path.name,
+                        file_digest(path),
+                        pose_key_parts(pose),
+                        *filter(None, [imagery.captured.get(path), imagery.exposure_factors.get(path)]),
+                    ]
                     for path, pose in pictures
                 ]
                 for pictures in (imagery.panoramas, imagery.earlier)

@@ -33,6 +33,7 @@ class FacadeRecord(Record, total=False):
     masked : boxes of masked objects, pixels.
     repeated_foot : share of the height at the foot that is hidden, and repeats storeys above.
     pictured_colour : lit colour of the wall, 0..255, as its photo or panoramas show it; none where they show too little.
+    common_exposure : whether it has the exposure that all panoramas with common ground have.
     tone_slope : slopes at black of the tone curve that brought it to the exposure of its building; none of 1.
     privacy : setting by which masked objects were stored.
     looked : whether faces and plates were looked for.
@@ -81,6 +82,7 @@ class FacadeRecord(Record, total=False):
     masked_share: float
     repeated_foot: float
     pictured_colour: list[float]
+    common_exposure: bool
     tone_slope: list[float]
     privacy: str
     looked: bool

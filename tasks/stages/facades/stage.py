@@ -20,6 +20,7 @@ from facade_core.core.name_hash import hash_name
 from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.walls import LEVEL_TOLERANCE_M
+from facade_core.imagery.cameras.exposure import estimate_common_exposure
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from facade_core.plan.exemplar_style import ExemplarLibrary, ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.plan import Plan
@@ -27,6 +28,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import IntegrityInputs, Records, ReingestContext, Stage, is_done_record
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
+from tasks.stages.bundles.nearby_panoramas import ground_squares
 from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record, read_bundled_pose_records
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import facade_panoramas_by_capture
@@ -112,6 +114,14 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
     """Return the pictures and the chosen exemplar of every facade."""
     captures = facade_panoramas_by_capture(plan, block)
     poses = read_bundled_pose_records(group)
+    exposure = estimate_common_exposure([ground_squares(pose) for pose in poses])
+    factors = {
+        panorama.path: tuple(factor)
+        for panorama, factor, shared in zip(
+            block.panoramas, exposure.factors.tolist(), exposure.is_shared.tolist(), strict=True
+        )
+        if shared
+    }
     days = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = facade_shop_flags(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     exemplars, stated = _facade_exemplars(run, block, plan, group, shops)
@@ -137,6 +147,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
                 panoramas=newest,
                 earlier=earlier,
                 captured={path: days[path] for path, _ in (*newest, *earlier) if path in days},
+                exposure_factors={path: factors[path] for path, _ in (*newest, *earlier) if path in factors},
                 textured=bool(textured[i]),
                 exemplar=exemplars.get(i) if corrected.facade else None,
                 is_exemplar_stated=i in stated,

@@ -50,7 +50,7 @@ from tasks.engine.seeds import FACADE_SEED, unit_seed
 from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, read_evidence
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
-from tasks.stages.facades.exposure import level_exposures, measure_pictured_colour
+from tasks.stages.facades.exposure import first_picture, level_exposures, measure_pictured_colour
 from tasks.stages.facades.photos import PhotoCropQuality
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
 from tasks.stages.facades.record import FacadeRecord, count_variations
@@ -183,6 +183,8 @@ def _write_facade(
             about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
             colour = measure_pictured_colour(result, density)
             about |= {} if colour is None else {"pictured_colour": colour}
+            if first_picture(made.source) in {path.name for path in imagery.exposure_factors}:
+                about["common_exposure"] = True
         if made.before is not None:
             about |= _write_change(group, plan, facade, made.before)
         if made.fit is not None:

@@ -99,10 +99,12 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
         seed=1, privacy="blur", models=SHIPPED_MODELS, texture=TextureSettings(texels_per_metre=4.0, walls="translate")
     )
 
-    def key(buildings: list[Building], pose: Pose) -> str:
+    def key(buildings: list[Building], pose: Pose, factor: tuple[float, ...] | None = None) -> str:
         plan = _plan(buildings)
         facade = plan.facades.id.index("a-0")
-        return facade_keys(run, plan, facade, FacadeImagery(panoramas=((picture, pose),)), {}, ())[0]
+        factors = {} if factor is None else {picture: factor}
+        imagery = FacadeImagery(panoramas=((picture, pose),), exposure_factors=factors)
+        return facade_keys(run, plan, facade, imagery, {}, ())[0]
 
     def house(name: str, x: float, y: float) -> Building:
         return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")
@@ -113,6 +115,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     assert diff_key_parts(alone, key([wall, behind], pose)) == []
     assert diff_key_parts(alone, key([wall, kiosk], pose)) == ["between"]
     assert diff_key_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
+    assert diff_key_parts(alone, key([wall], pose, (1.125, 1.0, 1.0))) == ["panoramas"]
 
 
 def _plan(buildings: list[Building]) -> Plan:
