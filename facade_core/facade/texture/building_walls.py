@@ -16,8 +16,15 @@ from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, IntArr
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.entrances import DOOR_SIZE_M, choose_door_position, paint_corner_shop, paint_door
+from facade_core.facade.texture.entrances import (
+    DOOR_SIZE_M,
+    choose_door_position,
+    paint_corner_shop,
+    paint_door,
+    place_doors,
+)
 from facade_core.facade.texture.genetic import POPULATION_SIZE
+from facade_core.facade.texture.ground_units import paint_ground_units
 from facade_core.facade.texture.retargeting import (
     PRICE_NOISE,
     ExemplarAnalysis,
@@ -139,7 +146,7 @@ def compose_wall(
     if wall.is_corner:
         _blank_ground(style, stack[-1], source[:, ground], plain)
     if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
-        _place_doors(style, wall, source[:, ground], across)
+        place_doors(style, wall.entrances, source[:, ground], across)
     back = wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised)
     size_m = wall.width, wall.height
     middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
@@ -157,6 +164,9 @@ def compose_wall(
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if wall.is_corner and shows_ground_floor(style, stack[-1]):
         paint_corner_shop(style, image, labels, int(rows[ground.start]), scale, pixel)
+    if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
+        borders, scales = rows[ground.start : ground.stop + 1], (metres_per_pixel, pixel)
+        paint_ground_units(style, wall, stack[-1], image, labels, borders, scale, scales, rng)
     if middle is not None:
         paint_door(image, labels, middle, pixel, rng)
     return image, labels
@@ -179,25 +189,6 @@ def _insert_bare_rows(stack: list[WallFloor], source: Int32Array, bare: Int64Arr
     whole[:] = bare[:, None, None]
     whole[:, np.concatenate([np.arange(own.start, own.stop) for own in rows])] = source
     return whole
-
-
-def _place_doors(style: ExemplarAnalysis, wall: FacadeWall, source: Int32Array, across: Float64Array) -> None:
-    """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
-
-    `source` is as in `_blank_cells`, of the rows of the ground floor.
-    """
-    doors = np.flatnonzero(style.doors)
-    if not len(doors):
-        return
-    cuts, band = style.structure.bay_cuts, slice(style.structure.ground_top, style.structure.bottom)
-    shop = [(style.labels[band, a:b] == FacadeClass.SHOP).any() for a, b in pairwise(cuts)]
-    has_entrance = np.array([*(style.doors | np.array(shop)), False])  # the last entry is bare wall
-    for place in wall.entrances:
-        own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
-        bay_shown = np.minimum(source[1, -1, ::3] // 3, len(has_entrance) - 1)
-        walled = bay_shown[own] == len(has_entrance) - 1
-        if not walled and not has_entrance[bay_shown[max(0, own - 1) : own + 2]].any():
-            source[1, :, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
 def _blank_ground(style: ExemplarAnalysis, wall_floor: WallFloor, source: Int32Array, plain: int) -> None:

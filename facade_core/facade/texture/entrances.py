@@ -1,15 +1,16 @@
-"""Ground floors of walls that are no fronts: the shop of a narrow corner, and back doors."""
+"""Doors at mapped entrances, and ground floors of walls that are no fronts: the shop of a narrow corner, and back doors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarAnalysis
 from facade_core.parsing.floor_structure import Span, spans_above_threshold
@@ -42,6 +43,30 @@ PLANKED_PROBABILITY = 0.4
 PLANK_M = 0.115
 RAIL_M = 0.13
 GROOVE_M = 0.014
+
+
+def place_doors(style: ExemplarAnalysis, entrances: Sequence[float], source: Int32Array, across: Float64Array) -> None:
+    """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    entrances : mapped doors, metres from the left.
+    source : (2, m, 3 n) rows and columns of the exemplar's lattice of the ground floor; changed in place.
+    across : (3 n + 1,) borders of columns, metres.
+    """
+    doors = np.flatnonzero(style.doors)
+    if not len(doors):
+        return
+    cuts, band = style.structure.bay_cuts, slice(style.structure.ground_top, style.structure.bottom)
+    shop = [(style.labels[band, a:b] == FacadeClass.SHOP).any() for a, b in pairwise(cuts)]
+    has_entrance = np.array([*(style.doors | np.array(shop)), False])  # the last entry is bare wall
+    for place in entrances:
+        own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
+        bay_shown = np.minimum(source[1, -1, ::3] // 3, len(has_entrance) - 1)
+        walled = bay_shown[own] == len(has_entrance) - 1
+        if not walled and not has_entrance[bay_shown[max(0, own - 1) : own + 2]].any():
+            source[1, :, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
 def paint_corner_shop(
