@@ -37,6 +37,11 @@ CORNER_TOLERANCE_M = 0.05
 MAX_BEND_FACET_M = 3.0
 # Cosine between the normals of two walls that are joined round a bend.
 MIN_BEND_COSINE = 0.86
+# Joined facets that are narrower, and turn less, hold no whole window: the wall is unrolled, and windows bend. Metres, cosine.
+MAX_UNROLLED_FACET_M = 1.25
+MIN_UNROLLED_COSINE = 0.94
+# Narrower facets are no part of an unrolled wall, metres.
+MIN_UNROLLED_FACET_M = 0.4
 # Metres by which the feet and tops of joined walls may differ.
 LEVEL_TOLERANCE_M = 0.1
 # Metres; a narrower or lower wall is a ledge.

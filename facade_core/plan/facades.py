@@ -22,6 +22,8 @@ from facade_core.geometry.walls import (
     CORNER_TOLERANCE_M,
     FLOOR_HEIGHT_M,
     LEVEL_TOLERANCE_M,
+    MAX_UNROLLED_FACET_M,
+    MIN_UNROLLED_FACET_M,
     MIN_WALL_M,
     WallRole,
     group_walls_into_runs,
@@ -226,10 +228,13 @@ def _is_large_wall(scene: Scene) -> BoolArray:
 
 
 def _is_tall_wall(charts: Charts) -> BoolArray:
-    """Return the walls at least a floor high, narrow ones included, (charts,)."""
-    is_tall_wall: BoolArray = (
-        (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= MIN_WALL_M) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
-    )
+    """Return the walls at least a floor high, narrow ones and the facets of round ones included, (charts,)."""
+    tall, width = (charts.kind == ChartKind.WALL) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M), charts.size[:, 0]
+    is_wide = width >= MIN_WALL_M
+    facets = np.flatnonzero(tall & (width >= MIN_UNROLLED_FACET_M) & (width < MAX_UNROLLED_FACET_M))
+    for run in group_walls_into_runs(charts, facets) if not is_wide[facets].all() else ():
+        is_wide[run] |= width[run].sum() >= MIN_FACADE_WIDTH_M
+    is_tall_wall: BoolArray = tall & is_wide
     return is_tall_wall
 
 

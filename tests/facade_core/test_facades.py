@@ -154,6 +154,30 @@ def test_a_round_wall_of_narrow_facets_has_windows_on_coarse_atlases(style: Exem
         assert not ((seams > columns.start + 1) & (seams < columns.stop - 1)).any(), "no window is bent"
 
 
+@pytest.mark.parametrize("radius", [3.0, 5.0])
+def test_a_round_tower_of_32_facets_has_whole_windows_across_them(style: ExemplarAnalysis, radius: float) -> None:
+    """Facets of .59 and .98 m, narrower than a window, of a model; outlines are simplified."""
+    tower = Building("tower", shapely.Point(40, 8).buffer(radius, quad_segs=8), 16.0, "height", base=0.0)
+    shell = build_shell_with_roof(replace(tower, roof=Roof("pyramidal", 3.0)), 0.0)
+    plan = plan_of("exemplar", [replace(tower, shell=shell)])
+    facades = plan.facades
+    assert len(facades) == 32
+    assert len(np.unique(facades.run)) == 1
+    wall = facade_wall(plan.scene, facades, 0)
+    assert not wall.seams
+    labels = compose_wall(style, wall, metres_per_pixel=MPP, seed=1, texel_m=0.125)[1]
+    found = windows(labels)
+    assert len(found) >= 4 * int(wall.width / 4)
+    sides = np.array([[one.stop - one.start for one in box] for box in found])
+    assert np.median(sides[:, 1]) * MPP > 0.9, "as wide as on a flat wall"
+
+
+def test_narrow_pieces_beside_a_wall_are_no_facades() -> None:
+    chamfered = shapely.Polygon([(0, 0.5), (0.5, 0), (12, 0), (12, 10), (0, 10)])
+    facades = plan_of("exemplar", [Building("house", chamfered, 12.8, "height")]).facades
+    assert facades.width.min() > 0.7
+
+
 def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: ExemplarAnalysis) -> None:
     facades = plan.facades
     for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():
