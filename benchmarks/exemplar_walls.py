@@ -22,11 +22,13 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
+import shapely
 import yaml
 
 from benchmarks.look.exemplar_walls import (
     ExemplarWall,
     count_defects,
+    ground_proportions,
     has_roof_at_top,
     measure_wall,
     row_proportions,
@@ -37,6 +39,7 @@ from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.core.errors import ImageError
 from facade_core.facade.exemplar_facade import BuildingPaint, ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.texture.retargeting import ExemplarAnalysis
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
@@ -55,6 +58,7 @@ from tasks.stages.ingest.planning import make_plan
 AREA = [4.45283, 51.90518, 4.45352, 51.90576]
 EVERY = 12
 SETS, LICENSED = ("ecp", "artdeco"), "ecp"
+COVERED_MARGIN_M, GREY = 0.25, 225
 SHEET_WALLS, MIN_SHEET_WIDTH_M, SHEET_HEIGHT_M = 40, 4.0, 15.0
 
 
@@ -104,6 +108,7 @@ def make_walls(
     shops = facade_shop_flags(plan, block.shops)
     chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=run.seed)
     proportions = {number: row_proportions(one.labels) for number, one in prepared.items()}
+    grounds = {number: ground_proportions(one.labels) for number, one in prepared.items()}
 
     @cache
     def style(number: int, has_shops: bool, roof: bool) -> ExemplarAnalysis:
@@ -115,10 +120,11 @@ def make_walls(
         chart, roof = int(facades.chart[facade]), not facades.roofed[facade]
         along, density = float(facades.along[facade]), float(placement.texels_per_metre[chart])
         whole, own = style(number, True, roof), style(number, bool(shops[facade] != 0), roof)
+        own_wall = facade_wall(plan.scene, facades, facade)
         begun = time.process_time()
         made = build_facade_from_exemplar(
             ScaledStyle(own, prepared[number].facts["metres_per_texel"], whole),
-            facade_wall(plan.scene, facades, facade),
+            own_wall,
             (int(placement.height[chart]), int(placement.width[chart])),
             span=(along, along + float(facades.width[facade])),
             paint=BuildingPaint(unit_seed(run, str(facades.house[facade]), BUILDING_SEED)),
@@ -126,9 +132,19 @@ def make_walls(
         )
         seconds.append(time.process_time() - begun)
         roofed = has_roof_at_top(plan.scene.charts, plan.scene.mesh, chart)
-        wall = measure_wall(facades.id[facade], name, made.labels, density, proportions[number], has_roof=roofed)
-        found.append((wall, made.image))
+        wall = measure_wall(
+            facades.id[facade], name, made.labels, density, proportions[number], grounds[number], has_roof=roofed
+        )
+        found.append((wall, grey_covered(made.image, own_wall, along)))
     return found, float(np.median(seconds)) if seconds else 0.0
+
+
+def grey_covered(image: np.ndarray, wall: FacadeWall, along: float) -> np.ndarray:
+    """Return a wall's picture with the part grey that a neighbour covers, which nobody sees."""
+    density = image.shape[0] / wall.height
+    row, column = ((np.arange(side) + 0.5) / density for side in image.shape[:2])
+    seen = shapely.contains_xy(wall.free.buffer(COVERED_MARGIN_M), *np.meshgrid(column + along, row))
+    return np.where(seen[..., None], image, GREY).astype(np.uint8)
 
 
 def draw_sheet(walls: Sequence[tuple[ExemplarWall, np.ndarray]]) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""Defects of walls that are made from exemplars, above detectors: roofs, storeys, proportions, one exemplar too often."""
+"""Defects of walls made from exemplars, above detectors: roofs, storeys, proportions, cut shops, one exemplar too often."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -21,13 +21,20 @@ ROOF_M, ROOF_NEAR_M = 0.5, 1.0
 PITCH_SLACK_M, GROUND_PITCH_M = 0.15, 5.25
 # Largest change of a window's height to its width, beside a texel of either.
 PROPORTION = 1.1
+# The same of a door or a shop, which is stretched in both directions; of one that is cut the change is greater. Lower ones are
+# no whole element; pixels.
+GROUND_PROPORTION, MIN_GROUND_ELEMENT_PX = 1.4, 8
+GROUND_CLASSES = (FacadeClass.DOOR, FacadeClass.SHOP)
+# A wall at least as wide has windows; metres.
+MIN_WINDOWED_M = 4.0
 
 
 class ExemplarWall(NamedTuple):
     """A street wall made from an exemplar, and its defects.
 
     roof: rows of roof under a roof of the model; storeys: heights out of range; windows: the proportions of half or more
-    differ from those of all rows of the exemplar.
+    differ from those of all rows of the exemplar; ground: those of a door or a shop from all of the exemplar; blind: without
+    windows.
     """
 
     id: str
@@ -36,17 +43,22 @@ class ExemplarWall(NamedTuple):
     roof: bool
     storeys: tuple[float, ...]
     windows: bool
+    ground: bool = False
+    blind: bool = False
 
     @property
     def defects(self) -> tuple[str, ...]:
         """The names of its defects."""
-        found = (("roof", self.roof), ("storeys", bool(self.storeys)), ("windows", self.windows))
+        found = [("roof", self.roof), ("storeys", bool(self.storeys)), ("windows", self.windows)]
+        found += [("ground", self.ground), ("blind", self.blind)]
         return tuple(name for name, has in found if has)
 
 
 def exemplar_walls(output: Output) -> dict[str, Any]:
     """Count the defects of a published block's street walls without pictures."""
-    proportions = {name: row_proportions(labels) for name, labels in output.exemplar_labels().items()}
+    exemplars = output.exemplar_labels()
+    proportions = {name: row_proportions(labels) for name, labels in exemplars.items()}
+    grounds = {name: ground_proportions(labels) for name, labels in exemplars.items()}
     roles = dict(zip(map(str, output.group["facades/id"][:]), output.group["facades/role"][:].tolist(), strict=True))
     found = []
     for facade, row in facade_items(output):
@@ -54,16 +66,28 @@ def exemplar_walls(output: Output) -> dict[str, Any]:
             labels, density = output.labels(facade.chart), float(output.placement.texels_per_metre[facade.chart])
             has_roof = has_roof_at_top(output.charts, output.mesh, facade.chart)
             source = str(row.source)
-            found.append(measure_wall(facade.id, source, labels, density, proportions[source], has_roof=has_roof))
+            found.append(
+                measure_wall(
+                    facade.id, source, labels, density, proportions[source], grounds[source], has_roof=has_roof
+                )
+            )
     return count_defects(found)
 
 
 def measure_wall(
-    id: str, source: str, labels: np.ndarray, density: float, proportions: np.ndarray, *, has_roof: bool
+    id: str,
+    source: str,
+    labels: np.ndarray,
+    density: float,
+    proportions: np.ndarray,
+    ground: Mapping[int, np.ndarray],
+    *,
+    has_roof: bool,
 ) -> ExemplarWall:
     """Measure a wall.
 
-    labels (h, w) class ids; density: texels a metre; proportions (n,) of the exemplar; has_roof: whether the model's begins
+    labels (h, w) class ids; density: texels a metre; proportions (n,) of the exemplar; ground: those of its
+    doors and shops; has_roof: whether the model's begins
     at its top.
     """
     painted = float(((labels == FacadeClass.ROOF).mean(axis=1) > 0.5).sum() / density)
@@ -74,6 +98,8 @@ def measure_wall(
         has_roof and painted >= ROOF_M,
         odd_pitches(labels, density),
         are_stretched(labels, proportions),
+        are_cut(labels, ground),
+        labels.shape[1] >= MIN_WINDOWED_M * density and not (labels == FacadeClass.WINDOW).any(),
     )
 
 
@@ -88,6 +114,8 @@ def count_defects(walls: Sequence[ExemplarWall]) -> dict[str, Any]:
         "roof_under_a_roof": counts["roof"],
         "storeys_out_of_range": counts["storeys"],
         "window_proportions": counts["windows"],
+        "cut_on_the_ground_floor": counts["ground"],
+        "without_windows": counts["blind"],
         "without_these": sum(not wall.defects for wall in walls),
         "exemplars": len(uses),
         "largest_share_of_walls": round(max(uses.values(), default=0) / max(1, len(walls)), 3),
@@ -122,7 +150,7 @@ def odd_pitches(labels: np.ndarray, density: float) -> tuple[float, ...]:
 
 def row_proportions(labels: np.ndarray) -> np.ndarray:
     """The median height to width (n,) of the windows of each row."""
-    size, middle = _window_boxes(labels)
+    size, middle = _boxes(labels, FacadeClass.WINDOW)
     rows = [
         size[(middle > a) & (middle < b), 1] / size[(middle > a) & (middle < b), 0]
         for a, b in window_row_spans(labels == FacadeClass.WINDOW)
@@ -132,16 +160,38 @@ def row_proportions(labels: np.ndarray) -> np.ndarray:
 
 def are_stretched(labels: np.ndarray, proportions: np.ndarray) -> bool:
     """Whether half of the windows have proportions that no row (n,) of the exemplar has."""
-    size, _ = _window_boxes(labels)
+    size, _ = _boxes(labels, FacadeClass.WINDOW)
     if not len(size) or not len(proportions):
         return False
     off = np.abs(np.log((size[:, 1] / size[:, 0])[:, None] / proportions[None])).min(axis=1)
     return bool((off > np.log(PROPORTION) + (1 / size).sum(axis=1)).mean() >= 0.5)
 
 
-def _window_boxes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Width and height (n, 2) of the windows, and their middles (n,) from the top."""
-    window = (labels == FacadeClass.WINDOW).astype(np.uint8)
-    count, _, boxes, _ = cv2.connectedComponentsWithStats(window, connectivity=4)
+def ground_proportions(labels: np.ndarray) -> dict[int, np.ndarray]:
+    """The height to width (n,) of the doors and of the shops of an exemplar, by class."""
+    sizes = {one: _ground_sizes(labels, one) for one in GROUND_CLASSES}
+    return {int(one): size[:, 1] / size[:, 0] for one, size in sizes.items()}
+
+
+def are_cut(labels: np.ndarray, proportions: Mapping[int, np.ndarray]) -> bool:
+    """Whether a door or a shop has proportions that none of the exemplar has."""
+    for one in GROUND_CLASSES:
+        size = _ground_sizes(labels, one)
+        if len(size):
+            off = np.abs(np.log((size[:, 1] / size[:, 0])[:, None] / proportions[int(one)][None]))
+            if (off.min(axis=1, initial=np.inf) > np.log(GROUND_PROPORTION) + (1 / size).sum(axis=1)).any():
+                return True
+    return False
+
+
+def _ground_sizes(labels: np.ndarray, label: FacadeClass) -> np.ndarray:
+    """Width and height (n, 2) of the elements of a class that are no specks."""
+    size, _ = _boxes(labels, label)
+    return size[size[:, 1] >= MIN_GROUND_ELEMENT_PX]
+
+
+def _boxes(labels: np.ndarray, label: FacadeClass) -> tuple[np.ndarray, np.ndarray]:
+    """Width and height (n, 2) of the elements of a class, and their middles (n,) from the top."""
+    count, _, boxes, _ = cv2.connectedComponentsWithStats((labels == label).astype(np.uint8), connectivity=4)
     boxes = boxes[1:count].astype(float)
     return boxes[:, 2:4], boxes[:, 1] + boxes[:, 3] / 2

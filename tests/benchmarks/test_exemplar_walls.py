@@ -6,7 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.look.exemplar_walls import count_defects, measure_wall, odd_pitches, row_proportions
+from benchmarks.look.exemplar_walls import (
+    are_cut,
+    count_defects,
+    ground_proportions,
+    measure_wall,
+    odd_pitches,
+    row_proportions,
+)
 from facade_core.core.labels import FacadeClass
 
 DENSITY = 10.0
@@ -37,9 +44,10 @@ def test_each_defect_is_counted_and_a_good_wall_has_none() -> None:
         "high": (wall((6.4, 3.2, 4.0)), True),
         "low": (wall((2.2, 2.2, 4.0)), True),
         "stretched": (wall((3.2, 3.2, 4.0), window=(1.0, 2.1)), True),
+        "blind": (np.full_like(GOOD, FacadeClass.WALL), True),
     }
     found = {
-        name: measure_wall(name, "x", labels, DENSITY, PROPORTIONS, has_roof=has_roof)
+        name: measure_wall(name, "x", labels, DENSITY, PROPORTIONS, {}, has_roof=has_roof)
         for name, (labels, has_roof) in cases.items()
     }
     assert {name: one.defects for name, one in found.items()} == {
@@ -49,11 +57,22 @@ def test_each_defect_is_counted_and_a_good_wall_has_none() -> None:
         "high": ("storeys",),
         "low": ("storeys",),
         "stretched": ("windows",),
+        "blind": ("blind",),
     }
     counts = count_defects(list(found.values()))
-    assert (counts["walls"], counts["without_these"], counts["largest_share_of_walls"]) == (6, 2, 1.0)
+    assert (counts["walls"], counts["without_these"], counts["largest_share_of_walls"]) == (7, 2, 1.0)
 
 
 def test_a_ground_floor_may_be_higher() -> None:
     assert odd_pitches(wall((3.2, 3.2, 6.0)), DENSITY) == ()
     assert odd_pitches(wall((6.6, 3.2, 3.2)), DENSITY) != ()
+
+
+def test_a_shop_that_is_cut_is_told_from_one_that_is_stretched() -> None:
+    exemplar = wall((3.2, 3.2, 4.0))
+    exemplar[-30:, 10:60], exemplar[-22:, 70:82] = FacadeClass.SHOP, FacadeClass.DOOR
+    proportions = ground_proportions(exemplar)
+    assert not are_cut(exemplar, proportions)
+    assert not are_cut(np.delete(exemplar, np.s_[20:30], axis=1), proportions)
+    assert are_cut(np.delete(exemplar, np.s_[20:45], axis=1), proportions)
+    assert not are_cut(GOOD, ground_proportions(GOOD))
