@@ -11,7 +11,7 @@ from facade_core.core.errors import LayoutError, ModelFileError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Completion, Element, Parsing
 from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
-from facade_core.facade.layout.gap_filling import find_fillers_and_strays
+from facade_core.facade.layout.gap_filling import find_fillers_and_strays, remove_lone_balconies
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.image_evidence import apply_image_evidence
 from facade_core.facade.layout.layout_sampling import sample_layouts
@@ -227,11 +227,12 @@ def propose_ranked_layouts(
             selected = _reselect(select, selected, fill, np.zeros_like(fill), order)
         is_door = proposals.label[selected] == DOOR
         selected = selected[~is_door | (np.cumsum(is_door) <= max_doors)]
-        if layouts and not len(selected):  # an empty completion is no alternative
-            continue
         layout = align_proposal_edges(
             proposals, selected, probability, observed, PlacementSpace(domain, region, obstacles)
         )
+        layout = remove_lone_balconies(layout, observed)
+        if layouts and not layout:  # an empty completion is no alternative
+            continue
         correct = float(probability[selected].sum())
         value = 2 * correct / max(len(selected) + max(expected, correct), 1e-9)
         value += _SCORE_WEIGHT * score([*observed, *layout], domain, model=model)

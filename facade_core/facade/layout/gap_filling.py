@@ -1,4 +1,4 @@
-"""Complete rows and columns of a selection: fill gaps of nearly full lines, remove single windows of empty rows."""
+"""Complete rows and columns of a selection: fill gaps of nearly full lines, remove single windows and balconies."""
 
 from __future__ import annotations
 
@@ -17,6 +17,12 @@ from facade_core.facade.layout.rectangles import WINDOW, overlap_mask
 _MIN_FILLED_SHARE = 0.5
 # Smallest occupied share of a row without observed windows.
 _MIN_ROW_SHARE = 0.26
+# A balcony without a window stays from this probability on.
+_MIN_LONE_BALCONY = 0.4
+# A balcony belongs to a window of which it covers this share of the width ...
+_MIN_SHARED_WIDTH = 0.5
+# ... and which it meets between these heights, in window heights from the window's top.
+_BALCONY_REACH = (0.4, 1.6)
 
 
 def find_fillers_and_strays(
@@ -72,3 +78,16 @@ def find_fillers_and_strays(
     lonely = ~shown & (in_row < _MIN_ROW_SHARE)
     alone[own[lonely[row[len(box) - len(own) :]]]] = True
     return fill, alone
+
+
+def remove_lone_balconies(layout: Sequence[Element], observed: Sequence[Element]) -> tuple[Element, ...]:
+    """Return proposed elements without the unlikely balconies that belong to no window, proposed or observed."""
+    window = box_array([e for e in (*layout, *observed) if e.label == "window"])
+    width, height = (window[:, 2:] - window[:, :2]).T
+    top, bottom = (window[:, 1] + reach * height for reach in _BALCONY_REACH)
+
+    def has_window(e: Element) -> bool:
+        shared = np.minimum(window[:, 2], e.x1) - np.maximum(window[:, 0], e.x0)
+        return bool(((shared > _MIN_SHARED_WIDTH * width) & (e.y0 < bottom) & (e.y1 > top)).any())
+
+    return tuple(e for e in layout if e.label != "balcony" or e.confidence >= _MIN_LONE_BALCONY or has_window(e))

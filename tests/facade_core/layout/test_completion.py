@@ -9,7 +9,7 @@ from facade_core.core.types import Element, Parsing
 from facade_core.facade.layout import completion
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, log_floor_progressions
-from facade_core.facade.layout.gap_filling import find_fillers_and_strays
+from facade_core.facade.layout.gap_filling import find_fillers_and_strays, remove_lone_balconies
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import default_layout_model
 from facade_core.facade.layout.proposals import Proposals, propose_elements
@@ -144,6 +144,13 @@ def test_rows_are_full_and_nothing_stands_alone_in_one():
     assert np.flatnonzero(alone).tolist() == [20]
     fill, _ = find_fillers_and_strays(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
     assert not fill.any(), "what the picture denies"
+
+
+def test_an_unlikely_balcony_without_a_window_is_removed():
+    window, seen = Element("window", 10, 10, 20, 24, 0.5), Element("window", 40, 10, 50, 24)
+    balconies = [Element("balcony", x, 20, x + 14, 27, p) for x, p in ((8, 0.2), (38, 0.2), (70, 0.3), (90, 0.5))]
+    kept = remove_lone_balconies([window, *balconies], [seen])
+    assert kept == (window, *balconies[:2], balconies[3])
 
 
 def guesses(corners, label):

@@ -18,14 +18,19 @@ SEEN = [e for e in WHOLE if e.x0 < 60]
 
 
 def answer(windows, chance=0.9):
-    """A network that knows the windows, in pixels: two to a unit of the facade would not fit, so half a pixel."""
+    """A network that knows the windows, in pixels: two to a unit of the facade would not fit, so half a pixel.
+
+    The left half of DOMAIN is seen, so elements drawn on the right are those of the mirrored view.
+    """
 
     def predict(layout):
         assert layout.shape == (1, CHANNELS, *RASTER)
+        is_mirrored = layout[0, 0, :, 30:].sum() > layout[0, 0, :, :30].sum()
         raw = np.zeros((4, 5, RASTER[0] // STRIDE, RASTER[1] // STRIDE), np.float32)
         raw[:, 0] = -9
         for e in windows:
             x, y = (e.x0 + e.x1) / 4, (e.y0 + e.y1) / 4
+            x = 60 - x if is_mirrored else x
             row, column = int(y // STRIDE), int(x // STRIDE)
             raw[0, :, row, column] = (
                 np.log(chance / (1 - chance)),
@@ -46,6 +51,30 @@ def test_windows_of_the_network_are_found_in_the_hidden_part_only():
     )
     np.testing.assert_allclose(found.probability, 0.9, atol=1e-6)
     assert not len(find_network_windows(SEEN, DOMAIN, np.array(REGION), answer(WHOLE, 0.2)).box), "unlikely ones"
+
+
+def test_a_window_found_in_one_view_only_has_half_of_its_probability():
+    other = [Element("window", 64, 10, 76, 24), WHOLE[-1]]
+    answers = [answer([*WHOLE[:2], *other]), answer(WHOLE)]
+
+    def predict(layout):
+        return answers.pop()(layout)
+
+    found = find_network_windows(SEEN, DOMAIN, np.array(REGION), predict)
+    assert len(found.box) == 4
+    assert found.probability.round(3).tolist() == [0.9, 0.45, 0.45, 0.45]
+
+
+def test_the_box_of_a_window_is_the_mean_of_those_of_both_views():
+    moved = [Element("window", e.x0 + 2, e.y0, e.x1 + 2, e.y1) for e in WHOLE]
+    answers = [answer(moved), answer(WHOLE)]
+
+    def predict(layout):
+        return answers.pop()(layout)
+
+    found = find_network_windows(SEEN, DOMAIN, np.array(REGION), predict)
+    expected = sorted([e.x0 + 1, e.y0, e.x1 + 1, e.y1] for e in WHOLE if e.x0 > 60)
+    np.testing.assert_allclose(sorted(found.box.tolist()), expected, atol=1e-4)
 
 
 def test_no_window_is_found_by_none_seen_or_too_fine_ones():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float32Array, Float64Array
+from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
 from facade_core.core.types import Element
@@ -30,6 +30,10 @@ Predict = Callable[[Float32Array], Float32Array]
 
 # Least probability of a window.
 MIN_WINDOW_PROBABILITY = 0.25
+# Least probability of the window of one cell.
+_MIN_CELL_PROBABILITY = 0.03
+# Boxes that overlap by this IoU are the same window, as training counts it.
+_EQUAL_IOU = 0.5
 # Least width and height of a seen window on the raster, in pixels.
 _MIN_WINDOW_PIXELS = 4.0
 # Boxes that overlap by this IoU are one window.
@@ -82,7 +86,7 @@ def _load_version(path: Path, _stamps: tuple[tuple[int, int], ...]) -> Predict:
 def find_network_windows(
     seen: Sequence[Element], domain: Rectangle, region: Float64Array, predict: Predict
 ) -> NetworkWindows | None:
-    """Find windows in the hidden part of a facade.
+    """Find windows in the hidden part of a facade, by the facade and its mirror image.
 
     Parameters
     ----------
@@ -101,18 +105,47 @@ def find_network_windows(
         return None
     to_pixels, origin = np.tile(scale, 2), np.tile(domain[:2], 2)
     extent = ((np.array(domain) - origin) * to_pixels)[2:]
-    visible = draw_region((region - origin) * to_pixels, float(extent[0]))
-    raw = predict(_draw_layout(seen, (box_array(seen) - origin) * to_pixels, extent, visible))[WINDOW].astype(float)
+    width = float(extent[0])
+    labels = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
+    drawn, visible = ((box - origin) * to_pixels for box in (box_array(seen), region))
+    cells = _read_cells(labels, drawn, visible, extent, predict)
+    box, chance = _read_cells(labels, _mirror(drawn, width), _mirror(visible, width), extent, predict)
+    box, chance = _merge_views([cells, (_mirror(box, width), chance)])
+    return NetworkWindows(box / to_pixels + origin, chance)
+
+
+def _read_cells(
+    labels: Int64Array, box: Float64Array, region: Float64Array, extent: Float64Array, predict: Predict
+) -> tuple[Float64Array, Float64Array]:
+    """Return box (N, 4) and probability (N,) of the window of each hidden cell that has a likely one; in pixels."""
+    visible = draw_region(region, float(extent[0]))
+    raw = predict(_draw_layout(labels, box, extent, visible))[WINDOW].astype(float)
     rows, columns = (np.arange(n // STRIDE, dtype=np.float32) for n in RASTER)
     cells = visible[0].reshape(len(rows), STRIDE, len(columns), STRIDE).mean(axis=(1, 3))
     inside = ((columns + 0.5) * STRIDE < extent[0]) & (((rows + 0.5) * STRIDE)[:, None] < extent[1])
     chance = np.where((cells < 0.5) & inside, 1 / (1 + np.exp(-raw[0])), 0.0).ravel()
-    index = np.flatnonzero(chance >= MIN_WINDOW_PROBABILITY)
-    index = index[np.argsort(-chance[index], kind="stable")]
-    box = decode_boxes(raw[1:], rows, columns).reshape(4, -1).T[index].clip(0, np.tile(extent, 2))
-    kept = _select_distinct(box)
-    kept &= ((box[:, 2:] - box[:, :2]) > _MIN_SIDE).all(axis=1)
-    return NetworkWindows(box[kept] / to_pixels + origin, chance[index][kept])
+    found = decode_boxes(raw[1:], rows, columns).reshape(4, -1).T.clip(0, np.tile(extent, 2))
+    kept = (chance >= _MIN_CELL_PROBABILITY) & ((found[:, 2:] - found[:, :2]) > _MIN_SIDE).all(axis=1)
+    return found[kept], chance[kept]
+
+
+def _merge_views(views: Sequence[tuple[Float64Array, Float64Array]]) -> tuple[Float64Array, Float64Array]:
+    """Return the distinct windows of the cells of several views, likeliest first.
+
+    The probability of a window is that of the likeliest cell with an equal box, as the mean over views; its box is the
+    mean of all equal ones, weighted by their probabilities.
+    """
+    box, weight = (np.concatenate(part) for part in zip(*views, strict=True))
+    equal = [pairwise_iou(box, other) >= _EQUAL_IOU for other, _ in views]
+    likeliest = [
+        np.where(same, chance, 0.0).max(axis=1, initial=0.0) for same, (_, chance) in zip(equal, views, strict=True)
+    ]
+    chance = np.mean(likeliest, axis=0)
+    index = np.lexsort((-weight, -chance))
+    index = index[chance[index] >= MIN_WINDOW_PROBABILITY]
+    index = index[_select_distinct(box[index])]
+    shares = np.where(np.concatenate(equal, axis=1)[index], weight, 0.0)
+    return shares @ box / shares.sum(axis=1, keepdims=True), chance[index]
 
 
 def move_to_proposals(windows: Float64Array, proposals: Float64Array, probability: Float64Array) -> Float64Array:
@@ -128,18 +161,23 @@ def move_to_proposals(windows: Float64Array, proposals: Float64Array, probabilit
     return moved
 
 
-def _draw_layout(
-    seen: Sequence[Element], box: Float64Array, extent: Float64Array, visible: Float32Array
-) -> Float32Array:
+def _draw_layout(labels: Int64Array, box: Float64Array, extent: Float64Array, visible: Float32Array) -> Float32Array:
     """Draw the network's input; `box` (N, 4) and `extent` (2,) are in pixels."""
     rows, columns = (np.arange(n, dtype=np.float32) for n in RASTER)
-    kinds = np.eye(len(ELEMENT_CLASSES), dtype=np.float32)[[ELEMENT_CLASSES.index(e.label) for e in seen]]
-    guessed = np.zeros((1, len(seen), 1), np.float32)
+    kinds = np.eye(len(ELEMENT_CLASSES), dtype=np.float32)[labels]
+    guessed = np.zeros((1, len(labels), 1), np.float32)
     drawn = draw_inputs(
         box.astype(np.float32)[None], kinds[None], guessed, extent.astype(np.float32)[None], rows, columns
     )
     layout: Float32Array = np.concatenate([*drawn, visible[None]], axis=1).astype(np.float32)
     return layout
+
+
+def _mirror(box: Float64Array, width: float) -> Float64Array:
+    """Return boxes (N, 4) mirrored in a facade of this width."""
+    mirrored = box.copy()
+    mirrored[:, [0, 2]] = width - box[:, [2, 0]]
+    return mirrored
 
 
 def _select_distinct(box: Float64Array) -> BoolArray:
