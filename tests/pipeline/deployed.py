@@ -1,4 +1,5 @@
-"""Prefect as its user runs it: a server and a worker of their own, and the lines of deploy/README.md typed into a shell."""
+"""Prefect as its user runs it: a server, a worker and a webhook of their own, and the lines of deploy/README.md typed into a
+shell."""
 
 from __future__ import annotations
 
@@ -7,21 +8,26 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 from urllib.error import URLError
 from urllib.request import urlopen
 
 import psutil
+import yaml
 
 from flows.server.startup import TELEMETRY_OFF, find_free_port
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
+    from prefect.client.schemas.objects import FlowRun
 
 README = (ROOT / "deploy" / "README.md").read_text()
 
@@ -30,10 +36,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Site:
-    """A Prefect of its own: `home` holds its data and logs, `environment` is that of every command typed."""
+    """A Prefect of its own: `home` holds its data and logs; commands are typed in the folder `root`, in `environment`."""
 
     home: Path
     environment: dict[str, str]
+    root: Path = ROOT
     started: list[subprocess.Popen] = field(default_factory=list)
 
     @property
@@ -46,8 +53,11 @@ class Site:
         return SyncPrefectClient(self.api)
 
 
-def new_site(home: Path, database: str | None = None) -> Site:
-    """Nothing runs yet; the port is free now. database: the address of one, SQLite's in the home where it is None."""
+def new_site(home: Path, database: str | None = None, root: Path = ROOT) -> Site:
+    """Nothing runs yet; the port is free now.
+
+    database: the address of one, SQLite's in the home where it is None; root: the clone whose code runs.
+    """
     port = str(find_free_port())
     own = {
         "PREFECT_HOME": str(home),
@@ -61,7 +71,7 @@ def new_site(home: Path, database: str | None = None) -> Site:
     if database:
         own["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = database
     home.mkdir(parents=True)
-    return Site(home, environment(home) | TELEMETRY_OFF | own)
+    return Site(home, environment(home) | TELEMETRY_OFF | own, root)
 
 
 def words(line: str, replaced: dict[str, str]) -> list[str]:
@@ -78,7 +88,7 @@ def typed(site: Site, line: str, replaced: dict[str, str] | None = None, expect:
     """Type a line in the project's root and wait for it; returns what it printed."""
     done = subprocess.run(
         words(line, replaced or {}),
-        cwd=ROOT,
+        cwd=site.root,
         env=site.environment,
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -94,7 +104,7 @@ def left_running(site: Site, line: str, log: str, replaced: dict[str, str] | Non
     with (site.home / log).open("wb") as output:
         process = subprocess.Popen(
             words(line, replaced or {}),
-            cwd=ROOT,
+            cwd=site.root,
             env=site.environment,
             stdin=subprocess.DEVNULL,
             stdout=output,
@@ -166,6 +176,58 @@ def end(site: Site) -> list[psutil.Process]:
     for process in left:
         process.kill()
     return left
+
+
+def runs(site: Site, deployment: str, scheduled: bool = False) -> list[FlowRun]:
+    """The runs of a deployment, the newest first: those that are only scheduled, or the others."""
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterName
+    from prefect.client.schemas.sorting import FlowRunSort
+
+    with site.client() as client:
+        found = client.read_flow_runs(
+            deployment_filter=DeploymentFilter(name=DeploymentFilterName(any_=[deployment])),
+            sort=FlowRunSort.EXPECTED_START_TIME_DESC,
+        )
+    return [run for run in found if (run.state_name in ("Scheduled", "Late")) == scheduled]
+
+
+def notified_at(site: Site, address: str) -> None:
+    """Make the block `custom-webhook/team`, which tells a webhook."""
+    block = (
+        f"from prefect.blocks.notifications import CustomWebhookNotificationBlock as To; To(name='team', url={address!r}, "
+        "json_data={'subject': '{{subject}}', 'body': '{{body}}'}).save('team', overwrite=True)"
+    )
+    subprocess.run([sys.executable, "-c", block], env=site.environment, check=True)
+
+
+def automate(site: Site, file: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "deploy/automations.py", str(file), "--notify", "custom-webhook/team"],
+        cwd=ROOT,
+        env=site.environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    with site.client() as client:
+        made = [one.name for one in client.read_automations()]
+    assert sorted(made) == sorted(one["name"] for one in yaml.safe_load(file.read_text()))
+
+
+@contextmanager
+def listening(tell: Callable[[str], object]) -> Iterator[str]:
+    """The address of a webhook, which passes on what it is told."""
+
+    class Webhook(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            tell(self.rfile.read(int(self.headers["Content-Length"])).decode())
+            self.send_response(200)
+            self.end_headers()
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Webhook) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
 
 
 def _logs(site: Site) -> str:

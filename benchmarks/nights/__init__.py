@@ -1,0 +1,1 @@
+"""Nights of a Prefect deployment whose clock is set forward."""
