@@ -21,6 +21,7 @@ from catalogs.imagery.fetch_log import FetchLog, has_fetch_log, read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
 from catalogs.imagery.remote_panorama import LonLatBox, PanoramaQuery, RemotePanorama
 from catalogs.imagery.services import ImageryService
+from catalogs.printable_text import format_command
 from catalogs.readers.pictures.decoding import read_picture
 from catalogs.readers.pictures.panoramas import project_pose
 from facade_core.core.errors import ImageError, InputError
@@ -131,7 +132,7 @@ def fetch_block_panoramas(
     if named is not None and not (folder.resolve() == named.resolve() and has_fetch_log(named)):
         raise InputError(
             f"{block_file}: imagery.panoramas names {named}, and a block has one folder; take that out of the block file, "
-            f"fetch, then: streetloom fetch-imagery {block_file} --from {named}"
+            f"fetch, then: {format_command('fetch-imagery', block_file, '--from', named)}"
         )
     log = read_fetch_log(folder)
     block = read_block(block_file)

@@ -11,6 +11,7 @@ from catalogs.block.keys import BlockFileSettings, validate_block_settings
 from catalogs.block.paths import resolve_path
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tile_index import tile_files_in_area
+from catalogs.printable_text import format_command
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
@@ -79,8 +80,8 @@ def validate_city_settings(values: object, path: Path) -> CityFileSettings | str
         return str(folder["path"])
     if "part" in values:
         raise ValueError(
-            f"part: this is a block of a city that was cut; `streetloom run {path}` textures it alone; a city is run by the "
-            "file from which it was cut"
+            f"part: this is a block of a city that was cut; `{format_command('run', path)}` textures it alone; "
+            "a city is run by the file from which it was cut"
         )
     rest, indexes = _resolve_tile_index({key: value for key, value in values.items() if key != CUT_KEY}, path)
     keys = validate_block_settings(rest)
@@ -92,7 +93,7 @@ def validate_city_settings(values: object, path: Path) -> CityFileSettings | str
     if keys.streets is None:
         raise ValueError(
             "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "
-            f"`streetloom run {path}`"
+            f"`{format_command('run', path)}`"
         )
     side = values.get(CUT_KEY, {})
     metres = side.get("metres", DEFAULT_BLOCK_SIZE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Generic, cast
 
 from catalogs.features import natural_sort_key
+from catalogs.printable_text import format_command
 from catalogs.published.folders import F, Folder, map_concurrently
 from facade_core.core.errors import InputError
 
@@ -100,6 +101,5 @@ def _subfolders(parent: F) -> list[F]:
 
 def publish_hint(folder: Folder, what: str) -> str:
     """Return the command that publishes what a folder lacks."""
-    return (
-        f"`streetloom {'city CITY' if (folder / CITY_FILE_NAME).is_file() else 'run BLOCK'}.yaml --out {folder}` {what}"
-    )
+    words = ("city", "CITY.yaml") if (folder / CITY_FILE_NAME).is_file() else ("run", "BLOCK.yaml")
+    return f"`{format_command(*words, '--out', folder)}` {what}"

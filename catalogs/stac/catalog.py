@@ -70,7 +70,7 @@ def _write_run_catalog(run: PublishedRun[Folder], find_snapshot: Callable[[Folde
         collections = required_collection_files(snapshot.folder)
         missing = [path for _, path in collections if not path.is_file()]
         if missing:
-            raise InputError(f"{missing[0]} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
+            raise InputError(f"{missing[0]} is missing; {publish_hint(run.folder, 'publishes again')}")
         name = _folder_name(run.folder)
         children = [(f".{str(path)[len(str(run.folder)) :]}", kind) for kind, path in collections]
         _write_catalog_file(run.folder, f"What Streetloom published in {name}", children)

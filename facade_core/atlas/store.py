@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
@@ -84,7 +85,7 @@ class Repository(icechunk.Repository):
         except icechunk.IcechunkError as error:
             raise StoreError(
                 f"{self.path}: snapshot {session.snapshot_id} cannot be read ({str(error).splitlines()[0].strip(' x')}); "
-                f"`streetloom run BLOCK.yaml --out {self.path.parent}` goes on from one that can"
+                f"`streetloom run BLOCK.yaml --out {shlex.quote(str(self.path.parent))}` goes on from one that can"
             ) from error
         session.repository = self  # type: ignore[attr-defined]
         return session
@@ -159,7 +160,7 @@ def open_root(session: icechunk.Session) -> StoreGroup:
         where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
         raise StoreFormatError(
             f"{where}: is of format {found_format or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; "
-            f"`streetloom run BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
+            f"`streetloom run BLOCK.yaml --out {shlex.quote(str(out))}` makes it anew, or install the version that made it"
         )
     return group
 

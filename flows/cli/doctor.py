@@ -37,13 +37,14 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     """
     from itertools import chain
 
+    from catalogs.printable_text import format_command
     from catalogs.published.folders import local_run_folder
     from facade_core.core.errors import InputError
     from flows.lock import is_locked
     from tasks.doctor import examine_machine
 
     if out and is_locked(out):
-        raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
+        raise InputError(f"{out}: a run is at work in it; wait for it, or look on: {format_command('view', out)}")
     found = []
     side = local_run_folder(out) if out else Path.cwd()
     disk = next(

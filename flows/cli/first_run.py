@@ -24,6 +24,7 @@ def note_first_run() -> None:
 
 def note_large_block(block: Block, block_file: Path, workers: int) -> None:
     """Print a notice where a block is so large that `city` suits it better; blocks of a city are left out."""
+    from catalogs.printable_text import format_command
     from flows.console import format_duration
     from tasks.city.block_counts import block_counts_from_map
     from tasks.city.cost import load_cost_model
@@ -35,5 +36,5 @@ def note_large_block(block: Block, block_file: Path, workers: int) -> None:
     if estimate["facades"] > MAX_BLOCK_FACADES:
         print_notice(
             f"about {estimate['facades']:,} facades, {format_duration(3600 * estimate['hours'])} with {workers} workers; "
-            f"above {MAX_BLOCK_FACADES:,} facades use `streetloom city {block_file}`, which publishes block by block"
+            f"above {MAX_BLOCK_FACADES:,} facades use `{format_command('city', block_file)}`, which publishes block by block"
         )

@@ -15,6 +15,7 @@ from typing import Any
 import icechunk
 
 from catalogs.block.reader import read_block
+from catalogs.printable_text import format_command
 from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import publish_hint
@@ -44,7 +45,7 @@ MAX_SET_ASIDE_LINES = 50
 def examine_folder(out: Folder) -> Iterator[Finding]:
     """Yield the findings about a run's folder; no run may be at work in it."""
     source = read_run_block_file(out)
-    again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
+    again = f"`{format_command('run', source or 'BLOCK.yaml', '--out', out)}`"
     store = out / "store"
     if not store.is_dir():
         makes = publish_hint(out, "makes one") if source is None else f"{again} makes one"
@@ -153,7 +154,7 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
         yield Finding(
             "published",
             None,
-            f"{len(leftovers)} leftovers of killed runs; `streetloom prune {out} --keep N` removes them",
+            f"{len(leftovers)} leftovers of killed runs; `{format_command('prune', out, '--keep', 'N')}` removes them",
         )
 
 
@@ -161,8 +162,8 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
     """Forecast the work of a run with the present block file, on a copy."""
     if source is None:
         return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
+    again = f"`{format_command('run', source, '--out', out)}`"
     if not isinstance(out, Path):
-        again = f"`streetloom run {source} --out {out}`"
         return Finding("stale", None, f"not tried of a run in a bucket; {again} says what is due, and does it")
     try:
         block = read_block(source)
@@ -180,9 +181,7 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
     if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):
         return Finding("stale", True, f"nothing: {source} and the code are as they were")
     # stale is no damage: the data match an earlier block or code
-    return Finding(
-        "stale", None, f"{said or 'everything'}; made again by the next run: `streetloom run {source} --out {out}`"
-    )
+    return Finding("stale", None, f"{said or 'everything'}; made again by the next run: {again}")
 
 
 @contextmanager

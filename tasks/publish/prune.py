@@ -54,7 +54,7 @@ def prune_snapshots(out: Folder, keep: int, read_for: timedelta = READER_GRACE) 
         raise InputError(f"{out}: nothing is published; {publish_hint(out, 'publishes')}")
     repository = open_repository(out / "store")
     if not has_all_files(repository, out / "store"):
-        raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")
+        raise InputError(f"{out / 'store'}: is damaged; {publish_hint(out, 'mends it first')}")
     lines = []
     size = _folder_bytes(out)
     leftovers = _find_leftovers(out)

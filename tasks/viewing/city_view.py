@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from catalogs.printable_text import format_command
 from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.runs import CITY_FILE_NAME, find_runs_with_store
 from catalogs.published.s3 import S3Path
@@ -152,7 +153,7 @@ class CityReader:
             "blocks": [_describe_block(block, self.origin, block not in others) for block in city.blocks.values()],
             "notes": [
                 f"block {block.name} is in another CRS than the map ({self.crs}) and not on it; open it by itself: "
-                f"streetloom view {block.folder}"
+                f"{format_command('view', block.folder)}"
                 for block in others
             ],
         }

@@ -207,3 +207,9 @@ def test_every_note_of_the_inputs_is_named(tmp_path: Path) -> None:
         assert any(words in note for note in notes), (words, notes)
     assert set(block.notes) <= set(notes)
     assert len(notes) >= 6
+
+
+def test_a_printed_command_can_be_pasted(tmp_path: Path) -> None:
+    out = tmp_path / "my run"
+    out.mkdir()
+    assert f"`streetloom run BLOCK.yaml --out '{out}'` makes one" in wrong(out)["store"]

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from catalogs.printable_text import format_command
 from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY_FILE_NAME
@@ -139,5 +140,5 @@ def _check_block(run: Run, group: StoreGroup) -> None:
     if held != run.block:
         raise InputError(
             f"{run.out}: holds block {held}; give block {run.block} a folder of its own beside it with --out, and "
-            f"`streetloom query {run.folder.parent}` finds both"
+            f"`{format_command('query', run.folder.parent)}` finds both"
         )

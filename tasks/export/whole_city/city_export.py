@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.features import natural_sort_key
+from catalogs.printable_text import format_command
 from catalogs.published.folders import Folder
 from catalogs.published.geopackage_digest import read_geopackage_stamp, write_geopackage_stamp
 from catalogs.published.s3 import S3Path
@@ -214,18 +215,20 @@ def _finished_export(target: Path, as_file: bool, key: str) -> tuple[Path, ...] 
 
 def _list_published_blocks(out: Folder, log: CityLog) -> tuple[list[str], list[str]]:
     """Return the blocks that have published, in natural order, and notes on those that have not or have failed since."""
+    again = f"`{format_command('city', 'CITY.yaml', '--out', out)}`"
     if not log.blocks:
-        raise InputError(f"{out}: its list of blocks cannot be read; `streetloom city CITY.yaml --out {out}` writes it")
+        raise InputError(f"{out}: its list of blocks cannot be read; {again} writes it")
     names = sorted(log.blocks, key=natural_sort_key)
     published = [name for name in names if find_current_snapshot(out / BLOCKS_FOLDER / name) is not None]
-    again = f"`streetloom city CITY.yaml --out {out}` goes on"
     if not published:
-        raise InputError(f"{out}: none of its {len(names)} blocks has published; {again}")
+        raise InputError(f"{out}: none of its {len(names)} blocks has published; {again} goes on")
     notes = []
     if missing := [name for name in names if name not in set(published)]:
-        notes.append(f"{list_names(missing)}: left out, nothing is published of them; {again}")
+        notes.append(f"{list_names(missing)}: left out, nothing is published of them; {again} goes on")
     if failed := [name for name in published if log.blocks[name].code not in (0, 1)]:
-        notes.append(f"{list_names(failed)}: exported as published before, their last run did not finish; {again}")
+        notes.append(
+            f"{list_names(failed)}: exported as published before, their last run did not finish; {again} goes on"
+        )
     return published, notes
 
 
