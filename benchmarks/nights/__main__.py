@@ -1,4 +1,4 @@
-"""Nights of a Prefect deployment: what its operator is told, what is done again, and how the disk fills.
+"""Nights of a Prefect deployment: its messages and alarms, the units of each night, and the growth of the disk.
 
 A small block is deployed with `prefect deploy -n city-block/nightly`, as deploy/README.md says, on a server, a worker and a
 database of their own on loopback. Their clock is set forward from one night to the next.

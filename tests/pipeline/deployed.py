@@ -216,7 +216,7 @@ def automate(site: Site, file: Path) -> None:
 
 @contextmanager
 def listening(tell: Callable[[str], object]) -> Iterator[str]:
-    """The address of a webhook, which passes on what it is told."""
+    """Yield the address of a webhook that passes each notification to a function."""
 
     class Webhook(BaseHTTPRequestHandler):
         def do_POST(self) -> None:

@@ -19,7 +19,7 @@ _MIN_FILLED_SHARE = 0.5
 _MIN_ROW_SHARE = 0.26
 # A balcony without a window stays from this probability on.
 _MIN_LONE_BALCONY = 0.4
-# A balcony belongs to a window of which it covers this share of the width ...
+# A balcony belongs to a window if it covers this share of the window's width ...
 _MIN_SHARED_WIDTH = 0.5
 # ... and which it meets between these heights, in window heights from the window's top.
 _BALCONY_REACH = (0.4, 1.6)

@@ -24,7 +24,7 @@ from facade_core.parsing.floor_structure import spans_above_threshold
 
 # Share of a column of the ground floor that shows an element; a lower one is a sill, a sign or an error of the parser.
 MIN_ELEMENT_SHARE = 0.12
-# Narrower piers, and narrower elements, join what is beside them; metres.
+# Smallest width of a pier, below which the elements beside it are one, and of an element; metres.
 MIN_PIER_M = 0.12
 MIN_ELEMENT_M = 0.4
 # Step of the widths that sequences of units are compared by, metres.
