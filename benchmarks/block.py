@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from typing import Any, cast
 
 import psutil
 
-from benchmarks.process_usage import ROLES, add_used, measure_family_mb
+from benchmarks.process_usage import ROLES, add_used, measure_family_mb, user_environment
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.streets.record import StreetRecord
 
@@ -82,9 +81,8 @@ def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], fl
     """One run of the demo as a command: its summary, the peak of the memory of all its processes in MB, and their processor
     seconds by what they do."""
     start = time.monotonic()
-    environment = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     command = [sys.executable, "-m", "flows", "demo", "--out", str(out), "--workers", str(workers), "--json", *extra]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=user_environment())
     peak = 0.0
     used: dict[int, tuple[str, float]] = {}
 

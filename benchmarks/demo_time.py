@@ -20,7 +20,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.process_usage import add_used, measure_family_mb
+from benchmarks.process_usage import add_used, measure_family_mb, user_environment
 from benchmarks.same_bytes import ROOT, check_out
 from benchmarks.timing import figures
 
@@ -52,7 +52,7 @@ def measure(before: str | None) -> dict[str, Any]:
 
 
 def _demo(checkout: Path, kernels: Path, out: Path) -> dict[str, float | None]:
-    settings = os.environ | {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(kernels)}
+    settings = user_environment() | {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(kernels)}
     begun, picture, peak = time.time(), None, 0.0
     used: dict[int, tuple[str, float]] = {}
     with subprocess.Popen(

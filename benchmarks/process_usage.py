@@ -1,10 +1,20 @@
-"""Processor seconds of a command's processes by their role, and their memory."""
+"""Processor seconds of a command's processes by their role, and their memory; the environment of a command that is measured."""
 
 from __future__ import annotations
+
+import os
 
 import psutil
 
 ROLES = ("coordinator", "server", "workers")
+# A command that may not keep compiled modules compiles them at each start, which no installed one does.
+_OMITTED_VARIABLES = ("PYTHONDONTWRITEBYTECODE",)
+
+
+def user_environment() -> dict[str, str]:
+    """Return the environment of a user's command: without settings of a Prefect server, and with modules kept compiled."""
+    omitted = [name for name in os.environ if name.startswith("PREFECT_") or name in _OMITTED_VARIABLES]
+    return {name: value for name, value in os.environ.items() if name not in omitted}
 
 
 def add_used(root: psutil.Process, used: dict[int, tuple[str, float]]) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.process_usage import process_role
+from benchmarks.process_usage import process_role, user_environment
 
 # Seconds between two looks.
 LOOK_S = 1.0
@@ -53,9 +53,8 @@ class Ran:
 def run(block: Path, out: Path, workers: int) -> Ran:
     """Run a block into `out` as a user would. Where the command fails the benchmark ends; failed units are in its summary."""
     command = [sys.executable, "-m", "flows", "run", str(block), "--out", str(out), "--workers", str(workers), "--json"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
     ran = Ran(time.time(), 0.0, {})
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=user_environment())
     watcher = threading.Thread(target=_watch, args=(process, out / "store", ran))
     watcher.start()
     output, _ = process.communicate()

@@ -37,7 +37,7 @@ import yaml
 from benchmarks.city.blocks import add_photo, write_block
 from benchmarks.city.plot import plot
 from benchmarks.city.runs import Look, look_at
-from benchmarks.process_usage import add_used
+from benchmarks.process_usage import add_used, user_environment
 from benchmarks.timing import bytes_in, figures
 from flows.city_options import CityOptions
 from tasks.city.city_log import BLOCKS_FOLDER, read_city_log
@@ -67,11 +67,10 @@ class Life:
 def live(city: Path, out: Path, asked: CityOptions, kill_after: float | None = None) -> Life:
     """Run the city into a folder; where told to, until it is killed with all of its process group."""
     command = [sys.executable, "-m", "flows", "city", str(city), "--out", str(out), *_options(asked), "--json"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
     begun = time.time()
     with (out.parent / f"{out.name}.log").open("ab") as log:
         process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=log, env=environment, start_new_session=True
+            command, stdout=subprocess.DEVNULL, stderr=log, env=user_environment(), start_new_session=True
         )
     used: dict[int, tuple[str, float]] = {}
     looks: list[Look] = []

@@ -19,6 +19,7 @@ from typing import Any
 
 import yaml
 
+from benchmarks.process_usage import user_environment
 from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
@@ -108,8 +109,7 @@ def write_block(folder: Path, rows: int, columns: int) -> Path:
 def run_block(block: Path, out: Path) -> dict[str, Any]:
     """The summary of a run, and under "said" the line on what was due."""
     command = [sys.executable, "-m", "flows", "run", str(block), "--out", str(out), "--workers", "2", "--json"]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, env=user_environment(), capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr[-2000:])
     said = [line for line in done.stderr.splitlines() if line.startswith("streetloom: due")]

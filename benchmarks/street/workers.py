@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
 import signal
 import statistics
 import subprocess
@@ -21,6 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.process_usage import user_environment
 from facade_core.atlas.journal import atlas_digest
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import StoreError
@@ -104,8 +104,7 @@ def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[st
 def run_block(block: Path, out: Path, workers: int) -> str:
     """Run the command until its streets are done; returns the atlas' digest."""
     command = [sys.executable, "-m", "flows", "run", str(block), "--out", str(out), "--workers", str(workers)]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
-    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+    with subprocess.Popen(command, env=user_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
         while run.poll() is None and not _streets_done(out / "store"):
             time.sleep(LOOK_S)
         run.send_signal(signal.SIGINT)
