@@ -3,9 +3,9 @@
     python -m benchmarks.city.exports CITY OUT [--only 3dtiles ...]
 
 CITY is what `streetloom city` wrote; exports and pictures go to OUT. Each export is `streetloom export` in a process of its
-own: seconds, processor seconds, memory at its peak, bytes and files. Then it is opened: 3D Tiles in CesiumJS (every tile, a click,
-a picture), GeoPackage, GeoParquet and orthophotos in GDAL, CityJSONSeq by cjio; `facades` and `buildings` are how many each
-holds. `again` is the same export once more, of which nothing changed.
+own: seconds, processor seconds, memory at its peak, bytes and files. Then it is opened: 3D Tiles in CesiumJS (every tile, a
+click, a picture), GeoPackage, GeoParquet and orthophotos in GDAL, CityJSONSeq by cjio; `facades` and `buildings` are how many
+each holds. `again` is the same export once more, of which nothing changed.
 """
 
 from __future__ import annotations
