@@ -4,9 +4,10 @@ With --block FILE it prints `exemplars` and `texels` for a block file alone, as 
 the processor, to prepare one (median).
 
 exemplars: of the facades without imagery, how many exemplars they show, how many facades the most frequent one is on, pairs of
-buildings with walls within 60 m that share one, and the share that shows shops. fronts and twins, compared by their pictures:
-benchmarks/look. texels: millions of all charts were they at one density, and now, by density; store_bytes, of a texel, are what
-chunks of this store take.
+buildings with walls within 60 m that share one, and the share that shows shops; of a block file also shares of style families
+and of shops, among exemplars and on buildings, and half the sum of the families' differences. fronts and twins, compared by
+their pictures: benchmarks/look. texels: millions of all charts were they at one density, and now, by density; store_bytes, of a
+texel, are what chunks of this store take.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.stage import choose_facade_exemplars, exemplar_choice_walls, facade_shop_flags
+from tasks.stages.facades.stage import (
+    choose_facade_exemplars,
+    exemplar_choice_walls,
+    exemplar_library,
+    facade_shop_flags,
+)
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_exemplar_picture, read_labels
 
@@ -71,7 +77,7 @@ def _exemplars(output: Output) -> dict[str, Any]:
 
 def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
     """The same of what is chosen for every facade, photos aside."""
-    records: list[ExemplarRecord | None] = []
+    records: list[ExemplarRecord] = []
     seconds = []
     for picture in block.exemplars:
         begun = time.process_time()
@@ -97,7 +103,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
         seconds.append(time.process_time() - begun)
     shops = facade_shop_flags(plan, block.shops)
     chosen = choose_facade_exemplars(plan, records, exemplar_choice_walls(plan, block, shops), seed=block.seed)
-    width = [record["shop_width"] if record else 0.0 for record in records]
+    width = [record["shop_width"] for record in records]
     rows = pd.DataFrame(
         {
             "id": plan.facades.id,
@@ -108,9 +114,29 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
     )[[one not in block.photos for one in plan.facades.id]]
     charts = plan.facades.chart.tolist()
     lines = {one: _foot(plan.scene.charts, chart) for one, chart in zip(plan.facades.id, charts, strict=True)}
+    first = np.unique(plan.facades.house, return_index=True)[1].tolist()
     return _counted(rows, lines) | {
+        "shares": _compare_shares(records, [chosen[facade][0] for facade in first]),
         "where_the_map_has_shops": int((shops > 0).sum()),
         "seconds": round(float(np.median(seconds)), 2),
+    }
+
+
+def _compare_shares(records: Sequence[ExemplarRecord], chosen: Sequence[int]) -> dict[str, Any]:
+    """Compare shares among the exemplars with those on buildings, by the exemplar of each building."""
+    family = exemplar_library(records).family
+    with_shops = np.array([record["shop_width"] > 0 for record in records], float)
+    asked, found = (
+        np.bincount(which, minlength=family.max() + 1) / len(which) for which in (family, family[np.array(chosen)])
+    )
+    return {
+        "buildings": len(chosen),
+        "families": {"exemplars": asked.round(3).tolist(), "buildings": found.round(3).tolist()},
+        "family_difference": round(float(0.5 * np.abs(found - asked).sum()), 3),
+        "with_shops": {
+            "exemplars": round(float(with_shops.mean()), 3),
+            "buildings": round(float(with_shops[np.array(chosen)].mean()), 3),
+        },
     }
 
 

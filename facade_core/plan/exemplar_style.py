@@ -266,11 +266,17 @@ def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: Exempla
 
 
 def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
-    """Return whether each exemplar is of the families of each building's street (b,), (b, k)."""
+    """Return whether each exemplar is of the families of each building's street (b,), (b, k).
+
+    A street draws its families in proportion to the number of their exemplars.
+    """
     home = np.ones((len(street), len(family)), bool)
-    count = int(family.max(initial=0)) + 1
+    size = np.bincount(family)
+    # expected order statistics of exponential draws: families of equal size keep the order of the permutation
+    arrival = np.cumsum(1 / np.arange(len(size), 0, -1))
     for number in np.unique(street).tolist():
-        kept = np.random.default_rng([seed, number]).permutation(count)[:FAMILIES_PER_STREET]
+        order = np.random.default_rng([seed, number]).permutation(len(size))
+        kept = order[np.argsort(arrival / size[order], kind="stable")[:FAMILIES_PER_STREET]]
         home[street == number] = np.isin(family, kept)
     return home
 

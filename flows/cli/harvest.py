@@ -9,7 +9,7 @@ import click
 
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING, FOLDER
-from tasks.harvest import MAX_EXEMPLARS
+from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR
 
 # Files without a picture that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -52,10 +52,7 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
     if len(found.faults) > MAX_LISTED_FAULTS:
         print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} files more are not read")
     if not found.looked:
-        print_notice(
-            "faces and number plates were not looked for; `make detect-setup` installs what does, "
-            "and the same command then harvests anew"
-        )
+        print_notice(NOT_LOOKED_FOR)
     print_line(f"pictures   {found.pictures}, {found.earlier} of them done before; {found.seconds:.1f} s each")
     print_line(
         f"exemplars  {len(found.exemplars)}, and {len(found.rejected)} facades are rejected: {out / 'exemplars.json'}"

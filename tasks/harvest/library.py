@@ -170,7 +170,7 @@ def _harvest_pictures(pictures: Sequence[SourcePicture], out: Path, workers: int
 def choose_candidates(
     candidates: Sequence[Candidate], out: Path, most: int
 ) -> tuple[list[Candidate], list[tuple[Candidate, str]], list[Candidate]]:
-    """Choose the best facades, each building once.
+    """Choose the best facades of each style family, each building once; the families keep their shares.
 
     Returns
     -------
@@ -178,8 +178,7 @@ def choose_candidates(
     """
     usable = [one for one in candidates if "reason" not in one.record]
     rejected = [(one, one.record["reason"]) for one in candidates if "reason" in one.record]
-    chosen: list[Candidate] = []
-    surplus: list[Candidate] = []
+    distinct: list[Candidate] = []
     seen: list[tuple[FacadeFeatures, str]] = []
     for one in sorted(usable, key=lambda each: (-each.record["score"], each.record["name"])):
         picture = read_exemplar_picture(out / CANDIDATES_FOLDER / f"{one.record['file']}.png")
@@ -189,12 +188,26 @@ def choose_candidates(
             rejected.append((one, f"the facade of {twin}, which is the better picture of it"))
             continue
         seen.append((features, one.record["name"]))
-        if len(chosen) < most:
-            chosen.append(one)
-        else:
-            surplus.append(one)
-            rejected.append((one, f"usable, but {most} are better; raise --most to have it"))
+        distinct.append(one)
+    kept = _keep_family_shares(_families(distinct), most)
+    chosen = [one for one, is_kept in zip(distinct, kept, strict=True) if is_kept]
+    surplus = [one for one, is_kept in zip(distinct, kept, strict=True) if not is_kept]
+    reason = f"usable, but the {most} that are kept show its style better; raise --most to have it"
+    rejected += [(one, reason) for one in surplus]
     return chosen, sorted(rejected, key=lambda pair: pair[0].record["name"]), surplus
+
+
+def _keep_family_shares(families: Sequence[int], most: int) -> list[bool]:
+    """Return which facades to keep, at most `most`: the first of each family, in proportion to its size."""
+    family = np.asarray(families, np.int64)
+    size = np.bincount(family)
+    exact = size * min(1.0, most / max(1, len(family)))
+    quota = np.floor(exact).astype(np.int64)
+    missing = min(most, len(family)) - int(quota.sum())
+    quota[np.argsort(quota - exact, kind="stable")[:missing]] += 1
+    place = np.array([(family[:row] == one).sum() for row, one in enumerate(family.tolist())], np.int64)
+    kept: list[bool] = (place < quota[family]).tolist()
+    return kept
 
 
 def _write_library(

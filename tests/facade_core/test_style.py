@@ -158,6 +158,18 @@ def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
     assert len({tuple(np.flatnonzero(own >= 3)) for own in families}) >= 4
 
 
+def test_families_keep_their_shares_of_a_city() -> None:
+    """Three of four exemplars are of one style; the others are unlike it and unlike each other."""
+    many = library(40)
+    spread = np.array([5, 2, 3, 0.04, 0.12, 0.1, 0.02, 0.04, 1.0])  # half of a visible difference
+    looks = np.random.default_rng(1).normal(0, spread, (40, 9))
+    looks[30:, 0] += 60.0 * np.arange(1, 11)
+    many = replace(many, descriptors=looks.tolist())
+    city = joined(*(row(24, street=number, start=5000.0 * number, number=100 * number) for number in range(1, 13)))
+    usual = np.mean([(choose_exemplars(city, many, seed=seed) < 30).mean() for seed in range(5)])
+    assert abs(usual - 0.75) <= 0.1
+
+
 def test_what_is_far_away_changes_nothing() -> None:
     here = row(40)
     far = row(20, start=2 * NEIGHBOURHOOD_M + 40 * STEP, number=500)

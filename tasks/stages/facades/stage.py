@@ -261,22 +261,25 @@ def choose_facade_exemplars(
     facades = plan.facades
     if not usable or not len(facades):
         return {}
-    found = [record for _, record in usable]
-    library = ExemplarLibrary(
-        [record["width_m"] for record in found],
-        [record["height_m"] for record in found],
-        [record["floors"] for record in found],
-        # where no facade was found in a picture all of it is a guess
-        [record["hidden"] if record.get("cut_found", True) else 1.0 for record in found],
-        [record["shaded"] for record in found],
-        [record["shop_width"] for record in found],
-        [record["quality"] for record in found],
-        [record["look"] for record in found],
-    )
-    chosen = choose_exemplars(walls, library, seed=seed)
+    chosen = choose_exemplars(walls, exemplar_library([record for _, record in usable]), seed=seed)
     of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
     own = [usable[of_house[number]] for number in facades.house.tolist()]
     return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
+
+
+def exemplar_library(records: Sequence[ExemplarRecord]) -> ExemplarLibrary:
+    """Return the exemplars of records as the library to choose from."""
+    return ExemplarLibrary(
+        [record["width_m"] for record in records],
+        [record["height_m"] for record in records],
+        [record["floors"] for record in records],
+        # where no facade was found in a picture all of it is a guess
+        [record["hidden"] if record.get("cut_found", True) else 1.0 for record in records],
+        [record["shaded"] for record in records],
+        [record["shop_width"] for record in records],
+        [record["quality"] for record in records],
+        [record["look"] for record in records],
+    )
 
 
 def _street_numbers(streets: Sequence[Street]) -> Int64Array:

@@ -55,6 +55,15 @@ def test_harvested_exemplars_follow_the_given_ones_and_are_harvested_once(
     assert harvested == []
 
 
+def test_a_run_states_that_faces_and_plates_were_not_looked_for(
+    block: Block, tmp_path: Path, harvested: list[tuple[int, ...]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = list[str]()
+    monkeypatch.setattr("tasks.harvest.task.detectors_available", lambda: False)
+    harvest(block, tmp_path / "out", said)
+    assert sum(line.startswith("style: faces and number plates were not looked for") for line in said) == 1
+
+
 def test_a_block_without_street_pictures_is_as_before(block: Block, tmp_path: Path) -> None:
     given = read_block(write_block(tmp_path))
     assert harvest(given, tmp_path / "out", []) is given

@@ -19,7 +19,9 @@ from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
-from tasks.harvest.library import harvest_style_library
+from tasks.harvest.library import Candidate, choose_candidates, harvest_style_library
+from tasks.harvest.record import CANDIDATES_FOLDER
+from tasks.harvest.sources import SourcePicture
 
 SCALE = 0.05
 
@@ -114,6 +116,34 @@ def test_only_the_best_are_kept_and_worse_ones_of_before_go(
     (kept,) = (one.record["name"] for one in found.exemplars)
     assert {path.name for path in out.glob("*.png")} == {f"{kept}.png", f"{kept}.labels.png"}
     assert any("raise --most" in reason for _, reason in found.rejected)
+
+
+def test_the_families_of_a_style_keep_their_shares(tmp_path: Path) -> None:
+    """Twelve houses of plaster, and eight of brick whose pictures are better."""
+    candidates = [
+        Candidate(
+            SourcePicture(tmp_path / f"{number}.jpg", str(number), str(number)),
+            {
+                "name": str(number),
+                "file": str(number),
+                "score": 0.5 + 0.02 * number,
+                "metres_per_pixel": SCALE,
+                "width_m": 12.0,
+                "height_m": 15.0,
+                "floors": 4,
+                "hidden": 0.0,
+                "look": [40.0 if number >= 12 else 80.0, *[0.0] * 8],
+            },
+        )
+        for number in range(20)
+    ]
+    (tmp_path / CANDIDATES_FOLDER).mkdir(parents=True)
+    for one in candidates:
+        noise = np.random.default_rng(int(one.record["name"])).integers(0, 255, (60, 80, 3), np.uint8)
+        Image.fromarray(noise).save(tmp_path / CANDIDATES_FOLDER / f"{one.record['file']}.png")
+    chosen, _, surplus = choose_candidates(candidates, tmp_path, 5)
+    assert [one.record["name"] for one in chosen] == ["19", "18", "11", "10", "9"]
+    assert len(surplus) == 15
 
 
 def test_pictures_of_the_user_are_not_written_over(pictures: Path) -> None:
