@@ -20,6 +20,7 @@ import numpy as np
 import psutil
 
 from benchmarks import mesh_texturing
+from benchmarks.imagery import pose_errors
 from benchmarks.mesh_texturing.cases import Case, amsterdam_cases, perspective_cases, street_cases
 from benchmarks.mesh_texturing.comparison import (
     ComparedView,
@@ -79,6 +80,9 @@ def measure(cases: Sequence[Case], environments: Path, pictures: Path | None, *,
         if pictures is not None:
             write_pictures(compared, pictures.with_name(f"{pictures.name}-{number}"))
     told: dict[str, Any] = {"panoramas": len(cases[0].taken), "texels": cases[0].texels} | measure_likeness(views)
+    told["pose_errors"] = pose_errors(
+        [pose for case in cases for pose in case.poses], [one.pose for case in cases for one in case.taken]
+    )
     told["cost"] = {
         name: {
             "seconds": round(mean(each, "seconds"), 1),

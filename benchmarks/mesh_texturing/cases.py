@@ -22,7 +22,8 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import main_surface_mask
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
-from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.poses.bundles import group_panoramas_into_bundles
+from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
 from facade_core.synth.street_truth import (
     SyntheticStreet,
@@ -127,7 +128,7 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
     """Build a painted street with so many perspective pictures of both sides, by whether poses are true, off or refined.
 
     A panorama from the middle of the street is held out. `off` is PICTURE_NOISE_M and PICTURE_NOISE_DEG; `refined` starts
-    there, each picture by itself.
+    there, as a run does it.
     """
     street = synthetic_street(buildings, seed=seed, with_roofs=True)
     ground, sides = ground_pattern_painter(street), side_pattern_painter(street)
@@ -164,11 +165,31 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
     truth = render_street_panorama(bare, middle, 2048, seed=pictures, ground=ground, sides=sides)
     held_out = Panorama(truth, middle, np.zeros(truth.shape[:2], bool))
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
-    refined = [refine_pose(street.scene, one.image, pose).pose for one, pose in zip(taken, off, strict=True)]
+    refined = _refine_in_bundles(street, [one.image for one in taken], off)
     return {
         name: [Case(street.scene, (line,), street.charts, tuple(taken), tuple(poses), held_out)]
         for name, poses in (("true", [one.pose for one in taken]), ("off", off), ("refined", refined))
     }
+
+
+def _refine_in_bundles(street: SyntheticStreet, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
+    """Return the poses of pictures refined alone, then those of each bundle together."""
+    sizes = [image.shape[:2] for image in images]
+    seen = [
+        (chart, one.panorama, one.seen_share)
+        for chart in street.charts
+        for one in find_sightings(street.scene, chart, given, sizes)
+    ]
+    wall, panorama, share = (np.array(column) for column in zip(*seen, strict=True))
+    places = np.array([(pose.x, pose.y) for pose in given])
+    bundles = group_panoramas_into_bundles(wall, panorama, share, places, [None] * len(given))
+    alone = set(range(len(given))).difference(*bundles)
+    refined = list(given)
+    for bundle in (*bundles, *((number,) for number in alone)):
+        found = refined_poses(street.scene, [images[n] for n in bundle], [given[n] for n in bundle])
+        for number, pose in zip(bundle, found["together" if len(bundle) > 1 else "refined"], strict=True):
+            refined[number] = pose
+    return refined
 
 
 def _cutouts_in_panorama(street: SyntheticStreet, pose: Pose, width: int) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+import shapely
 
 from benchmarks.mesh_texturing.cases import UNSEEN_GREY, Case
 from facade_core.core.provenance import Provenance
@@ -27,16 +29,17 @@ from facade_core.imagery.cameras.occluder_masks import (
     mask_model_edges,
 )
 from facade_core.imagery.cameras.walls import fuse_wall_view
-from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M, camera_position, is_any_in_view
+from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.imagery.rectify.coverage import order_by_coverage
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from tasks.stages.bundles.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, VIEW_SHARES
+from tasks.stages.bundles.nearby_panoramas import UsablePanoramaIndex
 from tasks.stages.facades.captures import MAX_PANORAMAS
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
+from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # A chart's raster and the provenance of its texels.
 Texels = tuple[np.ndarray, np.ndarray]
@@ -47,31 +50,18 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
     scene, poses, images = case.scene, case.poses, case.images
     squares = [sample_ground_colours(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     exposure = estimate_common_exposure(squares)
-    cameras = [
-        PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), factor, typical_ground_colour(own))
-        for image, pose, factor, own in zip(images, poses, exposure.factors, squares, strict=True)
-    ]
-    built = [
-        _hide(camera, mask_building_occluders(camera.image, camera.pose) | mask_model_edges(scene, camera.pose, shape))
-        for camera in cameras
-        for shape in [camera.image.shape[:2]]
-    ]
-    ground = [_hide(camera, mask_ground_occluders(camera.image, camera.pose)) for camera in cameras]
     known: dict[int, Texels] = {}
     for chart in case.facades:
         found = _texture_facade(case, chart, files, exposure)
         if found is not None:
             known[chart] = found
+    taken, cameras = _select_panoramas(case, known.keys(), files, squares, exposure), _Cameras(case, files)
     walls = []
-    for chart in range(len(scene.charts)):
-        if chart in known:
-            continue
+    for chart, nearest in taken.items():
         if scene.charts.kind[chart] == ChartKind.GROUND:
-            view = fuse_ground_view(scene, chart, _nearest_cameras(case, chart, ground, GROUND_REACH_M))
-        elif chart in case.other_walls:
-            view = fuse_wall_view(scene, chart, _nearest_cameras(case, chart, built, WALL_REACH_M))
+            view = fuse_ground_view(scene, chart, [cameras.before_ground(one) for one in nearest])
         else:
-            continue
+            view = fuse_wall_view(scene, chart, [cameras.before_walls(one) for one in nearest])
         if view is not None:
             rank = np.where(view.is_visible, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
             known[chart] = (view.rgb, rank)
@@ -81,22 +71,52 @@ def texture_as_a_run(case: Case, files: Sequence[Path]) -> dict[int, np.ndarray]
     return {chart: finish_chart(scene, materials, chart, texture)[0] for chart in range(len(scene.charts))}
 
 
-def _nearest_cameras(case: Case, chart: int, cameras: Sequence[PanoramaCamera], reach: float) -> list[PanoramaCamera]:
-    """Return the nearest cameras that may show a chart, as many as a run takes."""
-    points = case.scene.charts.points_at_shares(np.array([chart]), VIEW_SHARES)[0]
-    middle = points.mean(axis=0)
-    away = [float(np.linalg.norm(camera_position(camera.pose)[:2] - middle[:2])) for camera in cameras]
-    near = [
-        number
-        for number in np.argsort(away, kind="stable").tolist()
-        if is_any_in_view(cameras[number].pose, points)
-        and np.linalg.norm(points[:, :2] - camera_position(cameras[number].pose)[:2], axis=1).min() <= reach
-    ]
-    return [cameras[number] for number in sorted(near[:MAX_PANORAMAS_PER_SURFACE])] or list(cameras[:1])
+def _select_panoramas(
+    case: Case,
+    done: Container[int],
+    files: Sequence[Path],
+    squares: Sequence[Sequence[Sequence[int]]],
+    exposure: CommonExposure,
+) -> dict[int, Sequence[SurfacePanorama]]:
+    """Select the panoramas of each ground, wall and roof that is not done, as a run does."""
+    every = tuple(
+        SurfacePanorama(file, pose, tuple(factor), tuple(tuple(square) for square in own))
+        for file, pose, factor, own in zip(files, case.poses, exposure.factors.tolist(), squares, strict=True)
+    )
+    places = shapely.STRtree(shapely.points([(pose.x, pose.y) for pose in case.poses]))
+    index, charts = UsablePanoramaIndex(every, places), case.scene.charts
+    taken: dict[int, Sequence[SurfacePanorama]] = {}
+    walls: dict[int, list[int]] = {}
+    for chart in range(len(charts)):
+        if chart in done:
+            continue
+        if charts.kind[chart] == ChartKind.GROUND:
+            taken[chart] = index.near(charts, [chart], GROUND_REACH_M)
+        elif chart in case.other_walls:
+            walls.setdefault(int(charts.building[chart]), []).append(chart)
+    for some in walls.values():
+        taken |= dict(zip(some, index.select_by_chart(charts, some, WALL_REACH_M), strict=True))
+    return taken
 
 
-def _hide(camera: PanoramaCamera, occluded: np.ndarray) -> PanoramaCamera:
-    return PanoramaCamera(camera.image, camera.pose, occluded, camera.exposure_factor, camera.ground_colour)
+class _Cameras:
+    """Cameras of a case, opened when a surface first asks for them."""
+
+    def __init__(self, case: Case, files: Sequence[Path]) -> None:
+        self.case, self.images = case, dict(zip(files, case.images, strict=True))
+        self.before_ground, self.before_walls = cache(self._before_ground), cache(self._before_walls)
+
+    def _before_ground(self, one: SurfacePanorama) -> PanoramaCamera:
+        return self._open(one, mask_ground_occluders(self.images[one.path], one.pose))
+
+    def _before_walls(self, one: SurfacePanorama) -> PanoramaCamera:
+        image = self.images[one.path]
+        edges = mask_model_edges(self.case.scene, one.pose, image.shape[:2])
+        return self._open(one, mask_building_occluders(image, one.pose) | edges)
+
+    def _open(self, one: SurfacePanorama, occluded: np.ndarray) -> PanoramaCamera:
+        colour = typical_ground_colour(one.squares)
+        return PanoramaCamera(self.images[one.path], one.pose, occluded, np.array(one.factor), colour)
 
 
 class _Reader:

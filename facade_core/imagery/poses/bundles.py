@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array
-from facade_core.core.grouping import group_rows
+from facade_core.core.grouping import RowsByValue, group_rows
 
 # Panoramas per bundle: their pictures are in memory together, and the equations are dense.
 MAX_BUNDLE_SIZE = 12
@@ -45,11 +44,11 @@ def group_panoramas_into_bundles(
     Bundles with ascending indices, ordered by their first.
     """
     is_large = seen >= MIN_WALL_SHARE
-    pairs = np.array(sorted(_comparable_pairs(wall[is_large], panorama[is_large], days)), np.int64).reshape(-1, 2)
+    pairs = _comparable_pairs(wall[is_large], panorama[is_large], days)
     bundles: list[tuple[int, ...]] = []
-    pending = [(group, FIRST_SQUARE_M) for group in _connected_groups(np.arange(len(places)), pairs)]
+    pending = [(*group, FIRST_SQUARE_M) for group in _connected_groups(np.arange(len(places)), pairs)]
     while pending:
-        group, side = pending.pop()
+        group, linked, side = pending.pop()
         if len(group) <= MAX_BUNDLE_SIZE or side < 1e-3:  # cameras at one position are divided by their order
             bundles += [
                 tuple(part)
@@ -58,25 +57,36 @@ def group_panoramas_into_bundles(
             ]
             continue
         _, square = np.unique(np.floor(places[group] / side), axis=0, return_inverse=True)
-        for rows in group_rows(square.reshape(-1)).values():
-            pending += [(subgroup, side / 2) for subgroup in _connected_groups(group[rows], pairs)]
+        square = square.reshape(-1)
+        ends = square[np.searchsorted(group, linked)]
+        linked, within = linked[ends[:, 0] == ends[:, 1]], ends[ends[:, 0] == ends[:, 1], 0]
+        pairs_of = RowsByValue(within)
+        for number, rows in group_rows(square).items():
+            parts = _connected_groups(group[rows], linked[pairs_of.rows_with(number)])
+            pending += [(*part, side / 2) for part in parts]
     return sorted(bundles)
 
 
-def _comparable_pairs(wall: Int32Array, panorama: Int32Array, days: Sequence[int | None]) -> set[tuple[int, int]]:
-    """Pairs of panoramas that a wall connects, the smaller index first."""
-    pairs = set()
+def _comparable_pairs(wall: Int32Array, panorama: Int32Array, days: Sequence[int | None]) -> Int64Array:
+    """Pairs (p, 2) of panoramas that a wall connects, ascending, the smaller index first."""
+    day = np.array([np.nan if one is None else one for one in days], np.float64)
+    found = [np.zeros(0, np.int64)]
     for rows in group_rows(wall).values():
-        for one, other in combinations(np.unique(panorama[rows]).tolist(), 2):
-            first, second = days[one], days[other]
-            if first is None or second is None or abs(first - second) <= MAX_DAYS_APART:
-                pairs.add((one, other))
-    return pairs
+        own = np.unique(panorama[rows]).astype(np.int64)
+        first, second = (own[side] for side in np.triu_indices(len(own), 1))
+        apart = np.abs(day[first] - day[second]) > MAX_DAYS_APART  # False where a day is unknown
+        found.append((first * len(day) + second)[~apart])
+    return np.stack(np.divmod(np.unique(np.concatenate(found)), max(1, len(day))), axis=1)
 
 
-def _connected_groups(members: Int64Array, pairs: Int64Array) -> list[Int64Array]:
-    """Return the connected groups of the members, ascending; unconnected ones are left out."""
-    local = np.searchsorted(members, pairs[np.isin(pairs, members).all(axis=1)])
+def _connected_groups(members: Int64Array, pairs: Int64Array) -> list[tuple[Int64Array, Int64Array]]:
+    """Return the connected groups of the members, ascending, each with its pairs (p, 2); unconnected ones are left out."""
+    local = np.searchsorted(members, pairs)
     graph = coo_array((np.ones(len(local)), (local[:, 0], local[:, 1])), (len(members), len(members)))
-    rows = group_rows(connected_components(graph, directed=False)[1])
-    return [members[indices] for indices in rows.values() if len(indices) > 1]
+    label = connected_components(graph, directed=False)[1]
+    pairs_of = RowsByValue(label[local[:, 0]])
+    return [
+        (members[indices], pairs[pairs_of.rows_with(number)])
+        for number, indices in group_rows(label).items()
+        if len(indices) > 1
+    ]

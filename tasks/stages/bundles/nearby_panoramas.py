@@ -15,15 +15,23 @@ from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
-from facade_core.imagery.panorama_camera import camera_reach, is_any_in_view
+from facade_core.imagery.panorama_camera import (
+    camera_position,
+    camera_reach,
+    is_any_in_view,
+    is_in_view,
+    project_directions_to_picture,
+)
 from facade_core.plan.plan import Plan
 from tasks.stages.bundles.refined_poses import pose_from_record, read_bundled_pose_records
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
-# Panoramas at most that a surface is taken from, the nearest to its middle: with pieces of ground of 32 m and a panorama each
-# five metres all that see it from a street.
+# Panoramas at most that a surface is taken from: with pieces of ground of 32 m and a panorama each five metres all that see it
+# from a street.
 MAX_PANORAMAS_PER_SURFACE = 8
+# Points nearer to a picture than this, metres, are not better shown by it: the size of its view limits what it shows of them.
+MIN_COVERING_DISTANCE_M = 3.0
 # Length in plan, metres, above which a wall or roof gets its own panoramas instead of those of its building. A surface longer
 # than this itself uses the panoramas near each of its pieces: a panorama in front of an end may be far from the middle.
 MAX_PIECE_M = 32.0
@@ -41,7 +49,8 @@ class UsablePanoramaIndex:
     def near(self, charts: Charts, some: Sequence[int], reach: float) -> tuple[SurfacePanorama, ...]:
         """Select the panoramas near some charts on the map, at most MAX_PANORAMAS_PER_SURFACE.
 
-        Pictures of a lens that show none of them do not count.
+        Pictures of a lens that show none of them do not count. Of more pictures, the nearest to the middle are taken, in a
+        block with pictures of a lens those that show most together.
 
         Parameters
         ----------
@@ -60,7 +69,7 @@ class UsablePanoramaIndex:
             pose = self.panoramas[i].pose
             return float(np.hypot(pose.x - middle[0], pose.y - middle[1])), i
 
-        return tuple(self.panoramas[i] for i in sorted(sorted(found.tolist(), key=away)[:MAX_PANORAMAS_PER_SURFACE]))
+        return self._select(sorted(found.tolist(), key=away), points, reach)
 
     def select_by_chart(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[SurfacePanorama, ...]]:
         """Select the panoramas of each chart of a building; a short building shares them."""
@@ -72,7 +81,8 @@ class UsablePanoramaIndex:
     def facing(self, charts: Charts, chart: int, reach: float) -> tuple[SurfacePanorama, ...]:
         """Select the panoramas in front of a chart, at most MAX_PANORAMAS_PER_SURFACE.
 
-        They are chosen in turn: the nearest to the middle of each piece of the chart.
+        They are chosen in turn: the nearest to the middle of each piece of the chart; in a block with pictures of a lens
+        those that show most together.
         """
         corners = _chart_pieces(charts, chart)
         pieces = shapely.convex_hull(shapely.multipoints(corners))
@@ -86,20 +96,54 @@ class UsablePanoramaIndex:
         piece, camera = piece[order], camera[order]
         turn = np.arange(len(piece)) - np.searchsorted(piece, piece)
         chosen = list(dict.fromkeys(camera[np.lexsort((piece, turn))].tolist()))
-        return tuple(self.panoramas[i] for i in sorted(chosen[:MAX_PANORAMAS_PER_SURFACE]))
+        return self._select(chosen, points, reach)
+
+    def _select(self, cameras: list[int], points: Float64Array, reach: float) -> tuple[SurfacePanorama, ...]:
+        """Select at most MAX_PANORAMAS_PER_SURFACE of some cameras, ordered by preference, that may show points (n, 3)."""
+        if len(cameras) > MAX_PANORAMAS_PER_SURFACE and self._has_lenses:
+            cameras = self._select_covering(cameras, points, reach)
+        return tuple(self.panoramas[i] for i in sorted(cameras[:MAX_PANORAMAS_PER_SURFACE]))
+
+    def _select_covering(self, cameras: list[int], points: Float64Array, reach: float) -> list[int]:
+        """Select the cameras that show most of the points together, each point from near and by several of them.
+
+        Each next camera is the one with the largest sum over the points in its view of the inverse distance, halved for each
+        camera that shows the point already.
+        """
+        gains = np.zeros((len(cameras), len(points)))
+        for gain, camera in zip(gains, cameras, strict=True):
+            pose = self.panoramas[camera].pose
+            rays = points - camera_position(pose)
+            distance = np.linalg.norm(rays, axis=1)
+            shown = (distance <= camera_reach(pose, reach)) & is_in_view(
+                project_directions_to_picture(rays, pose), pose
+            )
+            gain[shown] = 1 / np.maximum(distance[shown], MIN_COVERING_DISTANCE_M)
+        left, weight = list(range(len(cameras))), np.ones(len(points))
+        chosen: list[int] = []
+        while left and len(chosen) < MAX_PANORAMAS_PER_SURFACE:
+            best = left.pop(int((gains[left] @ weight).argmax()))
+            chosen.append(best)
+            weight[gains[best] > 0] /= 2
+        return [cameras[i] for i in chosen]
 
     def _may_show(self, cameras: IntArray, shapes: AnyArray, points: Float64Array, reach: float) -> BoolArray:
         """Test (k,) whether cameras are near enough to their shapes on the map, and have one of the points (n, 3) in view."""
         if not self._has_lenses:
             return np.ones(len(cameras), bool)
-        limits = np.array([camera_reach(self.panoramas[i].pose, reach) for i in cameras.tolist()])
-        in_view = {i: is_any_in_view(self.panoramas[i].pose, points) for i in np.unique(cameras).tolist()}
-        shown = np.array([in_view[i] for i in cameras.tolist()], bool)
-        near: BoolArray = shown & (shapely.distance(self.places.geometries[cameras], shapes) <= limits)
+        limits = np.maximum(reach, self._least_reaches[cameras])
+        near: BoolArray = shapely.distance(self.places.geometries[cameras], shapes) <= limits
+        in_view = {i: is_any_in_view(self.panoramas[i].pose, points) for i in np.unique(cameras[near]).tolist()}
+        near[near] = [in_view[i] for i in cameras[near].tolist()]
         return near
 
     def _largest_reach(self, reach: float) -> float:
-        return max((camera_reach(one.pose, reach) for one in self.panoramas), default=reach)
+        return float(self._least_reaches.max(initial=reach))
+
+    @cached_property
+    def _least_reaches(self) -> Float64Array:
+        """Return the distances (n,) to which cameras are used even where the limit is 0: aerial pictures, metres."""
+        return np.array([camera_reach(one.pose, 0.0) for one in self.panoramas], np.float64)
 
     @cached_property
     def _has_lenses(self) -> bool:

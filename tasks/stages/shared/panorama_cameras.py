@@ -20,11 +20,11 @@ from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
-from tasks.stages.shared.images import read_panorama
+from tasks.stages.shared.images import MAX_PIXELS, read_panorama
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
-# Panoramas of which it is kept what hides surfaces on them.
-MAX_CACHED_MASKS = 8
+# Bytes of the kept masks of occluders: of eight of the widest panoramas, or of hundreds of pictures of a lens.
+MAX_MASK_BYTES = 8 * 2 * MAX_PIXELS // 8
 
 # What stands before surfaces on a panorama (H, W, 3) uint8 of a pose: (H, W) bool.
 Hides = Callable[[UInt8Array, Pose], BoolArray]
@@ -149,7 +149,7 @@ def _occluder_masks(one: SurfacePanorama, image: UInt8Array, hides: Hides) -> tu
         whole, own = (hidden, None) if private is None else (hidden | private, np.packbits(private))
         bits = np.packbits(whole), own
         _MASKS[of] = bits
-        if len(_MASKS) > MAX_CACHED_MASKS:
+        while sum(whole.nbytes + (0 if own is None else own.nbytes) for whole, own in _MASKS.values()) > MAX_MASK_BYTES:
             _MASKS.popitem(last=False)
     _MASKS.move_to_end(of)
     return _unpack_bits(bits[0], image.shape[:2]), None if bits[1] is None else _unpack_bits(bits[1], image.shape[:2])

@@ -21,9 +21,12 @@ from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.outcome import rejection_record_fields
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.panorama_cameras import MAX_CACHED_MASKS, collect_chart_views, open_camera, write_fused_views
+from tasks.stages.shared.panorama_cameras import collect_chart_views, open_camera, write_fused_views
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 from tasks.stages.walls.record import WallsAndRoofsRecord
+
+# Panoramas of which the pixels beside edges of buildings are kept.
+MAX_CACHED_EDGES = 8
 
 
 def process_walls(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSession, dict[int, Record]]:
@@ -69,7 +72,7 @@ def _edge_mask(run: Run, pose: Pose, shape: tuple[int, ...]) -> BoolArray:
     return np.unpackbits(bits, count=rows * columns).reshape(rows, columns).astype(bool)
 
 
-@lru_cache(maxsize=MAX_CACHED_MASKS)
+@lru_cache(maxsize=MAX_CACHED_EDGES)
 def _edge_bits(run: Run, pose: Pose, rows: int, columns: int) -> UInt8Array:
     """Return the same as bits; consecutive units share them."""
     return np.packbits(mask_model_edges(load_run_plan(run).scene, pose, (rows, columns)))
