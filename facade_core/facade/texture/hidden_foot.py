@@ -5,18 +5,22 @@ Inpainting has no source there: the rows beside a hidden foot are hidden too, an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array, Int64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
+from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_bays
 
 # Hidden share of each of its rows,
 MIN_HIDDEN_ROW_SHARE = 0.6
 # and of all of it: where less is hidden, what is seen beside it is the better source.
 MIN_HIDDEN_SHARE = 0.8
+# Columns that no row shows, beside what is seen of the facade, say nothing of its foot: those of which less is seen.
+MIN_SEEN_COLUMN_SHARE = 0.3
 # Height of a hidden foot in storeys; a lower one is the foot of a storey, which is inpainted.
 MIN_HEIGHT_STOREYS = 0.6
 # Largest share of the facade's height.
@@ -28,6 +32,8 @@ USUAL_HEIGHTS = (0.85, 1.15)
 USUAL_WINDOWS = (0.75, 1.33)
 # Balconies, as a share of a storey, that count as none.
 BALCONY_STEP_SHARE = 0.1
+# Correlation of the windows of a storey with those of the others, below the best one: one with an entrance is no source.
+MAX_LIKENESS_LOSS = 0.1
 # Storeys go on in step if the foot begins above windows, with this tolerance in storeys,
 STEP_TOLERANCE_STOREYS = 0.05
 # or if what is seen of the last one, or its windows, correlate so well with the repeated one.
@@ -80,7 +86,11 @@ def find_hidden_foot(image: UInt8Array, hidden: BoolArray, labels: UInt8Array) -
     hidden : (h, w) bool pixels that do not show the facade.
     labels : (h, w) uint8 class ids; they count where the facade is seen.
     """
+    is_seen = hidden.mean(axis=0) <= 1 - MIN_SEEN_COLUMN_SHARE
+    image, hidden, labels = image[:, is_seen], hidden[:, is_seen], labels[:, is_seen]
     height = len(hidden)
+    if not is_seen.any():
+        return None
     is_hidden = hidden.mean(axis=1) >= MIN_HIDDEN_ROW_SHARE
     top = height - int(np.logical_and.accumulate(is_hidden[::-1]).sum())
     if not (1 - MAX_HEIGHT_SHARE) * height <= top < height or hidden[top:].mean() < MIN_HIDDEN_SHARE:
@@ -129,20 +139,33 @@ def repeat_storeys(
     return repeated, missing, classes
 
 
-def _foot_gain(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot) -> Float64Array:
-    """Return the factors (3,) from the wall of the repeated storey to that of as many rows above the foot."""
+def _foot_gain(image: UInt8Array, hidden: BoolArray, labels: UInt8Array, foot: HiddenFoot) -> float:
+    """Return the factor from the wall of the repeated storey to that of as many rows above the foot.
+
+    It is one for all channels, as dark walls have noise for a hue. The lit colour and the median must both say so: loggias of
+    one part have shadow, and panels of another are light.
+    """
     storey, wall = foot.storey, (labels == FacadeClass.WALL) & ~hidden
     parts = slice(storey.top, storey.bottom), slice(max(0, foot.top - storey.height), foot.top)
     if any(wall[part].mean() < MIN_WALL_SHARE for part in parts):
-        return np.ones(3)
-    source, above = (np.median(image[part][wall[part]], axis=0) for part in parts)
-    return np.asarray(np.clip((above + 1) / (source + 1), 1 / MAX_GAIN, MAX_GAIN))
+        return 1.0
+    ratios = []
+    for colour in (lit_colour, _median_colour):
+        source, above = (float(colour(image[part][wall[part]]).mean()) + 1 for part in parts)
+        ratios.append(float(np.clip(above / source, 1 / MAX_GAIN, MAX_GAIN)))
+    low, high = min(ratios), max(ratios)
+    return low if low > 1 else high if high < 1 else 1.0
+
+
+def _median_colour(pixels: UInt8Array) -> Float64Array:
+    return np.asarray(np.median(pixels, axis=0), np.float64)
 
 
 def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) -> Storey | None:
-    """Return the lowest usual storey that is seen and has the fewest balconies; the last floor may be cut by the foot.
+    """Return the lowest usual storey that is seen, resembles the others and has the fewest balconies.
 
-    It is as high as storeys are on the median, so that repeated windows stay in step with the others.
+    The last floor may be cut by the foot. The storey is as high as storeys are on the median, so that repeated windows stay
+    in step with the others.
     """
     pitches = np.diff([first for first, _ in found.floors])
     if not len(pitches):
@@ -159,12 +182,24 @@ def _choose_storey(found: FloorsAndBays, hidden: BoolArray, labels: UInt8Array) 
         if found.kinds[k] == "middle" and usual and is_whole:
             storeys.append(storey)
 
-    def adornment(storey: Storey) -> tuple[int, int]:
-        balconies = float((labels[storey.top : storey.bottom] == FacadeClass.BALCONY).mean())
-        return int(balconies / BALCONY_STEP_SHARE), -storey.top
-
     seen = [one for one in storeys if hidden[one.top : one.bottom].mean() <= MAX_HIDDEN_SOURCE_SHARE]
-    return min(seen, key=adornment, default=None)
+    if not seen:
+        return None
+    is_window = labels == FacadeClass.WINDOW
+    likeness = _likeness_to_others(
+        [np.roll(is_window[one.top : one.bottom], one.top - one.window_top, axis=0) for one in seen]
+    )
+    balconies = [(labels[one.top : one.bottom] == FacadeClass.BALCONY).mean() for one in seen]
+    usual_ones = np.flatnonzero(likeness >= likeness.max() - MAX_LIKENESS_LOSS).tolist()
+    return seen[min(usual_ones, key=lambda k: (int(balconies[k] / BALCONY_STEP_SHARE), -seen[k].top))]
+
+
+def _likeness_to_others(windows: Sequence[BoolArray]) -> Float64Array:
+    """Return the median correlation (n,) of the windows of each storey, (h, w) bool, with those of the others."""
+    values = [one.astype(np.float64) for one in windows]
+    pairs = np.array([[_correlate(one.ravel(), other.ravel()) for other in values] for one in values])
+    others = ~np.eye(len(values), dtype=bool)
+    return np.array([np.median(row[other]) if other.any() else 1.0 for row, other in zip(pairs, others, strict=True)])
 
 
 def _are_within(sizes: Int64Array, limits: tuple[float, float]) -> BoolArray:

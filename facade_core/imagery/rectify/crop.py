@@ -42,6 +42,10 @@ MAX_SKY_WIDTH_SHARE = 0.25
 # The inner edge of such sky is the wall's own where nine tenths of it are within this share of the width: the wall ends there
 # below the sky too.
 MAX_EDGE_SPREAD_SHARE = 0.015
+# A side whose edge is upright and found in this share of the rows ends there in all rows, where at most this share of them goes
+# on beyond it: the parser takes bare walls for neighbours up to their windows, and between these farther.
+MIN_EDGE_ROWS = 0.3
+MAX_PAST_ROWS = 0.1
 # Value of hidden pixels for the box, which keeps them if that costs nothing.
 _HIDDEN_VALUE = 1e-4
 
@@ -119,7 +123,8 @@ def wall_surroundings_mask(image: UInt8Array, hidden: BoolArray, *, model: Path 
     for turns, beyond in product((0, 1, 3), (outside, _looks_like_sky(image) & ~hidden)):
         # so turned that the top, the right and the left are the first rows
         own, unseen = np.rot90(beyond, turns), np.rot90(hidden, turns)
-        found |= np.rot90(_beyond_skyline(own, unseen, np.rot90(grey, turns), MAX_BEYOND_SHARE[turns]), -turns)
+        beyond_step = _beyond_skyline(own, unseen, np.rot90(grey, turns), MAX_BEYOND_SHARE[turns])
+        found |= np.rot90(_beyond_upright_edge(beyond_step, own, unseen) if turns else beyond_step, -turns)
     found |= _clear_sky_beside_wall(image, hidden)
     return found & ~hidden
 
@@ -199,6 +204,26 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
     if height <= 3 * reach or is_valid.sum() < MIN_SKYLINE_COLUMNS * width:
         return np.zeros_like(outside)
     return np.asarray(np.arange(height)[:, None] < np.where(is_valid, length + reach, 0))
+
+
+def _beyond_upright_edge(found: BoolArray, outside: BoolArray, hidden: BoolArray) -> BoolArray:
+    """Mask in all columns what is beyond a side, if its edge is straight; else return what was found: (h, w) bool.
+
+    Parameters
+    ----------
+    found : (h, w) bool, result of `_beyond_skyline`.
+    outside, hidden : (h, w) bool.
+    """
+    height = len(found)
+    length = found.sum(axis=0)
+    if (length > 0).mean() < MIN_EDGE_ROWS:
+        return found
+    low, middle, high = np.quantile(length[length > 0], (0.1, 0.5, 0.9))
+    past = min(height - 1, round(float(middle) + MAX_EDGE_SPREAD_SHARE * height) + 1)
+    goes_on = (outside | hidden)[BORDER_RIM_PIXELS : past + 1].all(axis=0) & ~hidden[past]
+    if high - low > MAX_EDGE_SPREAD_SHARE * height or goes_on.mean() > MAX_PAST_ROWS:
+        return found
+    return np.asarray(found | (np.arange(height)[:, None] < round(float(middle))))
 
 
 def find_facade_box(outside: BoolArray, hidden: BoolArray) -> Box | None:

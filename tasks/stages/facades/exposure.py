@@ -20,13 +20,18 @@ from facade_core.facade.facade import Facade
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.wall_material import MIN_WALL_M2, lit_colour
 from facade_core.plan.plan import Plan
+from tasks.stages.facades.evidence import MIN_SHOWN_SHARE
 from tasks.stages.facades.record import FacadeRecord, count_variations
 
 
 def measure_pictured_colour(facade: Facade, texels_per_metre: float) -> list[float] | None:
-    """Return the lit colour of the wall that a facade's pictures show, 0..255; None if they show too little."""
-    shown = (facade.labels == FacadeClass.WALL) & (facade.provenance == Provenance.PHOTO)
-    if shown.sum() < MIN_WALL_M2 * texels_per_metre**2:
+    """Return the lit colour of the wall that a facade's pictures show, 0..255; None if they show too little.
+
+    A part below MIN_SHOWN_SHARE can be repeated, but its panels or its brick need not be the material of the whole wall.
+    """
+    is_photo = facade.provenance == Provenance.PHOTO
+    shown = (facade.labels == FacadeClass.WALL) & is_photo
+    if is_photo.mean() < MIN_SHOWN_SHARE or shown.sum() < MIN_WALL_M2 * texels_per_metre**2:
         return None
     return [round(float(value), 1) for value in lit_colour(facade.image[shown])]
 

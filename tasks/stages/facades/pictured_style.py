@@ -17,7 +17,7 @@ from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exe
 from facade_core.plan.plan import Plan
 from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE
 
-# Share of a facade that its pictures must show, for others to be made in its style: the rest is a guess.
+# Share of a facade that its pictures must show, for others to be made in its style, and of its last row: the rest is a guess.
 MIN_PICTURED_SHARE = 0.6
 # Smallest side of a facade whose style is taken, in metres.
 MIN_STYLE_SIDE_M = 4.0
@@ -43,6 +43,8 @@ def select_pictured_style(
 ) -> PicturedStyle | None:
     """Return the style of the facade of which pictures show most square metres; None if none shows enough.
 
+    It has no hidden foot: repeated storeys there are no evidence.
+
     Parameters
     ----------
     group : root of the store.
@@ -51,16 +53,18 @@ def select_pictured_style(
     facades : facades of a building that are written; some may have been made without their pictures.
     """
     placement, chart_of = plan.scene.placement, plan.facades.chart
-    shown: list[tuple[float, int]] = []
+    shown: list[tuple[float, int, int]] = []
     for facade in facades:
         size_m = plan.scene.charts.size[chart_of[facade]]
         evidence = read_chart_raster(group, placement, int(chart_of[facade]), "atlas/seed_evidence")
-        pictured = float((evidence == Provenance.PHOTO).mean())
+        by_row = (evidence == Provenance.PHOTO).mean(axis=1)
+        pictured = float(by_row.mean())
         if pictured >= MIN_PICTURED_SHARE and min(size_m) >= MIN_STYLE_SIDE_M:
-            shown.append((pictured * float(size_m.prod()), facade))
-    for _, facade in sorted(shown, reverse=True):
+            end = int(np.flatnonzero(by_row >= MIN_PICTURED_SHARE)[-1]) + 1  # a foot below may be a guess
+            shown.append((pictured * float(size_m.prod()), facade, end))
+    for _, facade, end in sorted(shown, reverse=True):
         image, labels = (
-            read_chart_raster(group, placement, int(chart_of[facade]), name)
+            read_chart_raster(group, placement, int(chart_of[facade]), name)[:end]
             for name in ("atlas/seed", "facade_maps/labels")
         )
         density = float(placement.texels_per_metre[chart_of[facade]])

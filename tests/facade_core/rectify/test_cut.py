@@ -135,6 +135,27 @@ def test_a_strip_of_clear_sky_beside_a_wall_is_cut_with_what_is_beyond_it(monkey
     assert not wall_surroundings_mask(image, hidden).any(), "panes alone"
 
 
+def test_a_wall_ends_at_an_upright_edge_in_all_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light neighbour, which the parser finds in half of the rows; a bare wall up to its windows is none."""
+    image = np.full((240, 200, 3), 90, np.uint8)
+    image[:, :24] = 160
+    outside, hidden = np.zeros((2, 240, 200), bool)
+    outside[:, :24] = True
+    outside[60:160, 8:24] = False  # a ledge of the neighbour
+    hidden[200:, :20] = True  # a car before it
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
+    found = wall_surroundings_mask(image, hidden)
+    assert (found | hidden)[:, :24].all()
+    assert not found[:, 32:].any()
+    mirrored_outside = np.ascontiguousarray(outside[:, ::-1])
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: mirrored_outside)
+    mirrored = wall_surroundings_mask(np.ascontiguousarray(image[:, ::-1]), np.ascontiguousarray(hidden[:, ::-1]))
+    assert (mirrored[:, ::-1] == found).all()
+    outside[60:160, :40] = True  # between windows the bare wall goes on
+    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
+    assert not wall_surroundings_mask(image, hidden)[70:150].any()
+
+
 def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
     """Twelve rows of street, on which a car stands; a third of the wall is bare and taken for a neighbour's."""
     outside, hidden = np.zeros((2, 100, 90), bool)

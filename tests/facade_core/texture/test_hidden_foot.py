@@ -70,6 +70,50 @@ def test_the_repeated_storey_is_in_the_light_of_the_one_above() -> None:
     assert abs(np.median(filled[wall]) - above) < 0.4 * abs(far - above)
 
 
+def test_a_storey_with_an_entrance_is_not_repeated() -> None:
+    """The lowest storey that is seen whole has a narrow, higher pane in place of two windows."""
+    image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.3 * FLOOR)
+    entrance = slice(30 + 4 * FLOOR, 30 + 5 * FLOOR)
+    image[entrance, : WIDTH // 2], labels[entrance, : WIDTH // 2] = (200, 180, 150), FacadeClass.WALL
+    pane = np.s_[entrance.start + 10 : entrance.start + 34, 2:8]
+    image[pane], labels[pane] = (60, 80, 110), FacadeClass.WINDOW
+    foot = find_hidden_foot(image, hide(top), labels)
+    assert foot is not None
+    assert foot.storey.bottom <= entrance.start + 5
+    _, _, shown = repeat_storeys(image, hide(top), labels, foot)
+    whole = np.s_[top : HEIGHT - FLOOR // 2]
+    assert (shown == DRAWN.labels)[whole].mean() > 0.95
+
+
+@pytest.mark.parametrize("why", ["another hue", "loggias in shadow"])
+def test_a_repeated_storey_takes_no_tint_and_no_light_from_another_material(why: str) -> None:
+    """Above the foot is a bare band; storeys further up have its light."""
+    image, labels, top = DRAWN.image.copy(), DRAWN.labels.copy(), HEIGHT - round(1.75 * FLOOR)
+    if why == "loggias in shadow":
+        image[:, np.arange(WIDTH) % 9 < 5] //= 6
+    band = slice(top - round(0.75 * FLOOR), top)
+    image[band], labels[band] = (160, 190, 180) if why == "another hue" else (200, 180, 150), FacadeClass.WALL
+    foot = find_hidden_foot(image, hide(top), labels)
+    assert foot is not None
+    filled, _, _ = repeat_storeys(image, hide(top), labels, foot)
+    light = filled[foot.top : foot.top + foot.storey.height].mean(axis=(0, 1))
+    light /= image[foot.storey.top : foot.storey.bottom].mean(axis=(0, 1))
+    np.testing.assert_allclose(light, 1, atol=0.05)
+
+
+def test_columns_that_no_row_shows_say_nothing_of_a_foot() -> None:
+    """A third of the facade is seen, and its foot is hidden."""
+    hidden = hide(HEIGHT - round(1.75 * FLOOR))
+    hidden[:, WIDTH // 2 :] = True
+    foot = find_hidden_foot(DRAWN.image, hidden, DRAWN.labels)
+    assert foot is not None
+    image, missing, _ = repeat_storeys(DRAWN.image, hidden, DRAWN.labels, foot)
+    assert missing[:, WIDTH // 2 :].all(), "these are left to inpainting"
+    seen = np.s_[foot.top + 3 : HEIGHT - FLOOR // 2, : WIDTH // 2]
+    assert not missing[seen].any()
+    assert np.abs(image[seen].astype(int) - DRAWN.image[seen]).mean() < 12
+
+
 @pytest.mark.parametrize("why", ["seen at a third", "too low", "no storey", "nothing hidden"])
 def test_other_feet_are_inpainted(why: str) -> None:
     hidden, labels = hide(HEIGHT - round(1.5 * FLOOR)), DRAWN.labels.copy()

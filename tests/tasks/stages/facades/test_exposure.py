@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.imagery.rectify.fusion import ChartView
 from tasks.stages.facades import evidence, exposure
-from tasks.stages.facades.evidence import read_evidence
+from tasks.stages.facades.evidence import MIN_SHOWN_SHARE, read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
 
 SIZE = (24, 30)
@@ -47,3 +48,13 @@ def test_walls_in_the_common_exposure_differ_by_sun_and_shade_alone(is_common: b
     )
     np.testing.assert_allclose(found[0], slope, atol=0.15)
     np.testing.assert_array_equal(found[1], 1)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_a_small_part_of_a_wall_does_not_tell_its_material(share: float) -> None:
+    provenance = np.full((80, 100), Provenance.INPAINTED, np.uint8)
+    provenance[:, : round(share * 100)] = Provenance.PHOTO
+    image = np.full((80, 100, 3), 90, np.uint8)
+    facade: Any = SimpleNamespace(image=image, labels=np.zeros((80, 100), np.uint8), provenance=provenance)
+    colour = exposure.measure_pictured_colour(facade, 10.0)
+    assert colour == (None if share < MIN_SHOWN_SHARE else [90.0] * 3)

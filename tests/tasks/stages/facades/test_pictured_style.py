@@ -68,3 +68,11 @@ def test_what_shows_too_little_or_no_window_gives_no_style(block: tuple[Any, Any
     assert select_pictured_style(group, plan, str, ()) is None
     group["facade_maps/labels"][:] = 0
     assert select_pictured_style(group, plan, str, (0, 1)) is None
+
+
+def test_a_hidden_foot_gives_no_style(block: tuple[Any, Any]) -> None:
+    group, plan = block
+    group["atlas/seed_evidence"][0, -30:] = Provenance.INPAINTED
+    style = select_pictured_style(group, plan, str, (0, 1))
+    assert style is not None
+    assert len(style.style.labels) == plan.scene.placement.height[1] - 30
