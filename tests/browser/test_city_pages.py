@@ -193,5 +193,7 @@ def test_pages_of_a_city_are_accessible(browser: Any, address: str, size: tuple[
             found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
             assert [(v["id"], v["nodes"][0]["html"]) for v in found] == [], place
             assert opened.evaluate("document.documentElement.scrollWidth") <= size[0], place
-            broken = "[...document.querySelectorAll('th')].filter((e) => !e.innerText.includes(' ') && e.clientHeight > 40)"
+            broken = (
+                "[...document.querySelectorAll('th')].filter((e) => !e.innerText.includes(' ') && e.clientHeight > 40)"
+            )
             assert opened.evaluate(f"{broken}.map((e) => e.innerText)") == [], place
