@@ -16,9 +16,13 @@ from hashlib import blake2b
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import resolve_name
 from pathlib import Path
+from threading import Lock
 
 from facade_core.imagery.detect.models import models_digest
 from tasks.engine.data_files import DATA_FILES
+
+# Streets ask side by side, and Python before 3.11.5 may fail where two threads parse at once.
+_PARSING = Lock()
 
 VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -205,16 +209,17 @@ def _load_module(name: str, root: Path) -> CodeModule | None:
 
 @cache
 def _parse_module(name: str, path: Path, modified: int) -> CodeModule:
-    collecting = gc.isenabled()
-    gc.disable()  # a tree is many small objects, none of which can go yet
-    try:
-        tree = ast.parse(path.read_bytes())
-        said: list[str] = []
-        imports: list[ast.Import | ast.ImportFrom] = []
-        _collect_syntax(tree, said, imports)
-    finally:
-        if collecting:
-            gc.enable()
+    with _PARSING:
+        collecting = gc.isenabled()
+        gc.disable()  # a tree is many small objects, none of which can go yet
+        try:
+            tree = ast.parse(path.read_bytes())
+            said: list[str] = []
+            imports: list[ast.Import | ast.ImportFrom] = []
+            _collect_syntax(tree, said, imports)
+        finally:
+            if collecting:
+                gc.enable()
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     return CodeModule(
         path,

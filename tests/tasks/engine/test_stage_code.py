@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import gc
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -132,3 +134,12 @@ def test_two_processes_agree_and_every_library_is_known() -> None:
     libraries -= {*sys.stdlib_module_names, *CODE_PACKAGES, *module.EXCLUDED_LIBRARIES}
     assert {"numpy", "cv2", "onnxruntime", "maxflow", "shapely"} <= libraries
     assert [library for library in libraries if module._library_version(library) == "none"] == []
+
+
+def test_modules_are_parsed_in_many_threads_at_once() -> None:
+    """Two parsers at once fail in Python before 3.11.5, now and then."""
+    paths = sorted((ROOT / "facade_core").rglob("*.py"))[:200]
+    with ThreadPoolExecutor(8) as threads:
+        found = list(threads.map(lambda path: module._parse_module("facade_core.m", path, -1), paths))
+    assert [one.path for one in found] == paths
+    assert gc.isenabled()
