@@ -7,14 +7,15 @@ import os
 import psutil
 
 ROLES = ("coordinator", "server", "workers")
-# A command that may not keep compiled modules compiles them at each start, which no installed one does.
-_OMITTED_VARIABLES = ("PYTHONDONTWRITEBYTECODE",)
 
 
 def user_environment() -> dict[str, str]:
     """Return the environment of a user's command: without settings of a Prefect server, and with modules kept compiled."""
-    omitted = [name for name in os.environ if name.startswith("PREFECT_") or name in _OMITTED_VARIABLES]
-    return {name: value for name, value in os.environ.items() if name not in omitted}
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith("PREFECT_") and name != "PYTHONDONTWRITEBYTECODE"
+    }
 
 
 def add_used(root: psutil.Process, used: dict[int, tuple[str, float]]) -> None:

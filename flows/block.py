@@ -191,7 +191,7 @@ def _texture_block(
                 # reuse the forecast unless a stage that the keys depend on has changed since
                 known = None if changed & set(kind.reads) else forecast.units.get(kind.stage)
                 pending = find_pending_units(run, block, kind, known)
-                # whoever looks at a city sees its finished blocks
+                # the page of a city shows its finished blocks
                 if kind is FACADES and pending.pieces and not pending.done and block.part is None:
                     start_preview(run, list(chain.from_iterable(pending.pieces)), compute, print_status)
                 ended = run_stage(run, pending, compute, submit)

@@ -5,7 +5,7 @@
 CITY is what `streetloom city` wrote; exports and pictures go to OUT. Each export is `streetloom export` in a process of its
 own: seconds, processor seconds, memory at its peak, bytes. Then it is opened: 3D Tiles in CesiumJS (from above, at its own
 error of 16 pixels; clicks, a picture), GeoPackage and orthophotos in GDAL, GeoParquet in GeoPandas, CityJSONSeq by cjio;
-`facades` and `buildings` are how many each holds. `again` is the same export once more, of which nothing changed.
+`facades` and `buildings` count what each file contains. `again` measures the same export a second time, with nothing changed.
 """
 
 from __future__ import annotations

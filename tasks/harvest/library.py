@@ -205,7 +205,9 @@ def _keep_family_shares(families: Sequence[int], most: int) -> list[bool]:
     quota = np.floor(exact).astype(np.int64)
     missing = min(most, len(family)) - int(quota.sum())
     quota[np.argsort(quota - exact, kind="stable")[:missing]] += 1
-    place = np.array([(family[:row] == one).sum() for row, one in enumerate(family.tolist())], np.int64)
+    order = np.argsort(family, kind="stable")
+    place = np.empty_like(family)  # within its family
+    place[order] = np.arange(len(family)) - np.searchsorted(family[order], family[order])
     kept: list[bool] = (place < quota[family]).tolist()
     return kept
 

@@ -117,7 +117,7 @@ def test_blocks_side_by_side_share_their_workers_and_exemplars(town: Path, tmp_p
         assert len(list((out / "shared" / "exemplars").iterdir())) == 2
     assert found[alone]["atlas_digest"] == found[together]["atlas_digest"]
     assert found[together]["estimate"]["processor_hours_taken"] > 0
-    assert not list(tmp_path.rglob("preview.jpg")), "of a city its finished blocks are looked at"
+    assert not list(tmp_path.rglob("preview.jpg")), "the page of a city shows its finished blocks"
     preparing = [
         len(_prepared_exemplars(alone / "blocks" / name))
         for name in json.loads((alone / "city.json").read_text())["digests"]

@@ -19,7 +19,7 @@ from facade_core.parsing.floor_structure import FloorsAndBays, find_floors_and_b
 MIN_HIDDEN_ROW_SHARE = 0.6
 # and of all of it: where less is hidden, what is seen beside it is the better source.
 MIN_HIDDEN_SHARE = 0.8
-# Columns that no row shows, beside what is seen of the facade, say nothing of its foot: those of which less is seen.
+# Smallest visible share of a column: columns with less are ignored when a hidden foot is detected.
 MIN_SEEN_COLUMN_SHARE = 0.3
 # Height of a hidden foot in storeys; a lower one is the foot of a storey, which is inpainted.
 MIN_HEIGHT_STOREYS = 0.6

@@ -207,7 +207,7 @@ def _beyond_skyline(outside: BoolArray, hidden: BoolArray, grey: Float64Array, m
 
 
 def _beyond_upright_edge(found: BoolArray, outside: BoolArray, hidden: BoolArray) -> BoolArray:
-    """Mask in all columns what is beyond a side, if its edge is straight; else return what was found: (h, w) bool.
+    """Extend a mask beyond one side to all columns if its edge is straight, else return it unchanged: (h, w) bool.
 
     Parameters
     ----------
