@@ -21,7 +21,7 @@ from threading import Lock
 from facade_core.imagery.detect.models import models_digest
 from tasks.engine.data_files import DATA_FILES
 
-# Streets ask side by side, and Python before 3.11.5 may fail where two threads parse at once.
+# Streets ask side by side, and Python before 3.11.5 may fail where the collector lets another thread parse meanwhile.
 _PARSING = Lock()
 
 VERSION = "0.1.0"

@@ -7,6 +7,7 @@ import gc
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -136,10 +137,22 @@ def test_two_processes_agree_and_every_library_is_known() -> None:
     assert [library for library in libraries if module._library_version(library) == "none"] == []
 
 
-def test_modules_are_parsed_in_many_threads_at_once() -> None:
-    """Two parsers at once fail in Python before 3.11.5, now and then."""
-    paths = sorted((ROOT / "facade_core").rglob("*.py"))[:200]
+def test_one_thread_parses_at_a_time_and_without_the_garbage_collector(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python before 3.11.5 fails where the collector lets another thread parse meanwhile."""
+    paths = sorted((ROOT / "facade_core").rglob("*.py"))[:16]
+    parse, side_by_side, collected = ast.parse, [0], []
+
+    def slow_parse(source: bytes) -> ast.Module:
+        side_by_side.append(side_by_side[-1] + 1)
+        time.sleep(0.005)
+        collected.append(gc.isenabled())
+        side_by_side.append(side_by_side[-1] - 1)
+        return parse(source)
+
+    monkeypatch.setattr(module.ast, "parse", slow_parse)
     with ThreadPoolExecutor(8) as threads:
         found = list(threads.map(lambda path: module._parse_module("facade_core.m", path, -1), paths))
     assert [one.path for one in found] == paths
+    assert max(side_by_side) == 1
+    assert not any(collected)
     assert gc.isenabled()
