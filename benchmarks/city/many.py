@@ -40,24 +40,31 @@ BOX = (24.95, 60.16, 24.97, 60.17)
 
 def write_store(out: Path, number: int, facades: int, side: int, snapshot: str = "S1") -> PublishedRun[Path]:
     """What a block that has published leaves for a query."""
-    random = np.random.default_rng([7, number])
     column, row = number % side, number // side
     x, y = EAST + APART_M * column, NORTH + APART_M * row
     folder = out / "blocks" / f"x{column}y{row}"
+    write_published(folder, number, (x, y), facades, snapshot)
+    return PublishedRun(folder, f"blocks/{folder.name}")
+
+
+def write_published(folder: Path, number: int, corner: tuple[float, float], facades: int, snapshot: str) -> None:
+    """Publish a catalogue of drawn facades as a block's newest snapshot."""
+    random = np.random.default_rng([7, number])
+    x, y = corner
     published = folder / "published" / snapshot
-    published.mkdir(parents=True)
+    published.mkdir(parents=True, exist_ok=True)
     rows = []
     for facade, (across, along, width, floors) in enumerate(random.random((facades, 4)).tolist()):
         at = x + 380 * across, y + 380 * along
         rows.append(
             dict.fromkeys(ROW_KEYS)
             | {
-                "id": f"w{number * 100 + facade}-0",
+                "id": f"w{number * 1000 + facade}-0",
                 "block": folder.name,
                 "kind": "facade",
-                "building": f"w{number * 100 + facade}",
+                "building": f"w{number * 1000 + facade}",
                 "geometry": LineString([at, (at[0] + 5 + 20 * width, at[1])]),
-                "street": f"street {row}",
+                "street": f"street {y:.0f}",
                 "role": "street",
                 "height_m": 6 + 20 * floors,
                 "width_m": 5 + 20 * width,
@@ -74,7 +81,6 @@ def write_store(out: Path, number: int, facades: int, side: int, snapshot: str =
     write_items(published / "items.parquet", rows, CRS)
     (published / "summary.json").write_text("{}")
     (folder / "current").write_text(snapshot + "\n")
-    return PublishedRun(folder, f"blocks/{folder.name}")
 
 
 def measure(stores: int, facades: int) -> dict[str, Any]:

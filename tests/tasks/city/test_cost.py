@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from benchmarks.city.laying import COMMAND, COURSE, Ran, errors, fit, of_it
+from benchmarks.city.laying import COMMAND, COURSE, KEPT_SECONDS, Ran, errors, fit, of_it
 from tasks.city.block_counts import BlockCounts, share_exemplars
 from tasks.city.cost import CostModel, load_cost_model
 
@@ -46,6 +46,8 @@ def test_a_fit_finds_the_model_and_holds_on_blocks_it_has_not_seen() -> None:
         expected = asdict(getattr(MODEL, name))
         if name == "counted":  # 1 where the map has none
             expected |= {count: 1.0 for count, factor in expected.items() if count == "blocks" or not factor}
+        if name == "seconds":
+            expected |= {count: getattr(load_cost_model().seconds, count) for count in KEPT_SECONDS}
         assert asdict(getattr(found, name)) == pytest.approx(expected, rel=0.01, abs=0.01)
     held = [of_it(found, ran(told)) for told in TOLD[8:]]
     assert max(errors(held).values()) < 0.02
