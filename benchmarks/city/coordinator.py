@@ -1,5 +1,4 @@
-"""Memory of the process of `streetloom city` by the number of blocks, which are simulated: each waits, and leaves what a block
-publishes.
+"""Memory of the process of `streetloom city` by the number of blocks, which are simulated: each leaves what a block publishes.
 
     python -m benchmarks.city.coordinator [--blocks 4 18 1000] [--facades 280]
 
@@ -11,6 +10,7 @@ process, read every second; `growth` is its peak over that of the fewest blocks.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import shutil
@@ -20,21 +20,17 @@ import tempfile
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import psutil
-from prefect import task
-from prefect.cache_policies import NO_CACHE
 
-import flows.city
 from benchmarks.city.many import APART_M, EAST, NORTH, write_published
-from benchmarks.city.reading import write_town
 from benchmarks.process_usage import user_environment
 from benchmarks.timing import bytes_in, figures
-from flows.__main__ import main as streetloom
-from tasks.city.block_process import run_block
-from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
+from flows.server.startup import provide_prefect_server
 
 # Blocks stand in so many rows.
 ROWS = 25
@@ -44,6 +40,8 @@ LOOK_S = 1.0
 
 def measure(blocks: int, facades: int) -> dict[str, Any]:
     """Run a city of so many blocks in a process of its own and look at its memory."""
+    from benchmarks.city.reading import write_town
+
     with tempfile.TemporaryDirectory() as name:
         rows = min(ROWS, blocks)
         town = write_town(Path(name) / "town", -(-blocks // rows), rows)
@@ -57,13 +55,15 @@ def measure(blocks: int, facades: int) -> dict[str, Any]:
             str(facades),
         ]
         begun = time.time()
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=user_environment())
         held: list[float] = []
-        while process.poll() is None:
-            held.append(_resident_mb(process.pid))
-            time.sleep(LOOK_S)
+        log = Path(name) / "log.txt"
+        with log.open("w") as printed:
+            process = subprocess.Popen(command, stdout=printed, stderr=printed, env=user_environment())
+            while process.poll() is None:
+                held.append(_resident_mb(process.pid))
+                time.sleep(LOOK_S)
         if process.returncode:
-            raise SystemExit(f"a city of {blocks} blocks ended with {process.returncode}; its error is above")
+            raise SystemExit(f"a city of {blocks} blocks ended with {process.returncode}:\n{log.read_text()[-2000:]}")
         out = Path(name) / "town" / "out"
         return {
             "blocks": json.loads((out / "summary.json").read_text())["blocks_done"],
@@ -82,8 +82,24 @@ def _resident_mb(pid: int) -> float:
 
 def simulate(town: Path, facades: int) -> None:
     """Run the city of a town with simulated blocks in this process."""
-    first_done, numbers = threading.Event(), iter(range(1_000_000))
-    turn = threading.Lock()
+    out = town.parent / "out"
+    with provide_prefect_server(out / "prefect") as server:
+        import flows.city  # Prefect, which it imports, loads its settings at its first import
+
+        flows.city.run_block = simulated_block(facades)
+        server.wait_until_ready()
+        flows.city.city(town, out)
+
+
+def simulated_block(facades: int) -> Any:
+    """Return a task for `run_block`: the first call runs its block, the others publish what that did and drawn facades."""
+    from prefect import task
+    from prefect.cache_policies import NO_CACHE
+
+    from tasks.city.block_process import run_block
+    from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
+
+    numbers, turn, first = itertools.count(), threading.Lock(), Future()
 
     @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
     def simulated(
@@ -99,27 +115,22 @@ def simulate(town: Path, facades: int) -> None:
     ) -> BlockResult:
         with turn:
             number = next(numbers)
-        blocks = out / BLOCKS_FOLDER
         if number == 0:
             result = run_block.fn(out, name, block_file, options, previous, digest, version, deadline, tiles)
-            first.update(name=name, snapshot=result.snapshot, summary=result.summary)
-            first_done.set()
+            first.set_result((name, result))
             return result
-        first_done.wait()
-        published = blocks / name / "published" / SNAPSHOT
-        published.mkdir(parents=True)
-        shutil.copy(blocks / first["name"] / "published" / first["snapshot"] / "overview.glb", published)
+        real, result = first.result()
+        blocks = out / BLOCKS_FOLDER
         corner = (EAST + APART_M * (number // ROWS), NORTH + APART_M * (number % ROWS))
         write_published(blocks / name, number, corner, facades, SNAPSHOT)
+        published = blocks / name / "published" / SNAPSHOT
+        shutil.copy(blocks / real / "published" / result.snapshot / "overview.glb", published)
         tileset = block_tileset_path(blocks / name, SNAPSHOT)
         tileset.parent.mkdir(parents=True)
-        shutil.copy(block_tileset_path(blocks / first["name"], first["snapshot"]), tileset)
-        return BlockResult(0, digest, version, SNAPSHOT, SNAPSHOT, first["summary"], seconds=1.0)
+        shutil.copy(block_tileset_path(blocks / real, result.snapshot), tileset)
+        return replace(result, digest=digest, version=version, snapshot=SNAPSHOT, tiles=SNAPSHOT)
 
-    first: dict[str, Any] = {}
-    flows.city.run_block = simulated
-    sys.argv = ["streetloom", "city", str(town), "--out", str(town.parent / "out"), "--json"]
-    streetloom()
+    return simulated
 
 
 def main() -> None:
