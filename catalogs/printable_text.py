@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import unicodedata
 
@@ -42,6 +43,13 @@ def short_repr(value: object, max_length: int = 60) -> str:
 def format_command(*words: object) -> str:
     """Return a command of Streetloom as it is typed: words with spaces and the like are quoted."""
     return shlex.join(["streetloom", *map(str, words)])
+
+
+def format_unit_reason(unit: str, reason: str) -> str:
+    """Return a unit and a reason as "unit: reason"; where the reason names the unit first, it says "it" instead."""
+    named = re.match(rf"(?:footprint |centreline )?{re.escape(unit)}(: | )", reason)
+    rest = reason if named is None else ("" if named[1] == ": " else "it ") + reason[named.end() :]
+    return f"{unit}: {rest}"
 
 
 def format_count(count: int, noun: str) -> str:

@@ -24,7 +24,7 @@ from prefect.artifacts import (
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
-from catalogs.printable_text import format_command
+from catalogs.printable_text import format_command, format_count
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.json_types import JsonObject
@@ -154,7 +154,7 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     ]
     units.sort(key=lambda row: row["status"] == "done")
     caption = (
-        f"{len(units)} units"
+        format_count(len(units), "unit")
         if len(units) <= MAX_TABLE_ROWS
         else f"{MAX_TABLE_ROWS} of {len(units)} units, those not done first"
     )
@@ -169,7 +169,7 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     create_table_artifact(
         [*map(escape_row, facades[:MAX_TABLE_ROWS])],
         key=f"{slug}-facades",
-        description=f"{len(facades)} facades, failed ones first; "
+        description=f"{format_count(len(facades), 'facade')}, failed ones first; "
         f"{markdown_code(format_command('query', run.out))} finds what you look for",
     )
     report = folder_at(outputs["report"]).resolve()
@@ -191,7 +191,8 @@ def publish_outcome(run: Run, summary: JsonObject) -> None:
     create_markdown_artifact(
         "\n".join([f"# {escape_markdown(run.block)}", "", *lines, "", find]),
         key=f"{slug}-outputs",
-        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {escape_markdown(run.out)}",
+        description=f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}, "
+        f"in {escape_markdown(run.out)}",
     )
 
 
@@ -216,7 +217,7 @@ def publish_block_table(account: CityLog) -> None:
     create_table_artifact(
         [*map(escape_row, rows[:MAX_TABLE_ROWS])],
         key=f"{_slug(account.name)}-blocks",
-        description=f"{len(rows)} blocks: {caption}",
+        description=f"{format_count(len(rows), 'block')}: {caption}",
     )
 
 

@@ -113,8 +113,8 @@ def print_summary(target: Console, summary: JsonObject, *, painted: bool = False
     painted : the pictures are painted, so that no face or number plate can be missed.
     """
     done = f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}"
-    done += f" in {summary['seconds']:.0f} s"
-    _print_escaped(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
+    done += f" in {summary['seconds']:.0f} s, {format_count(summary['units_skipped'], 'unit')} done before"
+    _print_escaped(target, (summary["block"], "bold"), f": {done}")
     for failure in summary["failures"]:
         _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
     if summary["not_looked_at"] and not painted:

@@ -34,6 +34,7 @@ from catalogs.crs import (
     project_lonlat_box,
 )
 from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
+from catalogs.printable_text import format_unit_reason
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
 from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
 from catalogs.readers.vectors.points_of_interest import read_shops_and_entrances
@@ -381,7 +382,8 @@ def _empty_error(
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
         return file.make_error(
-            f"{key}.path", f"{path} has no {key} that can be used: {faults[0].id}: {faults[0].reason}{more}"
+            f"{key}.path",
+            f"{path} has no {key} that can be used: {format_unit_reason(faults[0].id, faults[0].reason)}{more}",
         )
     if keys.area:
         named = " of these names" if key == "streets" and keys.streets and keys.streets.names else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -97,7 +98,7 @@ def require_map_files(osm: Path | None, buildings: Path | None, streets: Path | 
         return MapFiles(buildings, streets, crs)
     if osm.suffix.lower() != ".pbf":
         raise click.UsageError(
-            f"--osm: {osm} is no .osm.pbf; give it as --buildings {osm}, and its streets as --streets"
+            f"--osm: {osm} is no .osm.pbf; give it as --buildings {shlex.quote(str(osm))}, and its streets as --streets"
         )
     return MapFiles(osm, osm, crs)
 

@@ -106,12 +106,13 @@ def _city_exit_code(summary: JsonObject) -> int:
 
 def print_city_summary(summary: JsonObject) -> None:
     """Print what a run of a city did, and what of its inputs was left out or assumed."""
-    from catalogs.printable_text import format_command
+    from catalogs.printable_text import format_command, format_count
     from tasks.engine.forecast import describe_rejected_inputs
 
     print_line(
-        f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, {summary['facades_done']} facades in "
-        f"{summary['seconds']:.0f} s; {summary['blocks_skipped']} blocks were done before"
+        f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, "
+        f"{format_count(summary['facades_done'], 'facade')} in {summary['seconds']:.0f} s; "
+        f"{format_count(summary['blocks_skipped'], 'block')} done before"
     )
     for failure in summary["failures"]:
         print_line(f"  failed {failure['unit']}: {failure['reason']}")

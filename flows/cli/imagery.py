@@ -112,11 +112,12 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
       streetloom match block.yaml my-photos/
       streetloom match block.yaml my-photos/ --take matches.csv
     """
+    from catalogs.printable_text import format_unit_reason
     from facade_core.core.errors import InputError
     from flows.console import show_progress
     from tasks.matching.match_table import TABLE, read_match_table, write_match_table
     from tasks.matching.photo_import import import_photos, plan_photo_import
-    from tasks.matching.photo_matches import MISSING_PLACE, PLACE_REMEDY, match_photos
+    from tasks.matching.photo_matches import MISSING_PLACE, match_photos, place_remedy
 
     if taken is not None:
         if poses is not None or out is not None:
@@ -136,9 +137,9 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     for note in notes:
         print_notice(note)
     for fault in faults:
-        print_notice(f"{fault.id}: {fault.reason}")
+        print_notice(format_unit_reason(fault.id, fault.reason))
     if any(fault.reason == MISSING_PLACE for fault in faults):
-        print_notice(f"of those without a place: {PLACE_REMEDY}")
+        print_notice(f"of those without a place: {place_remedy(poses)}")
     matches = found_table.matches()
     if not matches:
         raise InputError(
@@ -190,8 +191,10 @@ def fetch_block_imagery(
 
 def print_imagery_fetch(fetched: ImageryFetchResult) -> None:
     """Print the fetched pictures; exit with 1 if another run may fetch the missing ones."""
+    from catalogs.printable_text import format_unit_reason
+
     for fault in fetched.faults[:MAX_LISTED_FAULTS]:
-        print_notice(f"{fault.id}: {fault.reason}")
+        print_notice(format_unit_reason(fault.id, fault.reason))
     if len(fetched.faults) > MAX_LISTED_FAULTS:
         print_notice(f"{len(fetched.faults) - MAX_LISTED_FAULTS} pictures more cannot be used")
     for line in fetched.lines():

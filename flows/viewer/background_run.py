@@ -10,6 +10,7 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
+from catalogs.printable_text import format_count
 from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -78,7 +79,7 @@ class BackgroundRun:
 
 def describe_outcome(summary: JsonObject) -> str:
     """Return the outcome of a run in one line."""
-    counts = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
+    counts = f"{format_count(summary['units_done'], 'unit')} done, {summary['units_skipped']} were done before"
     failures = summary["failures"]
     if not failures:
         if summary["units_done"]:

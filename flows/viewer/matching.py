@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from catalogs.printable_text import format_count
 from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -69,7 +70,7 @@ def photo_match_routes(reader: RunReader, editor: EditorUser, photos: Path) -> l
         notes = [f"not taken: {fault}" for fault in found.faults]
         notes += [f"write into the block file: {by_hand}"] if by_hand else []
         return {
-            "said": f"{found.count} photos are the block's; what depends on them is due",
+            "said": f"{format_count(found.count, 'photo')} taken into the block; what depends on them is pending",
             "notes": notes,
         } | all_matches()
 

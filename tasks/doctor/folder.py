@@ -15,7 +15,7 @@ from typing import Any
 import icechunk
 
 from catalogs.block.reader import read_block
-from catalogs.printable_text import format_command
+from catalogs.printable_text import format_command, format_unit_reason
 from catalogs.published.file_list import find_snapshot_damage
 from catalogs.published.folders import Folder
 from catalogs.published.runs import publish_hint
@@ -92,7 +92,7 @@ def _list_input_notes(attrs: Mapping[str, Any]) -> Iterator[Finding]:
         yield Finding("inputs", None, to_single_line(str(note)))
     set_aside = attrs.get("set_aside", ())
     for kind, unit, reason in set_aside[:MAX_SET_ASIDE_LINES]:
-        yield Finding("inputs", None, to_single_line(f"set aside is {kind} {unit}: {reason}"))
+        yield Finding("inputs", None, to_single_line(f"set aside is {kind} {format_unit_reason(unit, reason)}"))
     if len(set_aside) > MAX_SET_ASIDE_LINES:
         rest = len(set_aside) - MAX_SET_ASIDE_LINES
         yield Finding("inputs", None, f"set aside are {rest} more; the report names them")

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from catalogs.block import Block
+from catalogs.printable_text import format_unit_reason
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.context import load_run_plan
@@ -81,7 +82,7 @@ def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
     for kind, units in found.items():
         unit, reason = units[0]
         more = f"; {len(units) - 1} more {kind}{'s' if len(units) > 2 else ''}" if len(units) > 1 else ""
-        lines.append(f"set aside is {kind} {unit}: {reason}{more}")
+        lines.append(f"set aside is {kind} {format_unit_reason(unit, reason)}{more}")
     return lines
 
 

@@ -19,7 +19,7 @@ from catalogs.block.reader import Block, read_block
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.features import safe_file_stem
-from catalogs.printable_text import format_command, format_count
+from catalogs.printable_text import format_command, format_count, format_unit_reason
 from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
@@ -136,7 +136,7 @@ class NewBlock:
             *self._unused(),
             *([f"           {RECTIFIED_NOTE}"] if self.photos else []),
             *(
-                f"set aside  {fault.kind} {fault.id}: {fault.reason}"
+                f"set aside  {fault.kind} {format_unit_reason(fault.id, fault.reason)}"
                 for fault in self.block.faults
                 if fault.kind in ("building", "street")
             ),

@@ -31,9 +31,8 @@ MIN_CERTAIN_PROBABILITY = 0.8
 # Candidates in the row of a photo, and their minimum probability.
 MAX_CANDIDATES = 3
 MIN_PROBABILITY = 0.02
-# Fault of a photo without a place, and its remedy.
+# Fault of a photo without a place.
 MISSING_PLACE = "no place"
-PLACE_REMEDY = "give their places with --poses FILE.csv (file,lon,lat,heading), or name each after its facade"
 _FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
@@ -81,7 +80,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
             raise InputError(
                 f"{poses}: names none of the {len(paths)} photos in {folder}; its names are such as {names}"
             )
-        raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACE_REMEDY}")
+        raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {place_remedy(poses)}")
     block = read_block(block_file)
     plan = make_plan(replace(block, panoramas=()))
     terrain = build_terrain(block.buildings, block.terrain)
@@ -96,6 +95,12 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
             faults.append(Fault(photo.name, "photo", error_reason(error)))
         report_progress("match", 1)
     return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, _poses_notes(file, paths))
+
+
+def place_remedy(poses: Path | None) -> str:
+    """Return the remedy for photos that state no place, by the poses file that was given for them."""
+    given = f"add a line for each to {poses}" if poses else "give their places with --poses FILE.csv"
+    return f"{given} (file,lon,lat,heading), or name each after its facade"
 
 
 def _poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:

@@ -131,7 +131,7 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
         assert page.is_checked("#none")
         assert page.inner_text("#save") == "Save, and take 2 photos"
         page.keyboard.press("Control+s")
-        page.wait_for_selector("text=2 photos are the block's")
+        page.wait_for_selector("text=2 photos taken into the block")
         assert page.is_disabled("#save")
         assert said(folder) == {"IMG_0.jpg": ("a-0", "anna"), "IMG_1.jpg": ("b-2", ""), "IMG_2.jpg": ("", "anna")}
         taken = read_block(block)

@@ -119,6 +119,16 @@ def test_notes_on_the_poses_file_are_printed(block_file: Path) -> None:
     assert "headings of poses.csv taken as degrees, and all are within 6.3" in ended.output
 
 
+def test_photos_that_a_poses_file_lacks_are_to_be_added_to_it(block_file: Path) -> None:
+    photos, poses = block_file.parent.parent / "photos", block_file.parent / "poses.csv"
+    lon, lat = LONLAT.transform(EAST + 10, NORTH)
+    poses.write_text(f"file,lon,lat,heading\nIMG_1.jpg,{lon},{lat},0\n")
+    ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--poses", str(poses)])
+    assert ended.exit_code == 0, ended.output
+    assert f"of those without a place: add a line for each to {poses}" in ended.output
+    assert "--poses FILE" not in ended.output
+
+
 def test_photos_of_which_none_can_be_matched_have_a_remedy_that_is_not_their_places(block_file: Path) -> None:
     photos, poses = block_file.parent.parent / "photos", block_file.parent / "poses.csv"
     for name in ("far.jpg", "silent.jpg"):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, SupportsFloat
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
+from catalogs.printable_text import format_unit_reason
 from catalogs.reader_errors import fault_reason, to_single_line
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
@@ -150,7 +151,7 @@ def read_panoramas(
             remarks += [Remark(path.stem, reason, None) for reason in (*entry.remarks, *lacking)]
         items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
     if not posed:
-        remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])
+        remedy = "; ".join(format_unit_reason(fault.id, fault.reason) for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
     if poses and not any(_find_entry(sources, path) for path in paths):
         example = next(iter(sources))

@@ -50,7 +50,7 @@ export async function facadePage(block, id, number, correct) {
       facade.status === "done" ? element("a", { href: `#/model/${number}/${encodeURIComponent(id)}` }, "In 3D") : null,
       correct(id),
     ),
-    details.reason ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
+    details.reason && facade.status === "failed" ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
     ...remedies(facade),
     texture ? stageFigure(id, texture, details.snapshot, "texture") : null,

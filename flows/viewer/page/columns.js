@@ -40,6 +40,7 @@ export const REMEDIES = {
   "no-windows": () => "No window was found. If it has some, draw them with view --edit, or say that it is no facade.",
   "unsure-parse": () => "Its windows and doors are uncertain. Look at the boxes of its layout, and correct them with view --edit.",
   "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",
+  "rejected-picture": ({ reason }) => `A picture of it was rejected${reason ? `: ${reason}` : "."} Correct that picture or its place, or remove it.`,
 };
 
 export const isCommon = (name) => name in COMMON;

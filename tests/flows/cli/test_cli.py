@@ -139,7 +139,7 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
     [
         ((), "give a map as --osm"),
         (("--osm", "MAP", "--streets", "MAP"), "--osm holds buildings and streets"),
-        (("--osm", "MAP"), "is no .osm.pbf; give it as --buildings"),
+        (("--osm", "MAP"), "is no .osm.pbf; give it as --buildings '"),
         (("--buildings", "MAP", "--bbox", "1", "2", "3", "4", "--around", "1", "2"), "--bbox or --around"),
         (("--buildings", "MAP", "--size", "5"), "--size"),
     ],
@@ -147,8 +147,8 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
 def test_a_new_block_is_of_one_map_and_one_place(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
     from flows.cli.commands import command_line
 
-    (tmp_path / "city.gpkg").write_bytes(b"")
-    given = [str(tmp_path / "city.gpkg") if word == "MAP" else word for word in options]
+    (tmp_path / "my city.gpkg").write_bytes(b"")
+    given = [str(tmp_path / "my city.gpkg") if word == "MAP" else word for word in options]
     shown = CliRunner().invoke(command_line, ["new-block", str(tmp_path / "new.yaml"), *given])
     assert shown.exit_code == 2
     assert said in shown.stderr

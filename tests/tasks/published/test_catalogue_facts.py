@@ -13,8 +13,10 @@ import pytest
 import shapely
 from shapely import LineString
 
+import flows.viewer
 from catalogs.block.reader import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, block_data_sources
+from catalogs.published.items import COLUMNS
 from facade_core.core.types import SHIPPED_MODELS, Street, TrainedModelFiles
 from facade_core.geometry.walls import WallRole
 from tasks.publish.catalogue_facts import (
@@ -165,6 +167,14 @@ def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, qual
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)
     assert facade_item_columns(facades, 0, record("a", "failed"), source)["quality"] is None
+
+
+def test_each_quality_flag_has_a_remedy_on_the_page() -> None:
+    (meaning,) = (column.meaning for column in COLUMNS if column.name == "quality")
+    flags = meaning.removeprefix("good, or what to look at: ").split(", ")
+    assert len(flags) > 5
+    page = (Path(flows.viewer.__file__).parent / "page" / "columns.js").read_text(encoding="utf-8")
+    assert flags == [flag for flag in flags if f'"{flag}": (' in page]
 
 
 def test_sources_of_a_block_file(tmp_path: Path) -> None:
