@@ -13,7 +13,7 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
+.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures figures-night constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -97,6 +97,9 @@ bench: setup  ## Measure the demo's block; docs/figures.md names the command of 
 
 figures: setup  ## Write docs/figures.md from rows and records; `python -m benchmarks.figures NAME DIR=../shared/data` first measures a record again
 	$(BIN)/python -m benchmarks.figures
+
+figures-night: setup  ## Measure again, for eight hours and the quickest first, records whose code has changed: make figures-night DIR=../shared/data
+	$(BIN)/python -m benchmarks.figures --night 8 DIR=$(or $(DIR),../shared/data)
 
 constraints: setup  ## Pin the requirements of pyproject.toml again
 	$(BIN)/uv pip compile pyproject.toml --extra dev --extra otlp --extra viewer --universal --python-version 3.11 \

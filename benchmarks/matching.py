@@ -24,6 +24,7 @@ from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_CERTAIN_PROBABILITY, MIN_PROBABILITY
 
+OUTCOMES = ("right", "wrong", "unclear, the true one told", "unclear", "lost")
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
 
 
@@ -59,7 +60,9 @@ def perspective(whole: np.ndarray, rise: float) -> np.ndarray:
 
 def measure(streets: int, buildings: int) -> dict[str, Any]:
     """All photos of some streets."""
-    told: dict[str, Counter[str]] = {name: Counter() for name in ("place", "place and heading", "heading lies")}
+    told: dict[str, Counter[str]] = {
+        name: Counter(dict.fromkeys(OUTCOMES, 0)) for name in ("place", "place and heading", "heading lies")
+    }
     seconds = []
     for seed in range(streets):
         street = synthetic_street(buildings, seed=seed, occluders=2)

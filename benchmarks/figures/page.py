@@ -69,7 +69,13 @@ def _line(row: Row, rows: Rows, records: Mapping[str, Record], changes: Mapping[
     of = [_as_of_record(name, rows.measured[name], records[name], changes) for name in row.records]
     if row.by:
         of.append(f"{'the rest ' if of else ''}by {row.by}, {row.of}")
-    cells = (row.what, figure_of(row, records), "; ".join(of), ", ".join(f"`{command}`" for command in commands))
+    anchor = f'<a id="{row.anchor}"></a>' if row.anchor else ""
+    cells = (
+        anchor + row.what,
+        figure_of(row, records),
+        "; ".join(of),
+        ", ".join(f"`{command}`" for command in commands),
+    )
     return f"| {' | '.join(cells)} |"
 
 

@@ -49,13 +49,14 @@ class Measured:
 @dataclass(frozen=True)
 class Row:
     """what: what is measured; figure: text with places for values. by: whether what is of no record was carried over by hand or
-    judged by eye, `of` which day; command: what measures it, where no record of it is there."""
+    judged by eye, `of` which day; command: what measures it, where no record of it is there; anchor: where links to it lead."""
 
     what: str
     figure: str
     by: str | None = None
     of: date | None = None
     command: str | None = None
+    anchor: str | None = None
 
     @property
     def records(self) -> list[str]:
@@ -88,6 +89,8 @@ def read_rows(path: Path = ROWS) -> Rows:
             )
         if not row.records and row.command is None:
             raise InputError(f"{path.name}, {row.what}: names neither a record nor a command")
+        if row.anchor and [row.anchor] != [one.anchor for one in rows if one.anchor == row.anchor]:
+            raise InputError(f"{path.name}, {row.what}: the anchor {row.anchor} is another row's too")
     return Rows(rows, measured)
 
 

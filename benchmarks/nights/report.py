@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
 
 # Prefix of a run's lines in the worker's log.
 PRINTED = "streetloom: "
-# Logger of the lines that close a stage.
+# Logger of the lines that close a stage, and the units in them.
 STAGE_LOGGER = "flows.block"
+STAGE_UNITS = re.compile(r"(\d+) done, (\d+) done before, (\d+) failed")
 
 
 class NightStart:
@@ -51,6 +53,7 @@ class NightStart:
         assert run.start_time
         assert run.end_time
         current = self._out / "current"
+        log = [line for path in sorted({*self._out.glob("logs/*.jsonl")} - self._logs) for line in _read_log(path)]
         return {
             "run": {
                 "due": _format_time(run.expected_start_time),
@@ -61,9 +64,8 @@ class NightStart:
                 "seconds": round((run.end_time - run.start_time).total_seconds()),
             },
             "printed": _read_worker_lines(self._home)[self._printed :],
-            "log": [
-                line for path in sorted({*self._out.glob("logs/*.jsonl")} - self._logs) for line in _read_log(path)
-            ],
+            "log": log,
+            "units": count_units(log),
             "alarms": [
                 {"time": _format_time(when), "subject": told["subject"], "message": told["body"].splitlines()[0]}
                 for when, told in alarms[self._alarms :]
@@ -74,6 +76,12 @@ class NightStart:
             "published": len([path for path in self._out.glob("published/*") if path.is_dir()]),
             "current": current.read_text().strip() if current.is_file() else None,
         }
+
+
+def count_units(log: Sequence[str]) -> dict[str, int]:
+    """Count the units done, done before and failed by the lines that close the stages of a run."""
+    found = [match for line in log if (match := STAGE_UNITS.search(line))]
+    return {name: sum(int(match[place]) for match in found) for place, name in enumerate(("done", "kept", "failed"), 1)}
 
 
 def read_metrics(site: Site, out: Path) -> dict[str, Any]:

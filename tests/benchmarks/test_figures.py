@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 import pytest
 
+from benchmarks.figures.__main__ import main as write_figures
 from benchmarks.figures.code import changed, code_of
 from benchmarks.figures.page import PAGE, current, kept, rendered
 from benchmarks.figures.records import FOLDER, Record, measure
 from benchmarks.figures.rows import Measured, Row, Rows, figure_of, read_rows
 from facade_core.core.errors import InputError
+from tasks.engine.stage_code import ROOT
 
 # The day since which figures come with a record: none is carried over by hand after it.
 RECORDS_SINCE = date(2026, 11, 25)
@@ -22,6 +26,38 @@ AGAIN = [name for name, measured in ROWS.measured.items() if measured.again]
 
 def test_the_page_is_what_rows_and_records_give() -> None:
     assert PAGE.read_text(encoding="utf-8") == current(), "write it with: make figures"
+
+
+def cells_of(page: Path) -> list[tuple[str, str]]:
+    """The links to rows in the tables of a page: text and anchor."""
+    return re.findall(r"\[([^\]]*)\]\([\w./]*figures\.md#(\w+)\)", page.read_text(encoding="utf-8"))
+
+
+def numbers(text: str) -> set[str]:
+    return set(re.findall(r"[\d.,]*\d", text))
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs" / "stages").glob("*.md"))], ids=lambda page: page.stem
+)
+def test_figures_on_pages_are_those_of_their_rows(page: Path) -> None:
+    lines = {row.anchor: f"{row.what} {figure_of(row, kept(ROWS))}" for row in ROWS.rows if row.anchor}
+    for text, anchor in cells_of(page):
+        assert anchor in lines, f"{page.name}: no row has the anchor {anchor}"
+        assert numbers(text) <= numbers(lines[anchor]), f"{page.name}: {text}"
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "stages").glob("*.md")), ids=lambda page: page.stem)
+def test_each_figure_of_a_stage_is_a_link_to_its_row(page: Path) -> None:
+    _, _, table = page.read_text(encoding="utf-8").partition("| figures |")
+    rows = [line for line in table.partition("\n\n")[0].splitlines()[2:] if line.startswith("|")]
+    assert [row for row in rows if "figures.md#" not in row.split("|")[2]] == []
+
+
+def test_readme_has_at_most_eight_figures() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Figures")[2].partition("## ")[0]
+    rows = [line for line in text.splitlines() if line.startswith("| ") and line.strip("| ")]
+    assert sum(len(numbers(row.rsplit("|", 2)[1].partition("](")[0])) for row in rows) <= 8
 
 
 def test_records_are_of_their_commands_and_each_is_on_the_page() -> None:
@@ -88,6 +124,33 @@ def test_the_site_says_what_has_changed_since() -> None:
         assert said in rendered(rows, found, {"q": list(rooms)} if rooms else {})
 
 
+def test_a_night_measures_the_quickest_that_are_due_and_fit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    commands = {name: f"streetloom bench {name}" for name in ("long", "quick", "broken", "fresh")}
+    seconds = {"long": 9000.0, "quick": 60.0, "broken": 30.0, "fresh": 1.0}
+    rows = Rows((), {name: Measured(command) for name, command in commands.items()})
+    records = {name: replace(record(), seconds=seconds[name]) for name in commands}
+    tried: list[str] = []
+
+    def again(command: str, places: dict[str, str]) -> Record:
+        assert places == {"DIR": "data"}
+        tried.append(command)
+        if command == commands["broken"]:
+            raise InputError("no data")
+        return record()
+
+    made: list[str] = []
+    page = tmp_path / "figures.md"
+    for name, value in {
+        "read_rows": lambda: rows, "kept": lambda rows: records, "due": lambda kept: dict.fromkeys(["long", "quick", "broken"]),
+        "measure": again, "write_record": lambda name, record: made.append(name), "current": lambda: "page", "PAGE": page,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(f"benchmarks.figures.__main__.{name}", value)
+    monkeypatch.setattr("sys.argv", ["figures", "--night", "1", "DIR=data"])
+    write_figures()
+    assert tried == [commands["broken"], commands["quick"]]
+    assert (made, page.read_text()) == (["quick"], "page")
+
+
 @pytest.mark.parametrize(
     "row",
     [
@@ -96,6 +159,7 @@ def test_the_site_says_what_has_changed_since() -> None:
         "figure = '46 s'\nby = 'guess'\nof = 2026-11-24\ncommand = 'make demo'",
         "figure = '{other/seconds}'",
         "figure = 'all'",  # of nothing
+        "figure = '{q/seconds}'\nanchor = 'same'\n\n[[row]]\nwhat = 'again'\nfigure = '{q/seconds}'\nanchor = 'same'",
     ],
 )
 def test_a_row_that_nothing_vouches_for_is_refused(row: str, tmp_path: Path) -> None:
