@@ -5,12 +5,12 @@ import os
 import sys
 from contextlib import suppress
 
-from flows.cli.interrupts import exit_on_signal
+from flows.cli.interrupts import REPEAT_MESSAGE, exit_on_signal
 
 
 def main() -> None:
     """Run the command line and exit the process with its code."""
-    exit_on_signal()
+    exit_on_signal(REPEAT_MESSAGE)
     from flows.server.proxies import exempt_loopback_from_proxies
 
     exempt_loopback_from_proxies()

@@ -15,6 +15,8 @@ from typing import NoReturn
 TERMINATING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED_MESSAGE = "interrupted; what is done is kept, run the same command to go on"
 UNDONE_MESSAGE = "interrupted; nothing of it is left"
+# Of commands that keep nothing on the way, and of all before they begin.
+REPEAT_MESSAGE = "interrupted; run the same command again"
 # Seconds for cleanup after a signal.
 MAX_UNWIND_S = 5.0
 

@@ -39,4 +39,4 @@ def test_interrupted_while_it_imports(tmp_path: Path, number: signal.Signals, af
     said, wrong = process.communicate(timeout=300)
     assert process.returncode == 128 + number
     assert said == ""
-    assert wrong.strip() == "streetloom: interrupted; what is done is kept, run the same command to go on"
+    assert wrong.strip() == "streetloom: interrupted; run the same command again", "nothing is done yet"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import signal
 import subprocess
 import sys
@@ -43,3 +45,19 @@ def test_ends_at_once_with_one_line(number: signal.Signals, name: str, start: st
     assert process.returncode == 128 + number
     assert time.monotonic() - begun < 30
     assert wrong.strip() == "streetloom: interrupted; what is done is kept, run the same command to go on"
+
+
+def test_a_terminal_gets_its_cursor_back() -> None:
+    controller, terminal = pty.openpty()
+    code = ENDLESS.format(name="exit_on_signal", start="exit_on_signal()\nif True:")
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, stderr=terminal, text=True
+    )
+    os.close(terminal)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) == 128 + signal.SIGINT
+    assert b"\x1b[?25h" in os.read(controller, 1000)
+    os.close(controller)
+    process.stdout.close()
