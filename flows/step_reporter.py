@@ -15,7 +15,7 @@ REPORT_INTERVAL_S = 20.0
 
 @contextmanager
 def report_steps(
-    tell: Callable[[str], None] = print_status, interval: float = REPORT_INTERVAL_S
+    tell: Callable[[str], None] = print_status, interval: float = REPORT_INTERVAL_S, *, announce: bool = True
 ) -> Iterator[Callable[[str], None]]:
     """Print each step, and how long it lasts after every `interval` seconds without a line.
 
@@ -23,12 +23,13 @@ def report_steps(
     ----------
     tell : receives each line.
     interval : seconds.
+    announce : False to print only steps that last longer than `interval`.
 
     Yields
     ------
     notify : begins a step.
     """
-    steps = _Steps(tell)
+    steps = _Steps(tell, announce)
     over = threading.Event()
 
     def repeat() -> None:
@@ -47,17 +48,18 @@ def report_steps(
 class _Steps:
     """Present step, and when it and the last line began."""
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell, self._lock = tell, threading.Lock()
+    def __init__(self, tell: Callable[[str], None], announce: bool) -> None:
+        self._tell, self._announce, self._lock = tell, announce, threading.Lock()
         self._step, self._begun = "", time.monotonic()
         self.told = self._begun
 
     def begin(self, step: str) -> None:
-        """Print a new step."""
+        """Begin a new step, and print it unless only long ones are printed."""
         with self._lock:
             self._step, self._begun = step, time.monotonic()
             self.told = self._begun
-            self._tell(step)
+            if self._announce:
+                self._tell(step)
 
     def repeat(self, interval: float) -> None:
         """Print the step again, with its seconds, unless a line was printed within `interval` seconds."""

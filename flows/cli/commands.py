@@ -199,17 +199,22 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 
 def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: bool = False) -> None:
     import time
+    from contextlib import ExitStack
 
     from flows.cli.first_run import note_first_run, note_large_block
     from flows.cli.interrupts import exit_on_signal
     from flows.console import console, print_status, print_summary, show_progress
     from flows.run_entry import open_run
+    from flows.step_reporter import report_steps
     from tasks.engine.store.disk_space import require_disk_space
 
     start = time.monotonic()
     street = options.redo
     again = None if street is None else partial(_redo_street, street=street, only=options.only)
-    with open_run(block_file, out, notify=print_status, prepare=again, file_only=True) as entry:
+    with ExitStack() as held:
+        with report_steps(announce=False) as notify:
+            notify(f"reading {block_file}")
+            entry = held.enter_context(open_run(block_file, out, notify=print_status, prepare=again, file_only=True))
         summary = entry.summary
         if summary is None:
             require_disk_space(entry.run.local)

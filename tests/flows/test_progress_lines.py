@@ -38,6 +38,12 @@ def test_a_step_is_told_as_it_begins_and_again_while_it_lasts() -> None:
         assert repeated.wait(20)
     assert lines[0] == "reading the map"
     assert lines[1].startswith("reading the map: ")
+    lines.clear()
+    repeated.clear()
+    with report_steps(tell, interval=0.05, announce=False) as notify:
+        notify("reading the map")
+        assert repeated.wait(20)
+    assert lines[0].startswith("reading the map: "), "a short step is not told"
 
 
 def city_log_with(names: str) -> CityLog:
