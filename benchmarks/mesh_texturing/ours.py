@@ -9,7 +9,6 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
-import shapely
 
 from benchmarks.mesh_texturing.cases import UNSEEN_GREY, Case
 from facade_core.core.provenance import Provenance
@@ -35,10 +34,10 @@ from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_f
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from tasks.stages.bundles.nearby_panoramas import UsablePanoramaIndex
-from tasks.stages.facades.captures import MAX_PANORAMAS
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
+from tasks.stages.shared.captures import MAX_PANORAMAS
+from tasks.stages.shared.panorama_index import UsablePanoramaIndex
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # A chart's raster and the provenance of its texels.
@@ -83,8 +82,7 @@ def _select_panoramas(
         SurfacePanorama(file, pose, tuple(factor), tuple(tuple(square) for square in own))
         for file, pose, factor, own in zip(files, case.poses, exposure.factors.tolist(), squares, strict=True)
     )
-    places = shapely.STRtree(shapely.points([(pose.x, pose.y) for pose in case.poses]))
-    index, charts = UsablePanoramaIndex(every, places), case.scene.charts
+    index, charts = UsablePanoramaIndex(every), case.scene.charts
     taken: dict[int, Sequence[SurfacePanorama]] = {}
     walls: dict[int, list[int]] = {}
     for chart in range(len(charts)):

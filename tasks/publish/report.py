@@ -63,7 +63,7 @@ def write_block_report(
             poses=[
                 {**_UNSHARED_POSE, **record, "raised_m": pose_height_change(record, stated)}
                 for record, stated in zip(block.refined_poses, block.plan.poses, strict=True)
-                if record and record["status"] == "done"
+                if record and record["status"] == "done" and not record.get("is_unused")
             ],
             heights=_count_height_sources(block.buildings),
             views=images.views,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -182,3 +183,30 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
         assert not one[34:70, trunk : trunk + 3].any()
         assert one[:, 60:63].all()
         assert one.mean() > 0.7
+
+
+def test_of_each_camera_nothing_but_its_view_of_the_ground_is_kept(street: SyntheticStreet) -> None:
+    """So that a piece of ground may be taken from many pictures."""
+    alive, most = 0, 0
+
+    class Opened(PanoramaCamera):
+        def __del__(self) -> None:
+            nonlocal alive
+            alive -= 1
+
+    def cameras() -> Iterator[PanoramaCamera]:
+        nonlocal alive, most
+        for along in np.linspace(3.0, 15.0, 6).tolist():
+            x, y = street.world_point(along, 0.5)
+            image = np.full((128, 256, 3), 120, np.uint8)
+            alive += 1
+            most = max(most, alive)
+            yield Opened(image, Pose(float(x), float(y), 2.5, 40.0), image[..., 0] > 200, np.ones(3), USUAL)
+
+    middle = street.world_point(9.0, 0.0)
+    below = np.array([[0.0, 0.0, -1.0]])
+    chart = int(street.scene.caster.cast(np.array([*middle, 2.5]), below)[1][0])
+    shown = fuse_ground_view(street.scene, chart, cameras())
+    assert shown is not None
+    assert len(np.unique(shown.camera[shown.is_visible])) > 1
+    assert most <= 2, "the one that is viewed, and the next"

@@ -36,6 +36,8 @@ CAMERAS = {
     "air-1": (6.0, -22.0, 34.0, 6.0, -50.0, 0.0),
     "air-2": (15.0, -22.0, 36.0, -9.0, -50.0, 1.0),
 }
+# One of the sky.
+NEEDLESS = {"sky": (10.0, -8.0, 2.5, 180.0, 75.0, 0.0)}
 
 
 def picture(path: Path, camera: tuple[float, ...]) -> None:
@@ -67,7 +69,7 @@ def test_facade_ground_and_roof_are_taken_from_perspective_pictures(tmp_path: Pa
     folder, out = tmp_path / "in", tmp_path / "out"
     (folder / "images").mkdir(parents=True)
     rows = ["file,x,y,z,heading,pitch,roll,focal_px,width,height,k1,k2"]
-    for name, camera in CAMERAS.items():
+    for name, camera in (CAMERAS | NEEDLESS).items():
         picture(folder / "images" / f"{name}.jpg", camera)
         east, north, up, heading, pitch, roll = camera
         rows.append(f"{name},{EAST + east},{NORTH + north},{up},{heading},{pitch},{roll},420,900,600,-0.05,0.004")
@@ -83,8 +85,11 @@ def test_facade_ground_and_roof_are_taken_from_perspective_pictures(tmp_path: Pa
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
     assert all(pose.lens == LENS for pose in plan.poses)
-    poses = {record["unit"]: record for record in read_journal(group, "poses") if record}
+    records = {record["unit"]: record for record in read_journal(group, "poses") if record}
+    assert set(records) == {f"{name}.jpg" for name in CAMERAS | NEEDLESS}
+    poses = {name: record for name, record in records.items() if not record.get("is_unused")}
     assert set(poses) == {f"{name}.jpg" for name in CAMERAS}
+    assert "1 of 5 pictures show nothing that others do not show better: not used" in group.attrs["notes"]
     # the stated poses are right, and stay
     assert all(record["moved_m"] < 0.1 and record["turned_deg"] < 0.3 for record in poses.values())
     (facade,) = [record for record in read_journal(group, "facades") if record and "street-" in record["source"]]

@@ -109,8 +109,9 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
         median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
         is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > MIN_THIN_CONTRAST)
         for j in range(len(views)):
-            if j != i and is_thin.any():
-                is_thin &= ~_has_match(log_colour[i], log_colour[j], is_usable[j], THIN_RIM_CELLS)
+            box = _bounding_box(is_thin, THIN_RIM_CELLS)
+            if j != i and is_usable[j][box].any():
+                is_thin[box] &= ~_has_match(log_colour[i][box], log_colour[j][box], is_usable[j][box], THIN_RIM_CELLS)
         with_rim = cv2.dilate(is_thin.astype(np.uint8), np.ones((2 * THIN_RIM_CELLS + 1,) * 2, np.uint8)) > 0
         masks.append(squares_to_texels(with_rim, side, view.seen.shape))
     return masks
@@ -119,6 +120,17 @@ def find_thin_objects(views: Sequence[ChartView], density: float) -> list[BoolAr
 def squares_to_texels(squares: BoolArray, side: int, shape: tuple[int, ...]) -> BoolArray:
     """Repeat squares (r, c) of `side` texels to a raster of the given shape (h, w)."""
     return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
+
+
+def _bounding_box(mask: BoolArray, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask (r, c) that hold all that is set, with a margin; none if nothing is."""
+    if not mask.any():
+        return slice(0), slice(0)
+    row, column = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return (
+        slice(max(0, int(row[0]) - margin), int(row[-1]) + margin + 1),
+        slice(max(0, int(column[0]) - margin), int(column[-1]) + margin + 1),
+    )
 
 
 def _has_match(log_colour: Float32Array, other: Float32Array, is_usable: BoolArray, reach: int = 1) -> BoolArray:

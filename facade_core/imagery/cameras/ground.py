@@ -7,8 +7,9 @@ cameras show alike is bare, whatever the occluder parser says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,7 +46,24 @@ MAX_DEVIATION_SPREADS = 3.0
 DOUBT_RIM_M = 0.3
 
 
-def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> FusedCameraView | None:
+class _GroundView(NamedTuple):
+    """Ground chart as one camera shows it.
+
+    Attributes
+    ----------
+    view : the chart in the common exposure, within the camera's reach.
+    private : (h, w) bool, faces and number plates; None without any.
+    pose : pose of the camera.
+    ground_colour : typical ground colour in the common exposure.
+    """
+
+    view: ChartView
+    private: BoolArray | None
+    pose: Pose
+    ground_colour: tuple[Float64Array, Float64Array] | None
+
+
+def fuse_ground_view(scene: Scene, chart: int, cameras: Iterable[PanoramaCamera]) -> FusedCameraView | None:
     """Fuse a ground chart from panoramas.
 
     A square that several cameras show comes from cameras that agree with another camera. A square that only one camera shows
@@ -56,27 +74,26 @@ def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]
     ----------
     scene : scene that contains the chart.
     chart : index of the ground chart.
-    cameras : panoramas around it.
+    cameras : panoramas around it; of each, nothing but its view of the chart is kept.
 
     Returns
     -------
     The fused view, None where the cameras show too little.
     """
     density = float(scene.placement.texels_per_metre[chart])
-    views = _clear_matching_ground(scene, chart, cameras, [_ground_view(scene, chart, camera) for camera in cameras])
+    shown = [_ground_view(scene, chart, camera) for camera in cameras]
+    views = _clear_matching_ground(scene, chart, shown)
     if not any(bool(view.clear.any()) for view in views):
         return None
     distance = [
-        _ground_distance(scene, chart, camera.pose)
-        if camera.pose.lens is None
-        else np.full(view.seen.shape, np.inf, np.float32)
-        for camera, view in zip(cameras, views, strict=True)
+        _ground_distance(scene, chart, one.pose)
+        if one.pose.lens is None
+        else np.full(one.view.seen.shape, np.inf, np.float32)
+        for one in shown
     ]
     return fuse_camera_views(
         views,
-        select_trusted_ground_texels(
-            views, distance, [_equalised_ground_colour(camera) for camera in cameras], density
-        ),
+        select_trusted_ground_texels(views, distance, [one.ground_colour for one in shown], density),
         density,
     )
 
@@ -133,34 +150,36 @@ def select_trusted_ground_texels(
     ]
 
 
-def _clear_matching_ground(
-    scene: Scene, chart: int, cameras: Sequence[PanoramaCamera], views: Sequence[ChartView]
-) -> list[ChartView]:
+def _clear_matching_ground(scene: Scene, chart: int, shown: Sequence[_GroundView]) -> list[ChartView]:
     """Return the views with the ground that two cameras show in the same detail no longer occluded, unless it is private."""
+    views = [one.view for one in shown]
     height = float(scene.charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0, 0, 2])
-    pairs = select_parallax_pairs([camera.pose for camera in cameras], height)
+    pairs = select_parallax_pairs([one.pose for one in shown], height)
     if not pairs:
-        return list(views)
+        return views
     density = float(scene.placement.texels_per_metre[chart])
     cleared = []
-    for view, camera, is_bare in zip(views, cameras, find_matching_detail(views, density, pairs), strict=True):
+    for view, one, is_bare in zip(views, shown, find_matching_detail(views, density, pairs), strict=True):
         occluded = view.seen & ~view.clear & ~is_bare
-        if camera.private is not None:
-            size = view.seen.shape
-            faced = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.private)
-            occluded |= view.seen & faced.seen & ~faced.clear
+        if one.private is not None:
+            occluded |= view.seen & one.private
         cleared.append(replace(view, occluded=occluded))
     return cleared
 
 
-def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
+def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> _GroundView:
     """Rectify a chart in the common exposure, within the camera's reach; nearer than MIN_GROUND_DISTANCE_M it is occluded."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.occluded)
     reach = camera_reach(camera.pose, GROUND_REACH_M)
     hidden = view.seen & (~view.clear | (distance < MIN_GROUND_DISTANCE_M))
-    return equalise_exposure(replace(view, occluded=hidden), camera, distance <= reach)
+    view = equalise_exposure(replace(view, occluded=hidden), camera, distance <= reach)
+    private = None
+    if camera.private is not None:
+        faced = rectify_chart_from_panorama(scene, chart, camera.image, camera.pose, size, camera.private)
+        private = faced.seen & ~faced.clear
+    return _GroundView(view, private, camera.pose, _equalised_ground_colour(camera))
 
 
 def _ground_distance(scene: Scene, chart: int, pose: Pose) -> Float32Array:

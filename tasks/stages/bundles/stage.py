@@ -32,6 +32,7 @@ from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
+from tasks.stages.shared.picture_choice import choose_pictures
 
 # Bytes kept of each panorama of a bundle.
 SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
@@ -45,7 +46,7 @@ def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
         members = tuple(
             BundlePanorama(block.panoramas[i].path, plan.poses[i], _panorama_estimate(record, plan, i))
             for i in bundle
-            if (record := records[i]) is not None and record["status"] == "done"
+            if (record := records[i]) is not None and record["status"] == "done" and not record.get("is_unused")
         )
         surfaces = _bundle_charts(plan, bundle)
         key = bundle_key(run, plan, members, surfaces)
@@ -54,11 +55,12 @@ def list_bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> 
 
 
 def panorama_bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
-    """Return the panoramas that are refined together, by the block and the given poses."""
+    """Return the panoramas that are refined together, of those that surfaces are taken from, by the given poses."""
     days = [_day_number(parse_iso_date(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
     seen = _street_sightings(plan)
-    return group_panoramas_into_bundles(seen.facade, seen.panorama, seen.seen, places, days)
+    used = np.isin(seen.panorama, list(choose_pictures(plan, block)))
+    return group_panoramas_into_bundles(seen.facade[used], seen.panorama[used], seen.seen[used], places, days)
 
 
 def bundle_members(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:

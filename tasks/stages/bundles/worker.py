@@ -20,7 +20,7 @@ from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.bundles.record import BundledPose, BundleRecord, PoseFieldsFromBundle
-from tasks.stages.shared.images import read_panorama
+from tasks.stages.shared.images import max_picture_pixels, read_panorama
 
 
 class BundlePanorama(NamedTuple):
@@ -46,7 +46,7 @@ def process_bundle(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkS
     scene = load_run_plan(run).scene
     together: dict[str, BundledPose] = {}
     if len(members) > 1:
-        images = (read_panorama(one.path) for one in members)
+        images = (read_panorama(one.path, max_picture_pixels(one.given)) for one in members)
         found = refine_jointly(scene, surfaces, images, [one.alone for one in members])
         together = {
             one.path.name: {"alone": _pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
@@ -74,7 +74,7 @@ def _refined_fields(scene: Scene, one: BundlePanorama, found: JointPose) -> Pose
     }
     if found.reason:
         return told
-    ground = sample_ground_colours(scene, read_panorama(one.path), found.pose)
+    ground = sample_ground_colours(scene, read_panorama(one.path, max_picture_pixels(one.given)), found.pose)
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
         "pose": _pose_values(found.pose),

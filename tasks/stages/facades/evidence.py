@@ -32,6 +32,7 @@ from tasks.engine.outcome import collect_input_errors
 from tasks.stages.facades.photos import PhotoCropQuality, read_facade_photo
 from tasks.stages.shared.images import (
     capture_date,
+    max_picture_pixels,
     read_panorama,
     read_textures,
 )
@@ -284,7 +285,7 @@ def _view_of_panorama(
     plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
 ) -> ChartView:
     """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
-    image = _read_without_fringes(path, *_file_stamps(path))
+    image = _read_without_fringes(path, *_file_stamps(path), max_picture_pixels(pose))
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
     view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private)
@@ -306,7 +307,7 @@ def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:
     """Return faces, plates and text on a panorama; its facades share them."""
     # the same at any place
     unplaced = Pose(0.0, 0.0, None, 0.0, view=pose.view, lens=pose.lens)
-    return _cached_detections(path, *_file_stamps(path), unplaced)
+    return _cached_detections(path, *_file_stamps(path), unplaced, max_picture_pixels(pose))
 
 
 def _file_stamps(path: Path) -> tuple[int, int]:
@@ -316,13 +317,13 @@ def _file_stamps(path: Path) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=1)
-def _read_without_fringes(path: Path, _size: int, _modified: int) -> UInt8Array:
-    return remove_colour_fringes(read_panorama(path))
+def _read_without_fringes(path: Path, _size: int, _modified: int, max_pixels: int) -> UInt8Array:
+    return remove_colour_fringes(read_panorama(path, max_pixels))
 
 
 @lru_cache(maxsize=64)
-def _cached_detections(path: Path, _size: int, _modified: int, pose: Pose) -> FacesPlatesAndText:
-    return detect_on_panorama(read_panorama(path), pose)
+def _cached_detections(path: Path, _size: int, _modified: int, pose: Pose, max_pixels: int) -> FacesPlatesAndText:
+    return detect_on_panorama(read_panorama(path, max_pixels), pose)
 
 
 def _widen(hidden: BoolArray) -> BoolArray:

@@ -9,8 +9,8 @@ from tasks.engine.pending_reasons import REASONS
 from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import split_key
 from tasks.stages.bundles.stage import bundle_members
-from tasks.stages.facades.captures import facade_panoramas_by_capture
 from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.shared.captures import facade_panoramas_by_capture
 
 
 def forecast_pending_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:

@@ -31,12 +31,12 @@ from tasks.engine.unit import Unit
 from tasks.stages.bundles.nearby_panoramas import ground_squares
 from tasks.stages.bundles.refined_poses import is_rejected_panorama, pose_from_record, read_bundled_pose_records
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.captures import facade_panoramas_by_capture
 from tasks.stages.facades.forecast import forecast_pending_facades
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import add_house_to_key, facade_keys
 from tasks.stages.facades.record import FacadeRecord, facade_file_digests
 from tasks.stages.facades.worker import process_facades
+from tasks.stages.shared.captures import facade_panoramas_by_capture
 from tasks.stages.shared.facade_corrections import match_corrections
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,

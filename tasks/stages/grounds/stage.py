@@ -34,6 +34,8 @@ from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
+# Panoramas in memory at once: the one that is viewed, the next that is read, and the reader's last.
+OPEN_PICTURES = 3
 
 
 def list_ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -92,8 +94,8 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama
 
 
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
-    """Return the memory of a piece of ground of so many texels, from some panoramas."""
-    kept = bounded_pixel_count(pictures)
+    """Return the memory of a piece of ground of so many texels, from some panoramas, of which few are open at a time."""
+    kept = sum(sorted(bounded_pixel_count([path]) for path in pictures)[-OPEN_PICTURES:])
     return (
         LIBRARY_BYTES + detector_memory() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
     )

@@ -40,6 +40,7 @@ from tasks.engine.store.carry_over import (
 from tasks.engine.store.disk_space import require_disk_space, required_block_bytes
 from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
 from tasks.stages.shared.facade_corrections import map_changed_facade_ids, match_corrections
+from tasks.stages.shared.picture_choice import choose_pictures
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
@@ -142,6 +143,10 @@ def _notes(block: Block, plan: Plan) -> list[str]:
     if not block.streets:
         length = sum(street.line.length for street in plan.streets)
         notes.append(f"no streets given: {len(plan.streets)} of {length:.0f} m derived from the gaps between buildings")
+    if unused := len(block.panoramas) - len(choose_pictures(plan, block)):
+        notes.append(
+            f"{unused} of {len(block.panoramas)} pictures show nothing that others do not show better: not used"
+        )
     if block.corrections:
         notes += _unused_corrections(block, plan)
     return notes

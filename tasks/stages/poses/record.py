@@ -19,6 +19,7 @@ class PoseRecord(Record, total=False):
     spread : covariance of place and heading (metres, degrees) by outlines of buildings; None if they do not determine it.
     over_ground_m : height over the ground, metres; None where the block has no ground there.
     squares : colours of squares of ground around it.
+    is_unused : no surface would be taken from it; its pose is as stated.
     """
 
     pose: list[float]
@@ -30,6 +31,7 @@ class PoseRecord(Record, total=False):
     spread: list[list[float]] | None
     over_ground_m: float | None
     squares: list[list[int]]
+    is_unused: bool
 
 
 class BundledPoseRecord(PoseRecord, total=False):

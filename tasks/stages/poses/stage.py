@@ -20,17 +20,20 @@ from tasks.engine.unit_key import join_key_parts
 from tasks.stages.poses.worker import process_pose
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES, bounded_pixel_count, peak_decoding_bytes
+from tasks.stages.shared.picture_choice import choose_pictures
 
 # Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24
 
 
 def list_pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """List the units of stage `poses`: one for each panorama."""
-    units = []
+    """List the units of stage `poses`: one for each panorama, one that no surface is taken from with little to do."""
+    units, chosen = [], choose_pictures(plan, block)
     for i, (panorama, carried) in enumerate(zip(block.panoramas, ground_height_preferred_flags(block), strict=True)):
-        key = pose_key(run, plan, i, panorama.path, carried)
-        units.append(Unit(i, panorama.path.name, (key,), (panorama.path, carried), pose_memory(panorama.path)))
+        is_used = i in chosen
+        key = pose_key(run, plan, i, panorama.path, carried, is_used=is_used)
+        memory = pose_memory(panorama.path) if is_used else LIBRARY_BYTES
+        units.append(Unit(i, panorama.path.name, (key,), (panorama.path, carried, is_used), memory))
     return units
 
 
@@ -52,7 +55,7 @@ def _match_previous(change: ReingestContext) -> dict[int, int]:
     return match_units_by_key_or_name(change.records["poses"], units)
 
 
-def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
+def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool, *, is_used: bool = True) -> str:
     """Return the key of a panorama's refinement: picture, pose and surrounding objects."""
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
@@ -60,7 +63,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
         stage_code_digest("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
-        pose=[*pose_key_parts(pose), carried],
+        pose=[*pose_key_parts(pose), carried, *([] if is_used else ["unused"])],
         geometry=plan.scene_objects.digests_in_box(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
     )
 

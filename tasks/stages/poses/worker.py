@@ -10,6 +10,7 @@ from icechunk import ForkSession
 
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
+from facade_core.core.types import Pose
 from facade_core.imagery.cameras.exposure import sample_ground_colours
 from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_visible_outlines
@@ -17,9 +18,9 @@ from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from tasks.engine.context import current_worker_name, load_run_plan
 from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup
+from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.poses.record import PoseRecord
-from tasks.stages.shared.images import read_panorama
+from tasks.stages.shared.images import max_picture_pixels, read_panorama
 
 # Fit of building outlines, 0 to 1, above which a pose is trusted. Correct poses on painted streets fit from 0.57 on.
 MIN_TRUSTED_FIT = 0.5
@@ -34,9 +35,12 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
     """
     start = time.time()
     (unit,) = units
-    path, carried = unit.arguments
+    path, carried, is_used = unit.arguments
     plan = load_run_plan(run)
-    picture, given = read_panorama(path), plan.poses[unit.index]
+    given = plan.poses[unit.index]
+    if not is_used:
+        return fork, {unit.index: _unused_record(unit, given, start)}
+    picture = read_panorama(path, max_picture_pixels(given))
     if given.lens is None and given.view == (0.0, 0.0, 1.0, 1.0):
         check_full_panorama(picture)
     found = refine_pose(plan.scene, picture, given, height_is_assumed=carried)
@@ -50,7 +54,7 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
-        "pose": [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll],
+        "pose": _pose_values(pose),
         "moved_m": round(found.moved_m, 3),
         "turned_deg": round(found.turned_deg, 3),
         # degrees between lines and axes on the rectified walls; None where there are no lines
@@ -65,6 +69,32 @@ def process_pose(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[ForkSes
         "seconds": {"refine": round(time.time() - start, 4)},
     }
     return fork, {unit.index: record}
+
+
+def _unused_record(unit: Unit, given: Pose, start: float) -> PoseRecord:
+    """Return the record of a panorama that no surface is taken from."""
+    return {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "pose": _pose_values(given),
+        "moved_m": 0.0,
+        "turned_deg": 0.0,
+        "given_deg": None,
+        "residual_deg": None,
+        "left": ["no surface is taken from it"],
+        "spread": None,
+        "over_ground_m": None,
+        "squares": [],
+        "is_unused": True,
+        "worker": current_worker_name(),
+        "started": start,
+        "seconds": {},
+    }
+
+
+def _pose_values(pose: Pose) -> list[float]:
+    return [pose.x, pose.y, cast(float, pose.z), pose.heading, pose.pitch, pose.roll]
 
 
 def _round_finite(value: float) -> float | None:

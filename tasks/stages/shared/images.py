@@ -15,12 +15,15 @@ from catalogs.readers.pictures.folders import label_map_path
 from facade_core.core.arrays import BoolArray, IntArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
+from facade_core.core.types import Pose
 from tasks.engine.outcome import collect_input_errors
 
 # Of a frame of 35 mm film, 36 x 24 mm.
 DIAGONAL_35MM = math.hypot(36, 24)
 # A picture is worked on at no more pixels than the widest panorama of a block has: 1300 a radian, a texel of 5 cm at 65 m.
 MAX_PIXELS = 8192 * 4096
+# A picture of a lens is worked on at no more pixels a radian: twice those of that panorama, a texel of 3 cm at 80 m.
+MAX_LENS_PIXELS_PER_RADIAN = 2600
 # Longest side of an exemplar in pixels, and of what is prepared from it in texels: 100 m at 20 texels per metre.
 MAX_EXEMPLAR_SIDE = 2000
 
@@ -66,15 +69,23 @@ def read_textures(paths: Sequence[Path], used: IntArray, refused: list[Exception
     return found
 
 
-def read_panorama(path: Path) -> UInt8Array:
-    """Read a panorama (h, w, 3) uint8; consecutive units share it."""
+def max_picture_pixels(pose: Pose) -> int:
+    """Return the pixels at which a posed picture is read at most; an aerial one sees surfaces from farther."""
+    if pose.lens is None or pose.is_aerial:
+        return MAX_PIXELS
+    across, down = (side / focal for side, focal in zip(pose.lens.size, pose.lens.focal, strict=True))
+    return max(1, min(MAX_PIXELS, round(across * down * MAX_LENS_PIXELS_PER_RADIAN**2)))
+
+
+def read_panorama(path: Path, max_pixels: int = MAX_PIXELS) -> UInt8Array:
+    """Read a panorama or a picture of a lens (h, w, 3) uint8; consecutive units share it."""
     state = path.stat()
-    return _read_panorama(path, state.st_size, state.st_mtime_ns)
+    return _read_panorama(path, state.st_size, state.st_mtime_ns, max_pixels)
 
 
 @lru_cache(maxsize=2)
-def _read_panorama(path: Path, size: int, modified: int) -> UInt8Array:
-    return read_image_and_mask(path)[0]
+def _read_panorama(path: Path, _size: int, _modified: int, max_pixels: int) -> UInt8Array:
+    return read_picture(path, max_pixels=max_pixels).rgb
 
 
 def read_image_and_mask(path: Path) -> tuple[UInt8Array, BoolArray]:

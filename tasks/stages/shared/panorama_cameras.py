@@ -20,7 +20,7 @@ from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
-from tasks.stages.shared.images import MAX_PIXELS, read_panorama
+from tasks.stages.shared.images import MAX_PIXELS, max_picture_pixels, read_panorama
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 # Bytes of the kept masks of occluders: of eight of the widest panoramas, or of hundreds of pictures of a lens.
@@ -30,18 +30,10 @@ MAX_MASK_BYTES = 8 * 2 * MAX_PIXELS // 8
 Hides = Callable[[UInt8Array, Pose], BoolArray]
 
 
-def open_cameras(
-    taken: Sequence[SurfacePanorama], hides: Hides, refused: list[Exception]
-) -> tuple[list[PanoramaCamera], list[SurfacePanorama]]:
-    """Open panoramas as cameras; returns the cameras that opened, and their panoramas. Errors are appended to `refused`."""
-    opened = [(camera, one) for one in taken if (camera := open_camera(one, hides, refused)) is not None]
-    return [camera for camera, _ in opened], [one for _, one in opened]
-
-
 def open_camera(one: SurfacePanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
     """Open a panorama as a camera; None if that fails, with the error appended to `refused`."""
     with collect_input_errors(refused):
-        image = read_panorama(one.path)
+        image = read_panorama(one.path, max_picture_pixels(one.pose))
         occluded, private = _occluder_masks(one, image, hides)
         return PanoramaCamera(
             image, one.pose, occluded, np.array(one.factor), typical_ground_colour(one.squares), private

@@ -20,7 +20,7 @@ from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, rep
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import diff_key_parts
-from tasks.stages.bundles.nearby_panoramas import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
+from tasks.stages.shared.panorama_index import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
 from tasks.stages.walls.stage import WALLS, list_wall_units, wall_building_names
 
 # Before the gap between the first two houses, and 200 m on before the third.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from tasks.stages.facades.captures import split_panoramas_by_capture
+from tasks.stages.shared.captures import split_panoramas_by_capture
 
 
 @pytest.mark.parametrize(
