@@ -1,4 +1,4 @@
-"""Black corners of rectified pictures are found, and nothing that is only dark."""
+"""Corners without data of rectified pictures are found, and nothing that is only dark or even."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from facade_core.synth.facade import paint_facade
 from facade_core.synth.styles import STYLES
 
 
-def warped(lean: float) -> tuple[np.ndarray, np.ndarray]:
+def warped(lean: float, fill: int = 0, metres_per_pixel: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
     """A painted facade as a rectification leaves it, sheared, as a JPEG; and what of it is no part of the picture."""
-    image = paint_facade((10.0, 14.0), floors=3, columns=4, style=STYLES[0], metres_per_pixel=0.05, seed=3).image
+    painted = paint_facade(
+        (10.0, 14.0), floors=3, columns=4, style=STYLES[0], metres_per_pixel=metres_per_pixel, seed=3
+    )
+    image = painted.image
     height, width = image.shape[:2]
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     moved = corners + np.array([[lean, 0], [0, lean], [0, -lean / 2], [lean / 3, 0]], np.float32)
@@ -25,7 +28,8 @@ def warped(lean: float) -> tuple[np.ndarray, np.ndarray]:
         cv2.warpPerspective(np.ones((height, width), np.uint8), turn, (width, height), flags=cv2.INTER_NEAREST) == 0
     )
     file = io.BytesIO()
-    Image.fromarray(cv2.warpPerspective(image, turn, (width, height))).save(file, "JPEG", quality=85)
+    picture = cv2.warpPerspective(image, turn, (width, height), borderValue=(fill, fill, fill))
+    Image.fromarray(picture).save(file, "JPEG", quality=85)
     return np.asarray(Image.open(file)), beside
 
 
@@ -36,6 +40,27 @@ def test_what_a_warp_left_black_is_found(lean: float, share: float) -> None:
     assert found[beside].mean() > share
     reach = 2 * (NO_DATA_RIM + 3) + 1
     assert not found[cv2.dilate(beside.astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0].any()
+
+
+@pytest.mark.parametrize("fill", [18, 130])
+def test_what_a_warp_filled_with_one_colour_is_found(fill: int) -> None:
+    image, beside = warped(200.0, fill, 0.015)
+    found = no_data_mask(image)
+    assert found[beside].mean() > 0.97
+    assert found[~beside].mean() < 0.1
+
+
+def test_a_fill_within_a_thin_frame_is_found_and_an_even_sky_is_not() -> None:
+    rng = np.random.default_rng(0)
+    image = rng.integers(60, 200, (400, 300, 3), np.uint8)
+    image[:120, :100] = np.linspace(200, 190, 100).round().astype(np.uint8)[:, None]
+    image[-60:, :] = 13
+    image[-3:, :] = 236
+    found = no_data_mask(image)
+    assert found[-50:-10].all()
+    assert not found[:300].any()
+    image[20:60, 4:60] = 13  # a window near a corner, which touches no side
+    assert not no_data_mask(image)[:300].any()
 
 
 @pytest.mark.parametrize("style", STYLES)
