@@ -28,6 +28,7 @@ from facade_core.imagery.detect.detection import (
     detect_faces_plates_text,
     find_plates_and_text,
 )
+from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.detect.faces import box_ious, find_faces
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
@@ -40,6 +41,8 @@ FOOT, BESIDE = 360, 480
 FOUND, COVERED = 0.5, 0.9
 # Metres that a car and a European plate are high, and how much longer than high a plate is.
 _CAR_M, _PLATE_M, _LONG = 1.5, 0.11, 4.7
+# Metres that a face and a plate are high, by which a part of a photo has the scale of a harvested facade.
+_HEIGHTS_M = {FACES: 0.2, PLATES: _PLATE_M}
 # Pixels that a plate is painted high, before it is turned and reduced.
 _PAINTED = 110
 
@@ -81,12 +84,14 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
 
 def measure_photos(folder: Path) -> dict[str, Any]:
     """The faces and plates in real photos of streets, marked by eye in faces_and_plates.json, without those under some seven
-    pixels of width or whose letters nobody reads; by_parser are those that are hidden by what the parser takes for in front."""
+    pixels of width or whose letters nobody reads; by_parser are those that are hidden by what the parser takes for in front,
+    and harvested those that a harvest hides, at a scale by which each is of its true height."""
     from PIL import Image
 
     marked = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
     result = {
-        kind: dict.fromkeys(("there", "found", "hidden", "by_parser", "by_either"), 0) for kind in (FACES, PLATES)
+        kind: dict.fromkeys(("there", "found", "hidden", "harvested", "by_parser", "by_either"), 0)
+        for kind in (FACES, PLATES)
     }
     for name, kinds in marked.items():
         with Image.open(folder / name) as picture:
@@ -100,6 +105,8 @@ def measure_photos(folder: Path) -> dict[str, Any]:
                 behind = in_front[box[1] : box[3], box[0] : box[2]]
                 counts["by_parser"] += bool(behind.mean() >= COVERED)
                 x0, y0, x1, y1 = place[0]
+                harvested = detect_on_facade(part, _HEIGHTS_M[kind] / (y1 - y0)).private_mask(part.shape[:2])
+                counts["harvested"] += bool(harvested[y0:y1, x0:x1].mean() >= COVERED)
                 counts["by_either"] += bool(
                     (behind | seen.private_mask(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED
                 )

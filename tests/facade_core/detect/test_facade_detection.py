@@ -29,19 +29,30 @@ def search_calls(monkeypatch: pytest.MonkeyPatch) -> SearchCalls:
 
 def test_the_foot_is_searched_enlarged_and_boxes_are_those_of_the_picture(search_calls: SearchCalls) -> None:
     found = detect_on_facade(np.zeros((400, 300, 3), np.uint8), 1 / 25)
-    assert search_calls == [("faces", 125, 2.0), ("plates", 75, 3.0)]
-    assert found.faces.tolist() == [[4, 275, 9, 278]]
+    assert search_calls == [("faces", 125, 2.0), ("faces", 125, 4.0), ("plates", 75, 3.0)]
+    assert found.faces.tolist() == [[4, 275, 9, 278]] * 2, "of both scales"
     assert found.plates.tolist() == [[4, 325, 9, 328]]
 
 
 def test_a_fine_picture_is_searched_whole_for_faces_and_no_finer_than_needed(search_calls: SearchCalls) -> None:
     detect_on_facade(np.zeros((2000, 300, 3), np.uint8), 1 / 160)
-    assert search_calls == [("faces", 800, 0.5), ("faces", 1200, 0.5), ("plates", 480, 1.0)]
+    assert search_calls == [
+        ("faces", 800, 0.5),
+        ("faces", 800, 1.0),
+        ("faces", 1200, 0.5),
+        ("faces", 1200, 1.0),
+        ("plates", 480, 1.0),
+    ]
+
+
+def test_a_large_part_is_searched_for_faces_at_one_scale(search_calls: SearchCalls) -> None:
+    detect_on_facade(np.zeros((1500, 1500, 3), np.uint8), 1 / 80)
+    assert search_calls == [("faces", 400, 1.0), ("faces", 400, 2.0), ("faces", 1100, 1.0), ("plates", 240, 145 / 80)]
 
 
 def test_a_low_facade_is_searched_to_its_top(search_calls: SearchCalls) -> None:
     detect_on_facade(np.zeros((50, 300, 3), np.uint8), 1 / 25)
-    assert [rows for _, rows, _ in search_calls] == [50, 50]
+    assert [rows for _, rows, _ in search_calls] == [50, 50, 50]
 
 
 def test_a_thumbnail_is_searched_for_plates_in_its_lower_half(search_calls: SearchCalls) -> None:
