@@ -23,6 +23,7 @@ from facade_core.facade.photo_facade import (
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
+from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
@@ -69,7 +70,7 @@ def harvest_facade(
 
     Parameters
     ----------
-    photo : (h, w, 4) uint8, RGB with alpha that hides.
+    photo : (h, w, 4) uint8, RGB with alpha that hides; so do borders without data.
     focal : focal length in pixels; None if unknown.
     models : models of parser and layout.
     seed : seed of completion and inpainting.
@@ -78,7 +79,8 @@ def harvest_facade(
     ------
     ImageError : no facade can be rectified or parsed in it; the message says why.
     """
-    rectified = rectify(photo, focal=focal)
+    alpha = np.where(no_data_mask(photo[..., :3]), 0, photo[..., 3])
+    rectified = rectify(np.dstack([photo[..., :3], alpha]), focal=focal)
     if rectified.residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
     middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]

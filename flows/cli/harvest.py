@@ -9,7 +9,7 @@ import click
 
 from flows.cli.output import print_line, print_notice
 from flows.cli.paths import EXISTING, FOLDER
-from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR
+from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR, describe_weak_exemplars
 
 # Files without a picture that are listed one by one.
 MAX_LISTED_FAULTS = 20
@@ -53,6 +53,8 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
         print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} files more are not read")
     if not found.looked:
         print_notice(NOT_LOOKED_FOR)
+    if found.weak:
+        print_notice(describe_weak_exemplars(found.weak))
     print_line(f"pictures   {found.pictures}, {found.earlier} of them done before; {found.seconds:.1f} s each")
     print_line(
         f"exemplars  {len(found.exemplars)}, and {len(found.rejected)} facades are rejected: {out / 'exemplars.json'}"

@@ -2,8 +2,19 @@
 
 # Exemplars of a style library, by default.
 MAX_EXEMPLARS = 40
+# Score from which a facade is an exemplar, and the number up to which worse ones are kept where there are not as many.
+MIN_SCORE = 0.4
+MIN_EXEMPLARS = 3
 # Said of a harvest without the models that detect faces and plates.
 NOT_LOOKED_FOR = (
     "faces and number plates were not looked for; `make detect-setup` installs what does, "
     "and the same command then harvests anew"
 )
+
+
+def describe_weak_exemplars(count: int) -> str:
+    """Return the note on exemplars that are kept for want of better ones."""
+    return (
+        f"{count} of the exemplars {'is' if count == 1 else 'are'} below the usual score of {MIN_SCORE:.2f}, and kept "
+        f"because there are not {MIN_EXEMPLARS} better ones; add photos taken from across the street, by day"
+    )

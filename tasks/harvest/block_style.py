@@ -11,7 +11,7 @@ from catalogs.printable_text import format_count
 from catalogs.published.folders import Folder, local_run_folder
 from catalogs.readers.pictures.picture_kinds import LABEL_MAP_SUFFIX
 from facade_core.core.errors import InputError
-from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR
+from tasks.harvest import MAX_EXEMPLARS, NOT_LOOKED_FOR, describe_weak_exemplars
 from tasks.harvest.library import harvest_style_library
 
 # Style library of a run, in its folder.
@@ -60,6 +60,8 @@ def harvest_block_style(
     )
     if not found.looked:
         notify(f"style: {NOT_LOOKED_FOR}")
+    if found.weak:
+        notify(f"style: {describe_weak_exemplars(found.weak)}")
     if not added and not block.exemplars and block.texture.walls == "exemplar":
         raise InputError(
             "imagery.style: no facade can be used; add photos taken from across the street, with a whole facade in view"

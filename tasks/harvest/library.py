@@ -21,6 +21,7 @@ from tasks.engine.compute.connect import connect
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.unit_key import join_key_parts
+from tasks.harvest import MIN_EXEMPLARS, MIN_SCORE
 from tasks.harvest.record import (
     CANDIDATES_FOLDER,
     RECORDS_FOLDER,
@@ -59,6 +60,7 @@ class HarvestResult:
     rejected : rejected facades with their reasons, by name.
     faults : files that are not read.
     sheets : contact sheets.
+    weak : number of the exemplars that are below MIN_SCORE.
     pictures : number of pictures, and of those that an earlier harvest had done.
     seconds : seconds per picture, mean over all pictures.
     looked : whether faces and plates were looked for in all pictures.
@@ -68,6 +70,7 @@ class HarvestResult:
     rejected: list[tuple[Candidate, str]]
     faults: list[Fault]
     sheets: list[Path]
+    weak: int
     pictures: int
     earlier: int
     seconds: float
@@ -113,6 +116,7 @@ def harvest_style_library(
         rejected,
         faults,
         sheets,
+        sum(one.record["score"] < MIN_SCORE for one in exemplars),
         len(pictures),
         earlier,
         sum(record["seconds"] for record in records) / max(1, len(records)),
@@ -172,6 +176,8 @@ def choose_candidates(
 ) -> tuple[list[Candidate], list[tuple[Candidate, str]], list[Candidate]]:
     """Choose the best facades of each style family, each building once; the families keep their shares.
 
+    Facades below MIN_SCORE are chosen only as far as there are not MIN_EXEMPLARS others.
+
     Returns
     -------
     The exemplars, the rejected ones with their reasons, and those of them that are rejected only for their number.
@@ -189,12 +195,22 @@ def choose_candidates(
             continue
         seen.append((features, one.record["name"]))
         distinct.append(one)
+    enough = max(MIN_EXEMPLARS, sum(one.record["score"] >= MIN_SCORE for one in distinct))
+    rejected += [(one, _explain_score(one.record)) for one in distinct[enough:]]
+    distinct = distinct[:enough]
     kept = _keep_family_shares(_families(distinct), most)
     chosen = [one for one, is_kept in zip(distinct, kept, strict=True) if is_kept]
     surplus = [one for one, is_kept in zip(distinct, kept, strict=True) if not is_kept]
     reason = f"usable, but the {most} that are kept show its style better; raise --most to have it"
     rejected += [(one, reason) for one in surplus]
     return chosen, sorted(rejected, key=lambda pair: pair[0].record["name"]), surplus
+
+
+def _explain_score(record: CandidateRecord) -> str:
+    """Reason against a facade by its score, with the worst parts of it."""
+    worst = sorted(record["parts"].items(), key=lambda part: part[1])[:2]
+    parts = " and ".join(f"{name} {value:.2f}" for name, value in worst)
+    return f"its score is {record['score']:.2f}, and {MIN_SCORE:.2f} is the least ({parts})"
 
 
 def _keep_family_shares(families: Sequence[int], most: int) -> list[bool]:

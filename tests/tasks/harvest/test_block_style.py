@@ -64,6 +64,17 @@ def test_a_run_states_that_faces_and_plates_were_not_looked_for(
     assert sum(line.startswith("style: faces and number plates were not looked for") for line in said) == 1
 
 
+def test_a_run_states_that_exemplars_are_of_low_score(
+    block: Block, tmp_path: Path, harvested: list[tuple[int, ...]]
+) -> None:
+    for path in (tmp_path / "street").iterdir():
+        Image.fromarray(np.asarray(Image.open(path)) // 4).save(path)
+    said = list[str]()
+    found = harvest(read_block(tmp_path / "block.yaml"), tmp_path / "out", said)
+    assert [path.stem for path in found.exemplars] == ["0", "1", "a"]
+    assert sum("2 of the exemplars are below the usual score" in line for line in said) == 1
+
+
 def test_a_block_without_street_pictures_is_as_before(block: Block, tmp_path: Path) -> None:
     given = read_block(write_block(tmp_path))
     assert harvest(given, tmp_path / "out", []) is given

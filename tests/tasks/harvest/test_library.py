@@ -19,6 +19,7 @@ from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
+from tasks.harvest import MIN_SCORE
 from tasks.harvest.library import Candidate, choose_candidates, harvest_style_library
 from tasks.harvest.record import CANDIDATES_FOLDER
 from tasks.harvest.sources import SourcePicture
@@ -53,7 +54,7 @@ def harvested(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
         labels = np.zeros(rgb.shape[:2], np.uint8)
         labels[10:30, 10:30] = 1
         hidden = np.zeros(labels.shape, bool)
-        judged = CandidateAssessment(ExemplarQuality(*[score] * 7), ())
+        judged = CandidateAssessment(ExemplarQuality(score, *[1.0] * 6), ())
         return HarvestedFacade(rgb, labels, hidden, SCALE, 3, 4, judged)
 
     monkeypatch.setattr("tasks.harvest.task.harvest_facade", find)
@@ -146,6 +147,56 @@ def test_the_families_of_a_style_keep_their_shares(tmp_path: Path) -> None:
     assert len(surplus) == 15
 
 
+def candidates_of_scores(folder: Path, scores: list[float]) -> list[Candidate]:
+    """Facades of noise, each named after its score."""
+    (folder / CANDIDATES_FOLDER).mkdir(parents=True)
+    for score in scores:
+        noise = np.random.default_rng(round(100 * score)).integers(0, 255, (60, 80, 3), np.uint8)
+        Image.fromarray(noise).save(folder / CANDIDATES_FOLDER / f"{score}.png")
+    return [
+        Candidate(
+            SourcePicture(folder / f"{score}.jpg", str(score), str(score)),
+            {
+                "name": str(score),
+                "file": str(score),
+                "score": score,
+                "parts": {"clean": score, "foot": 0.99, "light": 1.0},
+                "metres_per_pixel": SCALE,
+                "width_m": 12.0,
+                "height_m": 15.0,
+                "floors": 4,
+                "hidden": 0.0,
+                "look": [0.0] * 9,
+            },
+        )
+        for score in scores
+    ]
+
+
+def test_a_facade_of_low_score_is_no_exemplar(tmp_path: Path) -> None:
+    candidates = candidates_of_scores(tmp_path, [0.9, 0.8, 0.7, MIN_SCORE, 0.2, 0.1])
+    chosen, rejected, surplus = choose_candidates(candidates, tmp_path, 40)
+    assert [one.record["name"] for one in chosen] == ["0.9", "0.8", "0.7", str(MIN_SCORE)]
+    assert [one.record["name"] for one, _ in rejected] == ["0.1", "0.2"]
+    assert rejected[1][1] == f"its score is 0.20, and {MIN_SCORE:.2f} is the least (clean 0.20 and foot 0.99)"
+    assert surplus == []
+
+
+def test_facades_of_low_score_are_kept_where_there_are_no_better_ones(tmp_path: Path) -> None:
+    chosen, rejected, _ = choose_candidates(candidates_of_scores(tmp_path, [0.9, 0.2, 0.15, 0.1]), tmp_path, 40)
+    assert [one.record["name"] for one in chosen] == ["0.9", "0.2", "0.15"]
+    assert [one.record["name"] for one, _ in rejected] == ["0.1"]
+
+
+def test_a_harvest_states_that_exemplars_are_of_low_score(tmp_path: Path, harvested: list[tuple[int, ...]]) -> None:
+    dark = tmp_path / "dark.png"
+    Image.fromarray(paint_exemplar(0, seed=7, metres_per_pixel=SCALE).image // 4).save(dark)
+    shown = CliRunner().invoke(command_line, ["harvest", str(dark), "--out", str(tmp_path / "s"), "--workers", "1"])
+    assert shown.exit_code == 0
+    assert "1 of the exemplars is below the usual score" in shown.stderr
+    assert (tmp_path / "s" / "dark.png").is_file()
+
+
 def test_pictures_of_the_user_are_not_written_over(pictures: Path) -> None:
     with pytest.raises(InputError, match=r"holds pictures that were not harvested, such as a\.png; name a new folder"):
         harvest_style_library([pictures], pictures, most=10, workers=1)
@@ -207,3 +258,18 @@ def test_the_facade_of_a_photo_is_cut_measured_and_judged() -> None:
     assert found.columns == 4
     assert 11.0 < found.labels.shape[0] * found.metres_per_pixel < 17.0
     assert (found.labels == 6).mean() == 0  # no sky is left
+
+
+def test_a_border_without_data_reaches_no_exemplar() -> None:
+    """A rectified picture with a black corner on its left and a grey one on its right."""
+    painted = paint_facade((16.0, 13.0), floors=4, columns=5, style="plaster", metres_per_pixel=0.025, seed=5).image
+    height, width = painted.shape[:2]
+    wide = width // 7
+    corners = np.array([[0, height // 8], [wide, height - 1], [0, height - 1]])
+    image = cv2.fillPoly(painted.copy(), [corners], (0, 0, 0))
+    image = cv2.fillPoly(image, [np.array([width - 1, 0]) + corners * [-1, 1]], (130, 130, 130))
+    found = harvest_facade(np.dstack([image, np.full((height, width), 255, np.uint8)]), None)
+    assert found.judgement.reasons == ()
+    for fill, part in ((0, found.image[:, :wide]), (130, found.image[:, -wide:])):
+        is_fill = (np.abs(part.astype(int) - fill) <= 3).all(axis=2).astype(np.uint8)
+        assert cv2.morphologyEx(is_fill, cv2.MORPH_OPEN, np.ones((9, 9), np.uint8)).mean() < 0.002
