@@ -68,6 +68,19 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
 
 
+@pytest.mark.parametrize(("eaves", "floors"), [(12.8, 4), (16.0, 4), (19.2, 6)])
+def test_storeys_are_those_of_the_wall_at_any_scale_of_the_exemplar(
+    style: ExemplarAnalysis, eaves: float, floors: int
+) -> None:
+    """The scale of an unposed picture assumes a height of storeys; an exemplar gives their ratios."""
+    wall = FacadeWall.freestanding(eaves, 15.0, floors)
+    (stack, scale), (other_stack, other_scale) = (stack_floors(style, wall, factor * MPP) for factor in (1.0, 1.25))
+    assert other_scale == pytest.approx(scale, rel=0.01)
+    heights, others = ([sum(one.all_heights) for one in each] for each in (stack, other_stack))
+    assert others == pytest.approx(heights, abs=0.03)
+    assert max(heights) - min(heights) > 0.2
+
+
 def test_bare_wall_takes_what_no_floor_can(style: ExemplarAnalysis) -> None:
     """A wall on a slope, a metre of which is below the others."""
     wall = FacadeWall(12, 12.0, 1.4, 12.8, 4, on_street=False, is_back=True, free=shapely.box(0, 0, 12, 12.0))
