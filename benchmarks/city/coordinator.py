@@ -24,6 +24,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import psutil
 
@@ -86,9 +87,9 @@ def simulate(town: Path, facades: int) -> None:
     with provide_prefect_server(out / "prefect") as server:
         import flows.city  # Prefect, which it imports, loads its settings at its first import
 
-        flows.city.run_block = simulated_block(facades)
         server.wait_until_ready()
-        flows.city.city(town, out)
+        with mock.patch("flows.city.run_block", simulated_block(facades)):
+            flows.city.city(town, out)
 
 
 def simulated_block(facades: int) -> Any:
@@ -99,7 +100,8 @@ def simulated_block(facades: int) -> Any:
     from tasks.city.block_process import run_block
     from tasks.city.city_log import BLOCKS_FOLDER, BlockResult, block_tileset_path
 
-    numbers, turn, first = itertools.count(), threading.Lock(), Future()
+    numbers, turn = itertools.count(), threading.Lock()
+    first: Future[tuple[str, BlockResult]] = Future()
 
     @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
     def simulated(
@@ -125,9 +127,9 @@ def simulated_block(facades: int) -> Any:
         write_published(blocks / name, number, corner, facades, SNAPSHOT)
         published = blocks / name / "published" / SNAPSHOT
         shutil.copy(blocks / real / "published" / result.snapshot / "overview.glb", published)
-        tileset = block_tileset_path(blocks / name, SNAPSHOT)
+        tileset = Path(str(block_tileset_path(blocks / name, SNAPSHOT)))
         tileset.parent.mkdir(parents=True)
-        shutil.copy(block_tileset_path(blocks / real, result.snapshot), tileset)
+        shutil.copy(str(block_tileset_path(blocks / real, result.snapshot)), tileset)
         return replace(result, digest=digest, version=version, snapshot=SNAPSHOT, tiles=SNAPSHOT)
 
     return simulated
