@@ -130,6 +130,24 @@ def train_material_examples(data: Path, out: Path) -> None:
     print_line(model)
 
 
+@train.command("windows")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with facades/ and layouts/.")
+@click.option("--out", type=FOLDER, required=True, help="Folder of window_types.json.")
+def train_window_types(data: Path, out: Path) -> None:
+    """Train the metric of window types from marked windows and painted facades.
+
+    \b
+    Example:
+      streetloom train windows --data ../shared/data --out windows/
+    """
+    from flows.console import show_progress
+    from tasks.training.window_types import train_window_metric
+
+    with show_progress(quiet=False):
+        model = train_window_metric(data, out)
+    print_line(model)
+
+
 @train.command("translator")
 @click.option("--real", type=EXISTING_FOLDER, multiple=True, help="Folder of street panoramas, twice as wide as high.")
 @click.option(

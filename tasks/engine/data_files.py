@@ -19,6 +19,7 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
         "facade_core/facade/layout/models/layout_network.json",
         "facade_core/facade/layout/models/layout_network.onnx",
     ),
+    "facade_core.facade.variation.window_types": ("facade_core/facade/variation/models/window_types.json",),
     "facade_core.parsing.network": (
         "facade_core/parsing/models/network.json",
         "facade_core/parsing/models/network.onnx",
@@ -37,6 +38,7 @@ NOT_LOADED_BY_STAGES = (
     "tasks/examples/demo_inputs/",
     "catalogs/examples/blocks/",
     "catalogs/learning/in_front.json",
+    "catalogs/learning/window_states.json",
     "catalogs/stac/schemas/",
     "tasks/city/cost.json",
 )

@@ -115,13 +115,18 @@ def cluster_types(points: Float64Array) -> tuple[Int32Array, Int32Array]:
     -------
     (N,) int32 types, the most frequent first, and (T,) int32 representatives, the elements nearest to the centroids.
     """
-    types = _order_by_frequency(_separate_types(np.ascontiguousarray(points, np.float64), _MIN_SILHOUETTE))
+    types = order_by_frequency(_separate_types(np.ascontiguousarray(points, np.float64), _MIN_SILHOUETTE))
+    return types, choose_representatives(points, types)
+
+
+def choose_representatives(points: Float64Array, types: Int32Array) -> Int32Array:
+    """Return the (T,) element of each type that is nearest to the centroid of its points (N, d)."""
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
     for t in range(len(representatives)):
         members = np.flatnonzero(types == t)
         to_centroid = ((points[members] - points[members].mean(axis=0)) ** 2).sum(axis=1)
         representatives[t] = members[to_centroid.argmin()]
-    return types, representatives
+    return representatives
 
 
 def _separate_types(points: Float64Array, clear: float) -> IntArray:
@@ -155,7 +160,7 @@ def _separate_types(points: Float64Array, clear: float) -> IntArray:
     return separated
 
 
-def _order_by_frequency(types: IntArray) -> Int32Array:
+def order_by_frequency(types: IntArray) -> Int32Array:
     """Renumber labels (N,) by descending frequency, then by first occurrence."""
     _, first, index, counts = np.unique(types, return_index=True, return_inverse=True, return_counts=True)
     return np.argsort(np.lexsort((first, -counts)))[index].astype(np.int32)

@@ -21,6 +21,8 @@ _ALIGNMENT_REACH_PX = 2
 _ALIGNMENT_ROUNDS = 3
 # Range of relative light; beyond it the wall is of another material.
 _LIGHT_RANGE = (0.75, 1.33)
+# Brightness of a wall that is not seen.
+_MID_GREY = 128.0
 
 
 def box_mask(box: IntArray, shape: tuple[int, int]) -> BoolArray:
@@ -132,8 +134,8 @@ def wall_integral_images(image: UInt8Array, mask: BoolArray) -> tuple[Int32Array
     return np.asarray(light, np.int32), np.asarray(cv2.integral(wall), np.int32)
 
 
-def relative_wall_brightness(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> Float64Array:
-    """Return the brightness of the wall around each box relative to the median, within [0.75, 1.33].
+def relative_wall_brightness(sums: tuple[Int32Array, Int32Array], box: Int32Array) -> tuple[Float64Array, float]:
+    """Return the brightness of the wall around each box relative to the median, within [0.75, 1.33], and the median.
 
     A shadow darkens an element and the wall next to it alike, a drawn blind only the element.
 
@@ -144,7 +146,7 @@ def relative_wall_brightness(sums: tuple[Int32Array, Int32Array], box: Int32Arra
 
     Returns
     -------
-    (N,).
+    (N,), and the median in grey levels, that of mid grey where no box has a wall around it.
     """
     reach = np.maximum(3, (0.25 * (box[:, 2:] - box[:, :2])).round().astype(int))
     limit = np.array(sums[0].shape[::-1]) - 1
@@ -158,8 +160,9 @@ def relative_wall_brightness(sums: tuple[Int32Array, Int32Array], box: Int32Arra
     mean = over(sums[0]) / np.maximum(pixels, 1)
     known = (pixels >= 8) & (mean >= 4)
     if not known.any():
-        return np.ones(len(box))
-    return np.where(known, np.clip(mean / np.median(mean[known]), *_LIGHT_RANGE), 1.0)
+        return np.ones(len(box)), _MID_GREY
+    median = float(np.median(mean[known]))
+    return np.where(known, np.clip(mean / median, *_LIGHT_RANGE), 1.0), median
 
 
 def bare_wall(image: UInt8Array, mask: BoolArray) -> UInt8Array:

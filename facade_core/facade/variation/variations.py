@@ -11,20 +11,13 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import box_array, check_boxes, fit_grids, group_by_size
+from facade_core.facade.layout.grids import check_boxes, fit_grids
 from facade_core.facade.variation.appearance import project_on_principal_components, relabelling_cost
 from facade_core.facade.variation.contents import ElementGroup
-from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_unknown_from_similar
-from facade_core.facade.variation.patches import (
-    align_boxes,
-    box_mask,
-    cut_patches,
-    patch_size,
-    relative_wall_brightness,
-    wall_integral_images,
-)
-from facade_core.facade.variation.rendering import drawing_depth
+from facade_core.facade.variation.element_types import cluster_types, compute_descriptors
+from facade_core.facade.variation.group_patches import cut_group_patches
 from facade_core.facade.variation.structure import regularise_structure_matrix
+from facade_core.facade.variation.window_types import cluster_window_types
 
 # Smallest side of an element; smaller ones remain part of the wall.
 _MIN_SIDE_PX = 3
@@ -98,8 +91,8 @@ class Variations:
 def find_variations(image: UInt8Array, elements: Sequence[Element]) -> Variations:
     """Find the types of an image's elements and the costs of relabelling them.
 
-    Elements are grouped by label and comparable size; their patches are aligned and clustered by mean shift. Costs
-    are measured between patches projected on up to 7 principal components.
+    Elements are grouped by label and comparable size, and their patches aligned. Windows are clustered by a learnt
+    metric, other elements by mean shift. Costs are measured between patches projected on up to 7 principal components.
 
     Parameters
     ----------
@@ -113,13 +106,14 @@ def find_variations(image: UInt8Array, elements: Sequence[Element]) -> Variation
     """
     from threadpoolctl import threadpool_limits
 
-    kept = _clip_to_image(elements, image.shape[:2])
+    kept = clip_to_image(elements, image.shape[:2])
     # Sums in BLAS depend on the number of threads in their last bits; one thread keeps files identical.
     with threadpool_limits(1, user_api="blas"):
         return _find_variations(image, kept)
 
 
-def _clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
+def clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
+    """Round elements to pixels of an image (height, width); drop those under 3 px and duplicates."""
     check_boxes(elements)
     height, width = shape
     kept: dict[Element, None] = {}
@@ -134,26 +128,21 @@ def _clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[
 
 
 def _find_variations(image: UInt8Array, elements: list[Element]) -> Variations:
-    all_boxes = box_array(elements).astype(np.int32)
-    sums = wall_integral_images(image, box_mask(all_boxes, image.shape[:2]))
-    depth = np.array([drawing_depth(e.label) for e in elements], int)
     groups, costs, representatives = [], [], []
     number = np.zeros(len(elements), np.int32)
     elements_before = types_before = 0
-    for members in group_by_size(elements):
-        size = patch_size(all_boxes[members])
-        box = align_boxes(image, all_boxes[members], size)
-        shade = relative_wall_brightness(sums, all_boxes[members])
-        patches = np.asarray(cut_patches(image, box, size) / shade[:, None, None, None].astype(np.float32), np.float32)
-        in_front = box_mask(all_boxes[depth > depth[members[0]]], image.shape[:2])
-        seen = cut_patches(in_front.astype(np.float32), box, size) < 0.5
-        patches = fill_unknown_from_similar(patches, seen)
-        types, chosen = cluster_types(compute_descriptors(patches, seen))
-        costs.append((types_before, relabelling_cost(project_on_principal_components(patches)[chosen])))
+    for group in cut_group_patches(image, elements):
+        label = elements[group.members[0]].label
+        types, chosen = (
+            cluster_window_types(group)
+            if label == "window"
+            else cluster_types(compute_descriptors(group.patches, group.seen))
+        )
+        costs.append((types_before, relabelling_cost(project_on_principal_components(group.patches)[chosen])))
         representatives.append(chosen + elements_before)
-        groups.append(ElementGroup(elements[members[0]].label, box, shade, types + types_before))
-        number[members] = elements_before + np.arange(len(members))
-        elements_before += len(members)
+        groups.append(ElementGroup(label, group.boxes, group.light, types + types_before))
+        number[group.members] = elements_before + np.arange(len(group.members))
+        elements_before += len(group.members)
         types_before += len(chosen)
     cells = tuple(np.where(g.cells >= 0, number[g.cells], -1).astype(np.int32) for g in fit_grids(elements))
     chosen = np.concatenate(representatives) if groups else np.zeros(0, np.int32)

@@ -1,0 +1,164 @@
+"""Types of windows by a metric that is learnt from windows whose states were marked by eye."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.errors import ModelFileError
+from facade_core.core.regular_files import read_regular
+from facade_core.facade.variation.element_types import (
+    choose_representatives,
+    cluster_types,
+    compute_descriptors,
+    order_by_frequency,
+)
+from facade_core.facade.variation.group_patches import GroupPatches
+from facade_core.facade.variation.window_features import FEATURE_BLOCKS, FEATURES_VERSION, compute_window_features
+from facade_core.facade.variation.window_pairs import GroupAppearance, group_context, iterate_pair_features
+
+SHIPPED_WINDOW_METRIC = Path(__file__).parent / "models" / "window_types.json"
+# States of a window, in the order of the model's outputs.
+WINDOW_STATES = ("glass", "cloth", "half", "closed", "open")
+_REMEDY = "fetch it again or run `streetloom train windows`"
+# Two clusters are of one type if their windows are alike with at least this mean probability.
+_MIN_SIMILARITY = 0.5
+
+
+class WindowMetric(NamedTuple):
+    """Two logistic regressions: of the state of a window, and of whether two windows are of one type.
+
+    Attributes
+    ----------
+    mean, scale : (d,) of the features of windows.
+    state_weights : (d + 1, states), the last row is the bias.
+    pair_weights : (3, pairs' features) for each value of `group_context`.
+    pair_bias : (3,) the same.
+    """
+
+    mean: Float64Array
+    scale: Float64Array
+    state_weights: Float64Array
+    pair_weights: Float64Array
+    pair_bias: Float64Array
+
+    def predict_states(self, features: Float64Array) -> Float64Array:
+        """Return the (N, states) probabilities of features (N, d)."""
+        logits = (features - self.mean) / self.scale @ self.state_weights[:-1] + self.state_weights[-1]
+        shares = np.exp(logits - logits.max(axis=1, keepdims=True))
+        probabilities: Float64Array = shares / shares.sum(axis=1, keepdims=True)
+        return probabilities
+
+    def predict_similarity(self, group: GroupAppearance) -> Float64Array:
+        """Return the (N, N) probability that two windows of a group are of one type."""
+        context = group_context(group)
+        weights = context @ self.pair_weights
+        logits = np.full((len(group.features),) * 2, context @ self.pair_bias)
+        for weight, feature in zip(weights, iterate_pair_features(group), strict=True):
+            logits += weight * feature
+        similarity: Float64Array = 1 / (1 + np.exp(-logits))
+        return similarity
+
+
+def describe_group(group: GroupPatches, features: Float64Array, scale: Float64Array) -> GroupAppearance:
+    """Return the appearance of a group's windows, with unknown states.
+
+    Parameters
+    ----------
+    group : patches of windows of one size.
+    features : (N, d) of `compute_window_features`.
+    scale : (d,) standard deviations of the features.
+    """
+    absolute = sum(FEATURE_BLOCKS)
+    descriptors = compute_descriptors(group.patches, group.seen)
+    return GroupAppearance(
+        features[:, :absolute] / scale[:absolute],
+        np.zeros((len(features), len(WINDOW_STATES))),
+        descriptors,
+        cluster_types(descriptors)[0],
+    )
+
+
+def compare_windows(group: GroupPatches) -> tuple[Float64Array, GroupAppearance]:
+    """Return the (N, N) probability that two windows of a group are of one type, and their appearance."""
+    metric = shipped_window_metric()
+    features = compute_window_features(group.patches, group.wall)
+    appearance = describe_group(group, features, metric.scale)._replace(states=metric.predict_states(features))
+    return metric.predict_similarity(appearance), appearance
+
+
+def cluster_window_types(group: GroupPatches) -> tuple[Int32Array, Int32Array]:
+    """Cluster windows by average linkage of the probability that two are of one type.
+
+    Returns
+    -------
+    (N,) int32 types, the most frequent first, and (T,) int32 representatives.
+    """
+    similarity, appearance = compare_windows(group)
+    types = order_by_frequency(_link(similarity))
+    return types, choose_representatives(appearance.descriptors, types)
+
+
+def _link(similarity: Float64Array) -> Int32Array:
+    if len(similarity) < 2:
+        return np.zeros(len(similarity), np.int32)
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    apart = 1 - similarity[np.triu_indices(len(similarity), 1)]
+    return np.asarray(fcluster(linkage(apart, "average"), 1 - _MIN_SIMILARITY, "distance"), np.int32)
+
+
+@lru_cache(maxsize=1)
+def shipped_window_metric() -> WindowMetric:
+    """Return the metric of windows that this package ships."""
+    return load_window_metric(SHIPPED_WINDOW_METRIC)
+
+
+def load_window_metric(path: Path) -> WindowMetric:
+    """Read a metric of windows.
+
+    Raises
+    ------
+    ModelError
+        The file is missing or invalid, its checksum differs, or another version wrote it.
+    """
+    try:
+        record = json.loads(read_regular(path))
+    except OSError as error:
+        raise ModelFileError(f"{path}: no such metric of windows; {_REMEDY}") from error
+    except (ValueError, RecursionError) as error:
+        raise ModelFileError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
+    if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
+        raise ModelFileError(f"{path}: not a metric of windows; {_REMEDY}")
+    if record.get("sha256") != _digest(record["model"]):
+        raise ModelFileError(f"{path}: checksum differs from its content; {_REMEDY}")
+    if (record.get("features"), record.get("states")) != (FEATURES_VERSION, list(WINDOW_STATES)):
+        raise ModelFileError(f"{path}: made for another version of Streetloom; {_REMEDY}")
+    return WindowMetric(*(np.array(record["model"][field], float) for field in WindowMetric._fields))
+
+
+def save_window_metric(metric: WindowMetric, path: Path, **details: object) -> None:
+    """Write a metric of windows with its checksum; equal metrics give equal bytes."""
+    content = {
+        field: np.array([float(f"{v:.6g}") for v in values.ravel()]).reshape(values.shape).tolist()
+        for field, values in zip(metric._fields, metric, strict=True)
+    }
+    record = {
+        "features": FEATURES_VERSION,
+        "states": list(WINDOW_STATES),
+        **details,
+        "sha256": _digest(content),
+        "model": content,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def _digest(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
