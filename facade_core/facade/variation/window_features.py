@@ -75,11 +75,13 @@ def _cells(values: Float32Array, rows: int, columns: int) -> Float32Array:
     """Return the (N, rows * columns, n) values of each cell."""
     number, height, width = values.shape
     cells = values.reshape(number, rows, height // rows, columns, width // columns)
-    return cells.transpose(0, 1, 3, 2, 4).reshape(number, rows * columns, -1)
+    gathered: Float32Array = cells.transpose(0, 1, 3, 2, 4).reshape(number, rows * columns, -1)
+    return gathered
 
 
 def _pool(values: Float32Array, rows: int, columns: int) -> Float32Array:
-    return _cells(values, rows, columns).mean(axis=2)
+    means: Float32Array = _cells(values, rows, columns).mean(axis=2)
+    return means
 
 
 def _percentiles(values: Float32Array, rows: int, columns: int, shares: tuple[int, ...]) -> Float32Array:
@@ -87,7 +89,8 @@ def _percentiles(values: Float32Array, rows: int, columns: int, shares: tuple[in
     at = np.array(shares) / 100 * (ordered.shape[2] - 1)
     below = np.floor(at).astype(int)
     low, high = ordered[..., below], ordered[..., np.minimum(below + 1, ordered.shape[2] - 1)]
-    return (low + (high - low) * (at - below)).reshape(len(values), -1).astype(np.float32)
+    found: Float32Array = (low + (high - low) * (at - below)).reshape(len(values), -1).astype(np.float32)
+    return found
 
 
 def _colour_of_panes(light: Float32Array, warmth: Float32Array, green: Float32Array) -> Float32Array:

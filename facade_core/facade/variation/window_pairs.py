@@ -92,4 +92,5 @@ def _median_of_pairs(apart: Float64Array) -> float:
 
 
 def _agreement(types: Int32Array) -> Float64Array:
-    return (types[:, None] == types[None]).astype(np.float64)
+    same: Float64Array = (types[:, None] == types[None]).astype(np.float64)
+    return same
