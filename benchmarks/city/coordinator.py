@@ -118,7 +118,11 @@ def simulated_block(facades: int) -> Any:
         with turn:
             number = next(numbers)
         if number == 0:
-            result = run_block.fn(out, name, block_file, options, previous, digest, version, deadline, tiles)
+            try:
+                result = run_block.fn(out, name, block_file, options, previous, digest, version, deadline, tiles)
+            except BaseException as error:
+                first.set_exception(error)
+                raise
             first.set_result((name, result))
             return result
         real, result = first.result()

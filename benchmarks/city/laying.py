@@ -32,7 +32,8 @@ OF_BYTES = {
     "published": ("blocks", "facades", "megatexels"),
     "exports": ("blocks", "facades", "megatexels"),
 }
-# No block that the model is fitted on has what these count enough of; they keep their seconds, which are measured apart.
+# No block that the model is fitted on has enough of what these count; they keep their seconds: measured apart for pixels that
+# are parsed, none for the rest, whose work is in facades and pixels.
 KEPT_SECONDS = ("photos", "panoramas", "exemplar_megapixels", "photo_megapixels")
 OF_COMMITS = {"commits": ("blocks", "facades", "viewpoints", "ground", "exemplars")}
 

@@ -3,9 +3,9 @@ nothing changed, one with one photo more.
 
     python -m benchmarks.city.whole OUT [--texels 3] [--panorama 128] [--spacing 15] [--exemplars 6] [--kills 3] [--seed 1]
 
-OUT is a folder that is not there yet; with --go-on, one in which an earlier call was ended, whose finished parts stand. Each
-part is `streetloom city` in a process of its own, looked at as it runs; what each took is kept in OUT/whole.json and printed as
-JSON at the end, and memory over time is drawn, OUT/whole.svg.
+OUT is a folder that is not there yet; with --go-on, one in which an earlier call was ended, whose parts that were finished by
+the same code stand. Each part is `streetloom city` in a process of its own, looked at as it runs; what each took is kept in
+OUT/whole.json and printed as JSON at the end, and memory over time is drawn, OUT/whole.svg.
 
 - `undisturbed`: seconds of the clock and of the processor, facades a minute, memory of all processes at its peak and by tenths
   of the run (what processes share counts once for each share), bytes of stores and of what is published, what the model said.
@@ -41,6 +41,7 @@ from benchmarks.process_usage import add_used, user_environment
 from benchmarks.timing import bytes_in, figures
 from flows.city_options import CityOptions
 from tasks.city.city_log import BLOCKS_FOLDER, read_city_log
+from tasks.city.source_digests import block_code_version
 
 # Seconds between two looks.
 LOOK_S = 2.0
@@ -242,8 +243,8 @@ def main() -> None:
     city, whole, other = asked.out / "input" / CITY, asked.out / "undisturbed", asked.out / "killed"
 
     def part(name: str, measure: Callable[[], dict[str, Any]]) -> None:
-        if name not in found:
-            found[name] = measure()
+        if found.get(name, {}).get("code_version") != block_code_version():
+            found[name] = measure() | {"code_version": block_code_version()}
             result.write_text(json.dumps(found), encoding="utf-8")
             print(
                 json.dumps({name: {k: v for k, v in found[name].items() if k != "looks"}}), file=sys.stderr, flush=True
@@ -256,10 +257,7 @@ def main() -> None:
     part("undisturbed", lambda: undisturbed(city, fresh(whole), how))
     lasted = found["undisturbed"]["seconds"]
     part("killed", lambda: killed(city, fresh(other), how, asked.kills, lasted, asked.seed))
-    if "same" not in found:
-        one, two = digests(whole), digests(other)
-        both = [name for name in one if name in two]
-        found["same"] = {"blocks": sum(one[name] == two[name] for name in both), "of": len(both), "in_all": len(one)}
+    part("same", lambda: _compare(digests(whole), digests(other)))
     part("again", lambda: again(city, whole, how))
     part("one_photo", lambda: _one_photo(city, whole, how))
     looks = {name: [_look(one) for one in found[name].pop("looks")] for name in ("undisturbed", "killed")}
@@ -271,6 +269,11 @@ def main() -> None:
         "at_once": asked.at_once,
     }
     print(json.dumps({"benchmark": "whole city", "cores": os.cpu_count(), "settings": settings} | found, indent=1))
+
+
+def _compare(one: Mapping[str, str], two: Mapping[str, str]) -> dict[str, Any]:
+    both = [name for name in one if name in two]
+    return {"blocks": sum(one[name] == two[name] for name in both), "of": len(both), "in_all": len(one)}
 
 
 def _look(held: Mapping[str, Any]) -> Look:

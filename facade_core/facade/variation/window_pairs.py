@@ -15,6 +15,8 @@ from facade_core.facade.variation.window_features import FEATURE_BLOCKS
 _MIN_SPREAD = 0.15
 # Unit of distances of descriptors.
 _DESCRIPTOR_UNIT = 50.0
+# Largest distance in medians of the group's; where most windows are the same picture the median is 0.
+_MAX_RELATIVE = 100.0
 # Range of the probability of one state, for its log odds.
 _MIN_PROBABILITY = 1e-3
 # Context of groups of fewer than three windows.
@@ -51,7 +53,7 @@ def iterate_pair_features(group: GroupAppearance) -> Iterator[Float64Array]:
             first += size
     apart = cdist(group.descriptors, group.descriptors)
     yield apart / _DESCRIPTOR_UNIT
-    yield apart / max(_median_of_pairs(apart), 1e-6)
+    yield np.minimum(apart / max(_median_of_pairs(apart), 1e-6), _MAX_RELATIVE)
     yield _agreement(group.appearance_types)
     same = np.clip(group.states @ group.states.T, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
     yield np.log(same / (1 - same))

@@ -26,6 +26,8 @@ from facade_core.facade.variation.window_pairs import GroupAppearance, group_con
 SHIPPED_WINDOW_METRIC = Path(__file__).parent / "models" / "window_types.json"
 # States of a window, in the order of the model's outputs.
 WINDOW_STATES = ("glass", "cloth", "half", "closed", "open")
+# A larger logit is certain.
+_MAX_LOGIT = 50.0
 _REMEDY = "fetch it again or run `streetloom train windows`"
 # Two clusters are of one type if their windows are alike with at least this mean probability.
 _MIN_SIMILARITY = 0.5
@@ -65,7 +67,7 @@ class WindowMetric(NamedTuple):
         logits = np.full((len(group.features),) * 2, context @ self.pair_bias)
         for weight, feature in zip(weights, iterate_pair_features(group), strict=True):
             logits += weight * feature
-        similarity: Float64Array = 1 / (1 + np.exp(-logits))
+        similarity: Float64Array = 1 / (1 + np.exp(-np.clip(logits, -_MAX_LOGIT, _MAX_LOGIT)))
         return similarity
 
 

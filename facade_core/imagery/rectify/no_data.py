@@ -16,8 +16,10 @@ CORNER_PATCH_PX = 5
 # A fill of another colour is darker than an overexposed sky, covers at most this share of the picture,
 MAX_FILL_LEVEL = 250
 MAX_FILL_SHARE = 0.5
-# and is exactly one colour in this share of its inner pixels, which no sky and no wall is.
+# and is exactly one colour in this share of its inner pixels, which no sky and no wall of a photo is. A wall of a drawing may
+# be, but encloses windows, of at least MIN_CORNER_SHARE each; a fill encloses fewer than this many.
 MIN_EXACT_SHARE = 0.95
+MIN_WINDOWS = 3
 # Smallest share of the picture of such a corner; smaller ones are shadows or frames.
 MIN_CORNER_SHARE = 0.0005
 # Its sides are straight to this share of the picture's longer side.
@@ -62,7 +64,7 @@ def no_data_mask(image: UInt8Array) -> BoolArray:
         fill = np.asarray(cv2.inRange(image, colour - FLAT_NOISE, colour + FLAT_NOISE), np.uint8) // 255
         if fill.mean() <= MAX_FILL_SHARE:
             rim = NO_DATA_RIM if colour.max() <= BLACK_LEVEL else FILL_RIM
-            parts = _corner_parts(fill, (0, CORNER_INSET_PX), lambda part: _is_one_colour(image, part))
+            parts = _corner_parts(fill, (0, CORNER_INSET_PX), lambda part: _is_fill(image, part))
             found |= _dilate(parts, rim)
     return found
 
@@ -128,10 +130,16 @@ def _is_warped(image: UInt8Array, part: UInt8Array) -> bool:
     return values.size > 0 and bool((np.abs(values - np.median(values)) <= FLAT_NOISE).mean() >= MIN_FLAT_SHARE)
 
 
-def _is_one_colour(image: UInt8Array, part: UInt8Array) -> bool:
-    """Return True if the inner pixels of a part (h, w) uint8 have exactly one colour, as a fill has."""
+def _is_fill(image: UInt8Array, part: UInt8Array) -> bool:
+    """Return True if the inner pixels of a part (h, w) uint8 have exactly one colour, and it does not enclose windows."""
+    import cv2
+
     values = image[_erode_rim(part)]
-    return len(values) > 0 and bool((values == np.median(values, axis=0)).all(axis=1).mean() >= MIN_EXACT_SHARE)
+    if len(values) == 0 or (values == np.median(values, axis=0)).all(axis=1).mean() < MIN_EXACT_SHARE:
+        return False
+    contours, parents = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    enclosed = [contour for contour, (*_, parent) in zip(contours, parents[0], strict=True) if parent >= 0]
+    return sum(cv2.contourArea(contour) >= MIN_CORNER_SHARE * part.size for contour in enclosed) < MIN_WINDOWS
 
 
 def _erode_rim(part: UInt8Array) -> BoolArray:

@@ -145,7 +145,7 @@ class UsablePanoramaIndex:
         chosen: list[int] = []
         while left and len(chosen) < limit:
             weight = 0.5**times * (times < enough)
-            values = gains[left] @ weight
+            values = (gains[left] * weight).sum(axis=1)  # the same bits for any number of threads
             if not values.any():
                 break
             best = left.pop(int(values.argmax()))

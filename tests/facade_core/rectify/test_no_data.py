@@ -63,6 +63,17 @@ def test_a_fill_within_a_thin_frame_is_found_and_an_even_sky_is_not() -> None:
     assert not no_data_mask(image)[:300].any()
 
 
+def test_the_wall_of_a_drawing_in_one_colour_is_kept() -> None:
+    image = np.full((300, 240, 3), (196, 120, 90), np.uint8)
+    image[240:] = (90, 90, 90)
+    for row in range(4):
+        for column in range(4):
+            y, x = 14 + 56 * row, 14 + 56 * column
+            image[y : y + 44, x : x + 44] = (60, 70, 90)
+    assert (image == (196, 120, 90)).all(axis=2).mean() < 0.5
+    assert not no_data_mask(image)[:220].any()
+
+
 @pytest.mark.parametrize("style", STYLES)
 def test_nothing_of_a_whole_picture_is_taken_for_a_corner(style: str) -> None:
     image = paint_facade((10.0, 14.0), floors=3, columns=4, style=style, metres_per_pixel=0.05, seed=4).image

@@ -55,6 +55,14 @@ def test_panes_and_shutters_are_two_types_in_light_and_shade(seed: int) -> None:
     assert np.array_equal(cluster_window_types(group)[0], types)
 
 
+def test_windows_of_one_state_are_more_alike_than_those_of_two() -> None:
+    image, elements, planted = paint_windows(0)
+    (group,) = cut_group_patches(image, elements)
+    similarity, _ = compare_windows(group)
+    same = planted[group.members][:, None] == planted[group.members]
+    assert similarity[same].mean() > 0.5 > similarity[~same].mean()
+
+
 @pytest.mark.parametrize("number", [1, 2])
 def test_few_windows_have_types(number: int) -> None:
     image, elements, _ = paint_windows(0)
