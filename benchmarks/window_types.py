@@ -70,7 +70,7 @@ def compare_pairs(pairs: Pairs, image: np.ndarray, elements: Sequence[Element], 
     for group in cut_group_patches(image, kept):
         if kept[group.members[0]].label != "window":
             continue
-        alike, _ = compare_windows(group)
+        alike, _, _ = compare_windows(group)
         boxes = [(int(e.x0), int(e.y0), int(e.x1), int(e.y1)) for e in (kept[i] for i in group.members)]
         told = [i for i, box in enumerate(boxes) if box in known]
         for one, other in combinations(told, 2):

@@ -88,11 +88,11 @@ def simulate(town: Path, facades: int) -> None:
         import flows.city  # Prefect, which it imports, loads its settings at its first import
 
         server.wait_until_ready()
-        with mock.patch("flows.city.run_block", simulated_block(facades)):
+        with mock.patch("flows.city.run_block", make_block_task(facades)):
             flows.city.city(town, out)
 
 
-def simulated_block(facades: int) -> Any:
+def make_block_task(facades: int) -> Any:
     """Return a task for `run_block`: the first call runs its block, the others publish what that did and drawn facades."""
     from prefect import task
     from prefect.cache_policies import NO_CACHE
@@ -104,7 +104,7 @@ def simulated_block(facades: int) -> Any:
     first: Future[tuple[str, BlockResult]] = Future()
 
     @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
-    def simulated(
+    def simulate_block(
         out: Path,
         name: str,
         block_file: Path,
@@ -136,7 +136,7 @@ def simulated_block(facades: int) -> Any:
         shutil.copy(str(block_tileset_path(blocks / real, result.snapshot)), tileset)
         return replace(result, digest=digest, version=version, snapshot=SNAPSHOT, tiles=SNAPSHOT)
 
-    return simulated
+    return simulate_block
 
 
 def main() -> None:

@@ -28,7 +28,7 @@ def test_the_page_is_what_rows_and_records_give() -> None:
     assert PAGE.read_text(encoding="utf-8") == current(), "write it with: make figures"
 
 
-def cells_of(page: Path) -> list[tuple[str, str]]:
+def find_figure_links(page: Path) -> list[tuple[str, str]]:
     """The links to rows in the tables of a page: text and anchor."""
     return re.findall(r"\[([^\]]*)\]\([\w./]*figures\.md#(\w+)\)", page.read_text(encoding="utf-8"))
 
@@ -42,7 +42,7 @@ def numbers(text: str) -> list[str]:
 )
 def test_figures_on_pages_are_those_of_their_rows(page: Path) -> None:
     figures = {row.anchor: figure_of(row, kept(ROWS)) for row in ROWS.rows if row.anchor}
-    for text, anchor in cells_of(page):
+    for text, anchor in find_figure_links(page):
         assert anchor in figures, f"{page.name}: no row has the anchor {anchor}"
         left = iter(numbers(figures[anchor]))
         assert all(number in left for number in numbers(text)), f"{page.name}: {text}"

@@ -1,4 +1,4 @@
-"""What a night of a deployment is told by."""
+"""Facts by which the report describes a night of a deployment."""
 
 from __future__ import annotations
 

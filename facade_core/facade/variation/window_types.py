@@ -60,9 +60,8 @@ class WindowMetric(NamedTuple):
         probabilities: Float64Array = shares / shares.sum(axis=1, keepdims=True)
         return probabilities
 
-    def predict_similarity(self, group: GroupAppearance) -> Float64Array:
-        """Return the (N, N) probability that two windows of a group are of one type."""
-        context = group_context(group)
+    def predict_similarity(self, group: GroupAppearance, context: Float64Array) -> Float64Array:
+        """Return the (N, N) probability that two windows of a group with its `group_context` are of one type."""
         weights = context @ self.pair_weights
         logits = np.full((len(group.features),) * 2, context @ self.pair_bias)
         for weight, feature in zip(weights, iterate_pair_features(group), strict=True):
@@ -90,12 +89,13 @@ def describe_group(group: GroupPatches, features: Float64Array, scale: Float64Ar
     )
 
 
-def compare_windows(group: GroupPatches) -> tuple[Float64Array, GroupAppearance]:
-    """Return the (N, N) probability that two windows of a group are of one type, and their appearance."""
+def compare_windows(group: GroupPatches) -> tuple[Float64Array, GroupAppearance, Float64Array]:
+    """Return the (N, N) probability that two windows are of one type, the group's appearance and its context."""
     metric = shipped_window_metric()
     features = compute_window_features(group.patches, group.wall)
     appearance = describe_group(group, features, metric.scale)._replace(states=metric.predict_states(features))
-    return metric.predict_similarity(appearance), appearance
+    context = group_context(appearance)
+    return metric.predict_similarity(appearance, context), appearance, context
 
 
 def cluster_window_types(group: GroupPatches) -> tuple[Int32Array, Int32Array]:
@@ -107,8 +107,8 @@ def cluster_window_types(group: GroupPatches) -> tuple[Int32Array, Int32Array]:
     -------
     (N,) int32 types, the most frequent first, and (T,) int32 representatives.
     """
-    similarity, appearance = compare_windows(group)
-    clear = group_context(appearance)[2] >= _CLEAR_SILHOUETTE
+    similarity, appearance, context = compare_windows(group)
+    clear = context[2] >= _CLEAR_SILHOUETTE
     types = order_by_frequency(appearance.appearance_types if clear else _link(similarity))
     return types, choose_representatives(appearance.descriptors, types)
 

@@ -94,7 +94,7 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[SurfacePanorama
 
 
 def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
-    """Return the memory of a piece of ground of so many texels, from some panoramas, of which few are open at a time."""
+    """Return the memory of a piece of ground with some texels; few of its panoramas are open at a time."""
     kept = sum(sorted(bounded_pixel_count([path]) for path in pictures)[-OPEN_PICTURES:])
     return (
         LIBRARY_BYTES + detector_memory() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL

@@ -32,7 +32,7 @@ MIN_COVERING_DISTANCE_M = 3.0
 # Length in plan, metres, above which a wall or roof gets its own panoramas instead of those of its building. A surface longer
 # than this itself uses the panoramas near each of its pieces: a panorama in front of an end may be far from the middle.
 MAX_PIECE_M = 32.0
-# Places on a surface, as shares of its sides, of which a picture of a lens must have one in view.
+# Points on a surface, as shares of its sides: a picture of a lens must have one of them in view.
 VIEW_SHARES = np.stack(np.meshgrid(np.linspace(0, 1, 7), np.linspace(0, 1, 7)), axis=-1).reshape(-1, 2)
 # The same of a piece of ground: every two metres.
 GROUND_SHARES = np.stack(np.meshgrid(np.linspace(0, 1, 17), np.linspace(0, 1, 17)), axis=-1).reshape(-1, 2)

@@ -14,7 +14,7 @@ from facade_core.synth.facade import paint_facade
 from facade_core.synth.styles import STYLES
 
 
-def warped(lean: float, fill: int = 0, metres_per_pixel: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+def warp_facade(lean: float, fill: int = 0, metres_per_pixel: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
     """A painted facade as a rectification leaves it, sheared, as a JPEG; and what of it is no part of the picture."""
     painted = paint_facade(
         (10.0, 14.0), floors=3, columns=4, style=STYLES[0], metres_per_pixel=metres_per_pixel, seed=3
@@ -35,7 +35,7 @@ def warped(lean: float, fill: int = 0, metres_per_pixel: float = 0.05) -> tuple[
 
 @pytest.mark.parametrize(("lean", "share"), [(12.0, 0.75), (30.0, 0.97), (60.0, 0.97)])
 def test_what_a_warp_left_black_is_found(lean: float, share: float) -> None:
-    image, beside = warped(lean)
+    image, beside = warp_facade(lean)
     found = no_data_mask(image)
     assert found[beside].mean() > share
     reach = 2 * (NO_DATA_RIM + 3) + 1
@@ -44,7 +44,7 @@ def test_what_a_warp_left_black_is_found(lean: float, share: float) -> None:
 
 @pytest.mark.parametrize("fill", [18, 130])
 def test_what_a_warp_filled_with_one_colour_is_found(fill: int) -> None:
-    image, beside = warped(200.0, fill, 0.015)
+    image, beside = warp_facade(200.0, fill, 0.015)
     found = no_data_mask(image)
     assert found[beside].mean() > 0.97
     assert found[~beside].mean() < 0.1

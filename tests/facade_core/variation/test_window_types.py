@@ -50,7 +50,7 @@ def test_panes_and_shutters_are_two_types_in_light_and_shade(seed: int) -> None:
     types, representatives = cluster_window_types(group)
     assert adjusted_rand_score(planted[group.members], types) >= 0.9
     assert types[representatives].tolist() == list(range(len(representatives)))
-    similarity, _ = compare_windows(group)
+    similarity, _, _ = compare_windows(group)
     np.testing.assert_allclose(similarity, similarity.T, atol=1e-9)
     assert np.array_equal(cluster_window_types(group)[0], types)
 
@@ -58,7 +58,7 @@ def test_panes_and_shutters_are_two_types_in_light_and_shade(seed: int) -> None:
 def test_windows_of_one_state_are_more_alike_than_those_of_two() -> None:
     image, elements, planted = paint_windows(0)
     (group,) = cut_group_patches(image, elements)
-    similarity, _ = compare_windows(group)
+    similarity, _, _ = compare_windows(group)
     same = planted[group.members][:, None] == planted[group.members]
     assert similarity[same].mean() > 0.5 > similarity[~same].mean()
 
