@@ -33,6 +33,7 @@ class Footprint:
     id : unique in the source.
     outline : polygon in plan.
     height : metres from the ground to the eaves.
+    is_eaves_height : the source states the height of the eaves, so that an assumed roof comes on top of it.
     levels : number of floors, as in the tag `building:levels`.
     name : name of the building.
     base : height of the ground, metres.
@@ -66,6 +67,7 @@ class Footprint:
     shell: BuildingShell | None = None
     whole_id: str | None = None
     has_parts: bool = False
+    is_eaves_height: bool = False
 
     @property
     def starts_above_ground(self) -> bool:

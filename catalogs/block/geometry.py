@@ -18,7 +18,12 @@ from catalogs.block.likely_shops import likely_shop_positions
 from catalogs.block.passages import open_passages, passage_ids
 from catalogs.block.streets import build_block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
-from catalogs.buildings.axis_mistakes import note_local_coordinates, swapped_places
+from catalogs.buildings.axis_mistakes import (
+    has_swapped_corners,
+    looks_like_degrees,
+    note_local_coordinates,
+    swapped_places,
+)
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.buildings.surface_heights import measure_assumed_heights
 from catalogs.crs import (
@@ -33,7 +38,14 @@ from catalogs.crs import (
     parse_metric_crs,
     project_lonlat_box,
 )
-from catalogs.features import CentrelinesAndGround, Fault, Remark, feature_ids_by_reason, format_reason_notes
+from catalogs.features import (
+    CentrelinesAndGround,
+    Fault,
+    Footprints,
+    Remark,
+    feature_ids_by_reason,
+    format_reason_notes,
+)
 from catalogs.printable_text import format_unit_reason
 from catalogs.readers.formats import read_buildings, read_centrelines, read_ground_features
 from catalogs.readers.source_keys import UP_AXIS_SUFFIXES, SourceKeys
@@ -157,7 +169,10 @@ def _read_building_sources(
         is_unstated = source.crs is None and keys.buildings.crs is None
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
-            raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
+            remedy = "write crs: EPSG:..."
+            if looks_like_degrees(source.bounding_boxes()):
+                remedy = "its coordinates look like degrees: write buildings: {path: ..., crs: EPSG:4326}"
+            raise file.make_error("buildings.crs", f"missing, and {path} states no frame; {remedy}")
         file.call_reader("buildings.crs", parse_crs, crs)
         remarks = (*source.remarks, *_overruled_frame(path, source.crs, "buildings", keys.buildings.crs))
         faults = tuple(_name_file_in_fault(fault, path) for fault in source.faults)
@@ -267,10 +282,22 @@ def _choose_frame(
     else:
         stated = sources[0].crs
         assert stated is not None, "sources have frames once they are read"
+        if stated == LONLAT and isinstance(sources[0], Footprints) and not keys.area:
+            _check_corners(sources[0], middle, file)
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
         notes = _frame_notes(frame, keys.buildings.crs, *(middle if stated == LONLAT else ()))
     notes += note_outside_area_of_use(frame, *middle)
     return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
+
+
+def _check_corners(source: Footprints, middle: tuple[float, float], file: BlockFileErrorContext) -> None:
+    """Raise BlockFileError where buildings have right angles only once longitude and latitude are swapped."""
+    if has_swapped_corners([footprint.outline for footprint in source.items]):
+        raise file.make_error(
+            "buildings.path",
+            f"longitude and latitude look swapped (longitude {middle[0]:.4f}, latitude {middle[1]:.4f}): the corners of the "
+            "buildings are right angles the other way round only; write longitude first, or give crs and area if this is right",
+        )
 
 
 def _frame_notes(frame: CRS, given: str | None, *middle: float) -> tuple[str, ...]:

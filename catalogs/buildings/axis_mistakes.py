@@ -6,15 +6,20 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.arrays import BoolArray, Float64Array
 
 if TYPE_CHECKING:
     from pyproj import CRS
+    from shapely.geometry.base import BaseGeometry
 
 AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
 NEARBY_DEG = 0.5  # swapped coordinates of one place agree with those of its other files
+_MAX_OUTLINES = 2000  # whose corners are compared
+_MIN_RIGHT_SHARE = 0.6
+_MAX_RIGHT_COSINE = 0.06
 _WEB_MERCATOR = "EPSG:3857"
 _MAX_SIZE_DEG = 0.05  # median size of a building in degrees
 _MAX_LOCAL_COORDINATE = 20_000.0  # m; of a model in a frame of its own
@@ -62,10 +67,43 @@ def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
 def _unit_mistake(frame: CRS, boxes: Float64Array, middle: Float64Array) -> str | None:
     """Return the mistake of degrees in the frame of a map; None without it."""
     x, y = np.median(middle, axis=0).tolist()
-    sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
-    if (np.abs(middle) <= (180.0, 90.0)).all() and np.median(sizes) < _MAX_SIZE_DEG:
+    if looks_like_degrees(boxes):
         return f"coordinates (as in {x:.7g}, {y:.7g}) look like degrees; name their frame, such as EPSG:4326"
     return None
+
+
+def looks_like_degrees(boxes: Float64Array) -> bool:
+    """Return True for boxes (n, 4) of buildings in degrees, longitude first."""
+    if not len(boxes):
+        return False
+    sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
+    return bool((np.abs(boxes) <= (180.0, 90.0, 180.0, 90.0)).all() and np.median(sizes) < _MAX_SIZE_DEG)
+
+
+def has_swapped_corners(outlines: Sequence[BaseGeometry]) -> bool:
+    """Return True where outlines in degrees have right angles once their axes are swapped, and not as they are.
+
+    Buildings along the meridians show nothing.
+    """
+    rings = shapely.get_exterior_ring(shapely.get_parts(np.array(outlines, object)[:_MAX_OUTLINES]))
+    points = [shapely.get_coordinates(ring) for ring in rings if ring is not None]
+    if not points or not all(np.abs(one).max() <= 90.0 for one in points):
+        return False
+    stated, swapped = (_right_angle_share([one[:, order] for one in points]) for order in ([0, 1], [1, 0]))
+    return swapped > _MIN_RIGHT_SHARE and stated < swapped / 2
+
+
+def _right_angle_share(rings: Sequence[Float64Array]) -> float:
+    """Return the share of the corners of rings in degrees that are right angles, by the length of their sides."""
+    right = total = 0.0
+    for ring in rings:
+        sides = np.diff(ring, axis=0) * (np.cos(np.radians(ring[0, 1])), 1.0)
+        lengths = np.hypot(sides[:, 0], sides[:, 1])
+        pairs = lengths * np.roll(lengths, -1)
+        cosines = np.abs((sides * np.roll(sides, -1, axis=0)).sum(axis=1)) / np.maximum(pairs, 1e-30)
+        weights = np.minimum(lengths, np.roll(lengths, -1))
+        right, total = right + float(weights[cosines < _MAX_RIGHT_COSINE].sum()), total + float(weights.sum())
+    return right / total if total else 0.0
 
 
 def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ...]:

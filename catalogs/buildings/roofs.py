@@ -75,9 +75,9 @@ ATTACHED_DISTANCE_M = 0.3
 def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footprint | None]) -> tuple[Building, ...]:
     """Add a roof to buildings without one, except models and unknown heights (0).
 
-    A stated height reaches to the ridge, so the assumed roof is subtracted. Assumed heights and those from floor counts
-    reach to the eaves, so the roof is added on top. The roof depends on the building and on whether it has neighbours; the
-    hash of the id decides between likely roofs.
+    A stated height reaches to the ridge, so the assumed roof is subtracted. Stated heights of the eaves, assumed heights and
+    those from floor counts reach to the eaves, so the roof is added on top. The roof depends on the building and on whether
+    it has neighbours; the hash of the id decides between likely roofs.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def add_assumed_roof(building: Building, footprint: Footprint, *, attached: bool
     attached : True where a neighbour touches the building.
     """
     roof = likeliest_roof(building, footprint, attached=attached)
-    if building.height_source != "height" or footprint.roof_height is not None:
+    if building.height_source != "height" or footprint.roof_height is not None or footprint.is_eaves_height:
         return replace(building, roof=roof)
     walls = building.height - roof.height
     if walls < MIN_WALL_M:

@@ -13,6 +13,13 @@ from catalogs.readers.vectors import vector_files as vectors
 from facade_core.core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
+# Members of other JSON of maps, its name and the remedy.
+_OTHER_JSON = {
+    "geometryType": "Esri JSON; ask the server for f=geojson, or convert it with ogr2ogr OUT.geojson IN",
+    "spatialReference": "Esri JSON; ask the server for f=geojson, or convert it with ogr2ogr OUT.geojson IN",
+    "arcs": "TopoJSON; convert it with ogr2ogr OUT.geojson IN",
+    "elements": "JSON of Overpass; export GeoJSON, or take an extract as .osm.pbf",
+}
 
 
 def read_json_buildings(
@@ -41,6 +48,7 @@ def read_json_buildings(
         return vectors.read_vector_footprints(path, lod, keys)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
         return walls.read_footprints_from_walls(path, lod)
+    other = next((text for key, text in _OTHER_JSON.items() if isinstance(document, dict) and key in document), "")
     raise InputError(
-        f"{path} holds no buildings: it is neither CityJSON, nor GeoJSON, nor a table of walls; convert it"
+        f"{path} holds no buildings: it is {other or 'neither CityJSON, nor GeoJSON, nor a table of walls; convert it'}"
     )

@@ -1,8 +1,8 @@
-"""Heights that count from the datum of the map instead of from the ground, by the values beside them."""
+"""Heights that do not reach from the ground to the ridge, by the columns and values beside them."""
 
 from __future__ import annotations
 
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Container, Mapping, MutableMapping, Sequence
 
 import numpy as np
 import shapely
@@ -16,6 +16,53 @@ _HEIGHT_RANGE_M = (2.0, 80.0)  # of buildings over their ground
 _MIN_GROUND_RATIO = 2.0  # of the ground over the height above it: near the sea both readings are possible
 _MIN_SPREAD_M = 2.0
 _MAX_SPREAD_SHARE = 0.2
+_MAX_ROOF_HEIGHT_M = 6.0  # median of roof heights; higher ones count from the ground
+# Columns of a height of the roof that stand next to a least one: of points measured on it, not a lower end.
+_MEASURED_HEIGHTS = ("avg_height", "avg_hgt", "max_height", "max_hgt", "h_avg", "h_mean", "h_median", "h_max")
+# Columns of the French map (BD TOPO), where `hauteur` reaches to the gutter.
+_FRENCH_GROUND_COLUMNS = ("altitude_minimale_sol", "z_min_sol")
+
+
+def mark_gutter_heights(tags: Sequence[MutableMapping[str, str]], columns: Container[str]) -> None:
+    """Name heights that reach to the eaves in the French map so; changes the tags in place.
+
+    Parameters
+    ----------
+    tags : tags of each row.
+    columns : known column names of the layer.
+    """
+    if "hauteur" in columns and any(name in columns for name in _FRENCH_GROUND_COLUMNS):
+        for one in tags:
+            if "height" in one:
+                one["height:eaves"] = one.pop("height")
+
+
+def ignore_other_heights(
+    tags: Sequence[MutableMapping[str, str]], columns: Mapping[str, str], name: str
+) -> list[Remark]:
+    """Take away least heights of a roof and roof heights from the ground, which have another meaning in OpenStreetMap.
+
+    Parameters
+    ----------
+    tags : tags of each row, changed in place.
+    columns : field by known column name.
+    name : name of the file.
+    """
+    remarks = []
+    if "min_height" in columns and any(known in columns for known in _MEASURED_HEIGHTS):
+        reason = f"least heights of {name} not taken for lower ends of buildings, as they stand next to other heights"
+        remarks += _take_away("min_height", tags, f"{reason} of the roof")
+    rises = [rise for one in tags if (rise := parse_length(one.get("roof:height", ""))) is not None]
+    is_alone = not any("height" in one or "height:eaves" in one or "roof:shape" in one for one in tags)
+    if rises and is_alone and (middle := float(np.median(rises))) > _MAX_ROOF_HEIGHT_M:
+        reason = f"roof heights of {name} ignored, since {middle:.1f} m (median) is too much from eaves to ridge"
+        remarks += _take_away("roof:height", tags, f"{reason}; where they count from the ground, call them height")
+    return remarks
+
+
+def _take_away(tag: str, tags: Sequence[MutableMapping[str, str]], reason: str) -> list[Remark]:
+    counted = sum(one.pop(tag, None) is not None for one in tags)
+    return [Remark(f"{counted} buildings", reason, None)] if counted else []
 
 
 def subtract_ground_heights(tags: Sequence[MutableMapping[str, str]], name: str) -> list[Remark]:

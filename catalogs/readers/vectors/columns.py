@@ -15,11 +15,12 @@ _TAG_COLUMN_NAMES = {
     "height": "height building_height bldg_height hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
     "measured_height heightroof height_roof bld_height bldg_hgt bldgheight building_hgt avg_height avg_hgt approx_hgt "
     "max_height max_hgt hgt gesamthoehe korkeus korgus altura altezza vyska hojd höjd "
-    "hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h "
+    "hauteur hoogte h_building h_bldg h_mean h_median h_avg h_max relhmax h "
     "altura_edificio bygningshoyde bygningshøjde bygningshøyde hoejde hojde højde høyde bina_yuksekligi yukseklik yükseklik "
     "magassag magasság wysokosc wysokość výška_budovy vyska_budovy výška inaltime înălțime высота высота_здания "
     "高度 建物高さ 高さ 높이 "
     "height_agl relative_height rel_height building_h bldg_h",
+    "height:eaves": "h_eaves relh2 eaves_height eave_height height_eaves eavesheight",
     "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
     "storeys_above_ground floors num_floors n_floors number_of_floors numberoffloors numberoffloorsaboveground floor_count "
     "numfloors num_stories no_stories geschosse anzahl_geschosse nb_etages bouwlagen kerrosluku piani pisos plantas etager "

@@ -62,7 +62,7 @@ _SURFACE_WORDS = {
 SURFACES_BY_WORD = {word: value for value, words in _SURFACE_WORDS.items() for word in words.split()}
 _TRAM_WORDS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
 # Words for yes and no, and the OpenStreetMap value of an unspecified yes.
-_YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
+_YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y", "j", "si", "sí", "sim", "tak", "kyllä", "ano"))
 _NO_WORDS = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
 _VALUES_OF_YES = {
     "cycleway": "track",

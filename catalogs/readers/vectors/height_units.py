@@ -11,7 +11,7 @@ from catalogs.readers.vectors.lengths import FOOT_M, scale_plain_length
 # Tags of lengths in metres; `gauge` is in millimetres.
 LENGTH_TAGS = frozenset(
     (
-        "height", "min_height", "roof:height", "width", "width:carriageway", "sidewalk:width", "maxheight",
+        "height", "height:eaves", "min_height", "roof:height", "width", "width:carriageway", "sidewalk:width", "maxheight",
         "sidewalk:left:width", "sidewalk:right:width", "sidewalk:both:width",
     )
 )  # fmt: skip

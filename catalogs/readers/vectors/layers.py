@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,12 @@ from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
-from catalogs.readers.vectors.absolute_heights import note_roof_heights, subtract_ground_heights
+from catalogs.readers.vectors.absolute_heights import (
+    ignore_other_heights,
+    mark_gutter_heights,
+    note_roof_heights,
+    subtract_ground_heights,
+)
 from catalogs.readers.vectors.columns import (
     MIN_INEXACT_INTEGER,
     assign_ids,
@@ -29,6 +35,7 @@ from catalogs.readers.vectors.columns import (
     match_known_columns,
     tags_from_records,
 )
+from catalogs.readers.vectors.cut_downloads import note_cut_download
 from catalogs.readers.vectors.height_like_columns import find_height_like_columns, is_height_like_name
 from catalogs.readers.vectors.height_units import column_units
 from catalogs.readers.vectors.likely_feet import find_likely_feet
@@ -49,6 +56,7 @@ _MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
 _MAX_UNPACK_RATIO = 50
 _ROWS_PER_BATCH = 500
 _MAX_PLACE_DEG = 2.0  # degrees; a block whose coordinates are swapped, not metres of a small site
+_HEIGHT_TAGS = frozenset(("height", "height:eaves", "building:levels"))
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 _GEOMETRY_TYPES = {
     "outlines": ("Polygon", "Surface", "TIN", "Triangle"),
@@ -179,8 +187,12 @@ def _read_table(
         )
         remarks.append(Remark(", ".join(in_frame_units), f"{reason} e.g. height_m", None))
     if with_numbers:
+        mark_gutter_heights(tags, columns)
+        remarks += ignore_other_heights(tags, columns, path.name)
         remarks += subtract_ground_heights(tags, path.name)
         remarks += note_roof_heights(tags, geometries, path.name)
+    if path.suffix.lower() in (".geojson", ".json"):
+        remarks += note_cut_download(path, len(rows))
     if with_numbers and not _states_height_unit(known):
         remarks += find_likely_feet(
             path.name,
@@ -191,7 +203,7 @@ def _read_table(
             units,
             has_cut_names=_has_truncated_names(path),
         )
-    if with_numbers and not any("height" in one or "building:levels" in one for one in tags):
+    if with_numbers and _HEIGHT_TAGS.isdisjoint(chain.from_iterable(tags)):
         likely = find_height_like_columns(rows.drop(columns=list(columns.values()), errors="ignore"))
         reason = f"columns of {path.name} that look like heights; rename the right one to height, height_ft or levels"
         remarks += [Remark(name, reason, None) for name in likely]

@@ -10,7 +10,9 @@ _LENGTH_TEXT = re.compile(
     r"\s*(mm|cm|m|m\.|metres?|meters?|mètres?|metros?|metri|м|ft|foot|feet|')?",
     re.IGNORECASE,
 )
-_FEET_INCHES_TEXT = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
+_FEET_INCHES_TEXT = re.compile(
+    r"(\d+)\s*(?:'|ft\.?|foot|feet)\s*(\d+(?:[.,]\d+)?)\s*(?:\"|''|in\.?|inch|inches)", re.IGNORECASE
+)
 _METRES_PER_UNIT = {"mm": 0.001, "cm": 0.01, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "'": 0.3048}
 # "4 storeys", "3+1" (with an attic), and "G+3" (three over the ground floor).
 _FLOORS_TEXT = re.compile(

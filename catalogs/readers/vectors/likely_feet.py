@@ -1,4 +1,4 @@
-"""Heights without a unit that are likely feet: by the storeys beside them, or by the country."""
+"""Heights without a unit that are likely not metres: by the storeys beside them, their size, or the country."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ from facade_core.core.arrays import ObjectArray
 # Heights of a storey that are feet, metres if they were metres.
 _FEET_STOREY_RANGE_M = (7.0, 20.0)
 CUT_NAME_LENGTH = 10  # letters of the name of a column of a Shapefile
+# Heights of a storey beyond which no unit is likely but decimetres to millimetres, or storeys themselves.
+_MAX_STOREY_M = 25.0
+_MIN_STOREY_M = 1.5
+_MAX_MEDIAN_M = 200.0  # of all heights: more are centimetres or millimetres
+_MAX_COUNT_MEDIAN = 4.0  # of whole numbers that may count storeys
+_MIN_COUNTED = 3  # different numbers
 # Boxes (west, south, east, north), degrees, where surveys count in feet: the United States.
 _FEET_AREAS_DEG = ((-125.0, 24.0, -66.5, 49.5), (-180.0, 51.0, -130.0, 72.0), (-161.0, 18.0, -154.0, 23.0))
 # Columns of Overture, whose heights are in metres.
@@ -61,7 +67,10 @@ def find_likely_feet(
     if has_cut_names and not storeys and len(columns[column]) == CUT_NAME_LENGTH < len(column):
         reason = f"heights of {name} taken in metres, though a unit may be cut off the column's name; call it height_ft"
         return (Remark(columns[column], f"{reason} or height_m", None),)
-    is_plain = any(height is not None for height, _ in plain)
+    heights = [height for height, _ in plain if height is not None]
+    if doubt := _describe_unit_doubt(heights, storeys, is_osm=units.is_osm):
+        return (Remark(columns[column], f"heights of {name} taken in metres, {doubt}", None),)
+    is_plain = bool(heights)
     if (
         storeys
         or units.is_osm
@@ -71,6 +80,28 @@ def find_likely_feet(
     ):
         return ()
     return (Remark(columns[column], f"heights of {name} taken in metres, as no unit is stated; {remedy}", None),)
+
+
+def _describe_unit_doubt(heights: Sequence[float], storeys: Sequence[float], *, is_osm: bool) -> str | None:
+    """Return the doubt about the unit of heights, and the remedy; None where they may be metres.
+
+    Parameters
+    ----------
+    heights : plain heights.
+    storeys : heights of a storey of the rows that state both.
+    is_osm : the columns follow OpenStreetMap.
+    """
+    if storeys and not _MIN_STOREY_M < (middle := float(np.median(storeys))) < _MAX_STOREY_M:
+        meant = "levels where it counts storeys" if middle < 2 else "height_dm, height_cm or height_mm"
+        return f"{middle:.1f} a storey, which is another unit; call the column {meant}"
+    if storeys or is_osm or not heights:
+        return None
+    if (middle := float(np.median(heights))) > _MAX_MEDIAN_M:
+        return f"{middle:.0f} on the median, which is another unit; call the column height_cm or height_mm"
+    is_count = len({*heights}) >= _MIN_COUNTED and all(height.is_integer() for height in heights)
+    if is_count and middle <= _MAX_COUNT_MEDIAN:
+        return f"whole numbers of {middle:g} on the median; where they count storeys, call the column levels"
+    return None
 
 
 def _plain_number(text: str) -> float | None:

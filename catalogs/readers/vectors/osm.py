@@ -19,7 +19,7 @@ from catalogs.reader_errors import fault_reason, is_system_error, short_message
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points, is_building_passage
 from catalogs.readers.vectors.colours import parse_building_finish
 from catalogs.readers.vectors.lengths import is_unknown_code, parse_floor_count, parse_length
-from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
+from catalogs.readers.vectors.roofs import is_known_roof_shape, parse_roof, parse_roof_height, parse_roof_shape
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import open_regular
 from facade_core.core.types import Roof
@@ -107,7 +107,15 @@ def parse_footprint(
         if "height" in tags:
             remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
     roof = parse_roof(tags, geometry, is_lonlat=is_lonlat)
-    if height is not None:
+    if (shape := parse_roof_shape(tags)) and not is_known_roof_shape(shape):
+        remarks.append(Remark(f"{feature} ({shape[:40]})", "roof shapes not understood and ignored", geometry))
+    rise = parse_roof_height(tags) if roof is None else None
+    has_eaves = MIN_WALL_HEIGHT_M <= (eaves := _length_tag(tags, "height:eaves")) <= MAX_TAGGED_HEIGHT_M
+    if has_eaves:
+        if roof is None and height is not None and height > eaves:
+            rise = round(height - eaves, 2)
+        height = eaves
+    elif height is not None:
         height, roof = _wall_height(height, roof, tags)
     levels = parse_floor_count(tags.get("building:levels", ""))
     if levels is None and "building:levels" in tags:
@@ -122,7 +130,8 @@ def parse_footprint(
         levels,
         tags.get("name"),
         roof=roof,
-        roof_height=parse_roof_height(tags) if roof is None else None,
+        roof_height=rise if roof is None else None,
+        is_eaves_height=has_eaves,
         use=kind if kind not in ("", "yes") else None,
         year_built=_parse_year(tags.get("start_date", "")),
         finish=parse_building_finish(tags),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,28 @@ _SHAPE_SYNONYMS = {
     "pitched": "gabled",
 }
 _SHAPE_SYNONYMS |= {"gable": "gabled", "hip": "hipped", "half-hip": "half-hipped", "pyramid": "pyramidal"}
+# Words of other maps, and codes of the German surveys (AdV).
+_SHAPE_WORDS = {
+    "flat": "flachdach 1000 plat platdak plat-dak toit-plat terrasse terrasses plano piano flate flachgeneigtes-dach",
+    "gabled": "satteldach 3100 zadeldak deux-pans dos-aguas a-due-falde harjakatto",
+    "hipped": "walmdach 3200 schilddak quatre-pans cuatro-aguas a-padiglione aumakatto",
+    "half-hipped": "krüppelwalmdach krueppelwalmdach 3300 wolfsdak",
+    "skillion": "pultdach 2100 lessenaarsdak un-pan pulpettikatto",
+    "mansard": "mansarddach mansardendach 3400 mansardedak",
+    "pyramidal": "zeltdach 3500 tentdak",
+    "round": "bogendach tonnendach 3900",
+    "dome": "kuppeldach 3700 koepeldak",
+    "cone": "kegeldach 3600 kegeldak",
+    "sawtooth": "sheddach 3800 zaagtanddak",
+}
+_SHAPE_SYNONYMS |= {word: shape for shape, words in _SHAPE_WORDS.items() for word in words.split()}
+# OpenStreetMap's values; other words are no shapes.
+_SHAPES = frozenset(
+    (
+        *_SHAPE_SYNONYMS.values(), "gambrel", "side-hipped", "saltbox", "double-saltbox", "quadruple-saltbox", "onion",
+        "crosspitched", "side-half-hipped", "butterfly", "zig-zag", "hipped-and-gabled", "cross-gabled", "cupola", "conical",
+    )
+)  # fmt: skip
 _SHAPELESS_VALUES = frozenset(("", "yes", "no", "many", "unknown", "none", "other"))
 _COMPASS_POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 
@@ -46,10 +69,9 @@ def parse_roof(tags: Mapping[str, str], outline: BaseGeometry, *, is_lonlat: boo
     outline : outline of the building.
     is_lonlat : True for an outline in degrees, False for metres.
     """
-    shape = tags.get("roof:shape", "").strip().lower().replace("_", "-").replace(" ", "-")
-    if shape in _SHAPELESS_VALUES or not shape.replace("-", "").isalpha():
+    shape = parse_roof_shape(tags)
+    if shape not in _SHAPES:
         return None
-    shape = _SHAPE_SYNONYMS.get(shape, shape)
     if shape == "flat":
         return Roof("flat", 0.0)
     across = tags.get("roof:orientation", "").strip().lower() == "across"
@@ -59,6 +81,19 @@ def parse_roof(tags: Mapping[str, str], outline: BaseGeometry, *, is_lonlat: boo
         height = estimate_roof_height(outline, shape, across, is_lonlat, angle if angle and 0 < angle < 80 else None)
     direction = _parse_direction(tags.get("roof:direction") or tags.get("roof:slope:direction") or "")
     return Roof(shape, round(height, 2), direction, across) if height > 0 else Roof("flat", 0.0)
+
+
+def parse_roof_shape(tags: Mapping[str, str]) -> str:
+    """Return the shape of a roof as OpenStreetMap names it, or the word that is no shape; empty where none is stated."""
+    shape = re.sub(r"[\s_-]+", "-", tags.get("roof:shape", "").strip().lower())
+    shape = shape.removesuffix("-roof").removesuffix(".0")
+    shape = _SHAPE_SYNONYMS.get(shape, shape)
+    return "" if shape in _SHAPELESS_VALUES or not shape.replace("-", "").isalpha() else shape
+
+
+def is_known_roof_shape(shape: str) -> bool:
+    """Return True for a value of OpenStreetMap's `roof:shape`."""
+    return shape in _SHAPES
 
 
 def parse_roof_height(tags: Mapping[str, str]) -> float | None:

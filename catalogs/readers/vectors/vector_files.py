@@ -23,6 +23,7 @@ from catalogs.readers.vectors.centrelines import build_centrelines, finite_point
 from catalogs.readers.vectors.columns import CLASS_COLUMNS
 from catalogs.readers.vectors.ground_classes import normalize_word, osm_ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
+from catalogs.readers.vectors.lengths import parse_length
 from catalogs.readers.vectors.osm import (
     is_building_part,
     is_street,
@@ -153,8 +154,16 @@ def read_vector_centrelines(path: Path, keys: SourceKeys = NO_SOURCE_KEYS) -> Ce
             path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns), keys
         )
         ground += _project_ground_features(others, features.crs)
-    remarks = (*features.remarks, *_id_remarks(found, features, path))
+    remarks = (*features.remarks, *_id_remarks(found, features, path), *_width_remarks(features))
     return replace(found, remarks=remarks, ground=tuple(ground))
+
+
+def _width_remarks(features: LayerFeatures) -> Iterator[Remark]:
+    """Yield remarks on widths of streets that are no length."""
+    for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
+        text = split_osmnx_values(tags.get("width", "0"))[0]
+        if parse_length(text) is None:
+            yield Remark(f"{id} ({text[:40]})", "widths of streets not understood and ignored", geometry)
 
 
 def _is_no_road(tags: Mapping[str, str]) -> bool:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
+import shapely.affinity
 from pyproj import CRS
 
 from catalogs.block.reader import read_block
-from catalogs.buildings.axis_mistakes import axis_mistake, note_local_coordinates, swapped_places
+from catalogs.buildings.axis_mistakes import (
+    axis_mistake,
+    has_swapped_corners,
+    looks_like_degrees,
+    note_local_coordinates,
+    swapped_places,
+)
 from catalogs.buildings.extents import locate_boxes
+from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.errors import BlockFileError, InputError
 
 
@@ -103,3 +113,27 @@ def test_latlon_swapped(data: Path) -> None:
         pytest.skip("no field inputs in the data folder")
     with pytest.raises(BlockFileError, match=r"longitude and latitude look swapped.*buildings\.geojson"):
         read_block(folder / "block.yaml")
+
+
+@pytest.mark.parametrize(("turn", "is_told"), [(30.0, True), (0.0, False)])
+def test_right_angles_tell_the_order_of_degrees(turn: float, is_told: bool) -> None:
+    to_degrees = coordinate_transform("EPSG:3067", LONLAT)
+    houses = [
+        shapely.affinity.rotate(shapely.box(385_000 + x, 6_672_000, 385_012 + x, 6_672_010), turn) for x in (0, 30)
+    ]
+    right = [shapely.transform(one, to_degrees, interleaved=False) for one in houses]
+    swapped = [shapely.transform(one, lambda xy: xy[:, ::-1]) for one in right]
+    assert not has_swapped_corners(right)
+    assert has_swapped_corners(swapped) == is_told
+    assert not has_swapped_corners([])
+    assert looks_like_degrees(shapely.bounds(np.array(right)))
+    assert not looks_like_degrees(shapely.bounds(np.array(houses)))
+    assert not looks_like_degrees(np.empty((0, 4)))
+
+
+def test_degrees_without_a_frame_are_named(tmp_path: Path) -> None:
+    table = geopandas.GeoDataFrame({"height": [9.0]}, geometry=[shapely.box(24.93, 60.16, 24.9302, 60.1601)])
+    table.to_file(tmp_path / "b.shp")
+    (tmp_path / "block.yaml").write_text("name: b\nbuildings: {path: b.shp}\ntexture: {walls: translate}\n")
+    with pytest.raises(BlockFileError, match="look like degrees: write buildings"):
+        read_block(tmp_path / "block.yaml")

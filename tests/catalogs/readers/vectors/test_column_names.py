@@ -84,3 +84,44 @@ def test_railways_of_overture_are_no_streets(tmp_path: Path) -> None:
 def test_files_that_are_not_read_name_the_remedy(tmp_path: Path, name: str, remedy: str) -> None:
     with pytest.raises(InputError, match=remedy):
         read_buildings(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("columns", "height", "roof_height", "is_eaves"),
+    [
+        ({"RelH2": 6.4, "RelHMax": 9.2}, 6.4, 2.8, True),
+        ({"eave_height": 6.4}, 6.4, None, True),
+        ({"eaves_height_ft": 20.0}, 6.096, None, True),
+        ({"relhmax": 9.2}, 9.2, None, False),
+        ({"hauteur": 9.0, "z_min_sol": 40.0}, 9.0, None, True),
+        ({"hauteur": 9.0}, 9.0, None, False),
+    ],
+)
+def test_heights_of_eaves(
+    tmp_path: Path, columns: dict[str, Any], height: float, roof_height: float | None, is_eaves: bool
+) -> None:
+    (item,) = read_vector_footprints(outline(tmp_path / "b.gpkg", columns)).items
+    assert (item.height, item.roof_height, item.is_eaves_height) == (pytest.approx(height), roof_height, is_eaves)
+
+
+@pytest.mark.parametrize(
+    ("word", "shape"),
+    [
+        ("Flachdach", "flat"), ("Satteldach", "gabled"), ("Walmdach", "hipped"), ("3200", "hipped"), ("1000", "flat"),
+        ("Flat roof", "flat"), ("Hip Roof", "hipped"), ("zadeldak", "gabled"), ("dome", "dome"),
+        ("complex", None), ("9999", None),
+    ],
+)  # fmt: skip
+def test_roof_shapes_of_other_maps(tmp_path: Path, word: str, shape: str | None) -> None:
+    found = read_vector_footprints(outline(tmp_path / "b.gpkg", {"hoehe": 12.0, "dachform": word}))
+    roof = found.items[0].roof
+    assert (None if roof is None else roof.shape) == shape
+    assert [remark.id for remark in found.remarks] == (["0 (complex)"] if word == "complex" else [])
+
+
+def test_widths_of_streets_that_are_no_length_are_noted(tmp_path: Path) -> None:
+    lines = [shapely.LineString([(0, y), (50, y)]) for y in (0, 10, 20)]
+    columns = {"name": ["a", "b", "c"], "width": ["7ft 6in", "6-8 m", "['7', '8']"]}
+    geopandas.GeoDataFrame(columns, geometry=lines, crs="EPSG:32635").to_file(tmp_path / "s.gpkg")
+    found = read_vector_centrelines(tmp_path / "s.gpkg")
+    assert [remark.id for remark in found.remarks] == ["1 (6-8 m)"]

@@ -100,6 +100,29 @@ def test_columns_that_look_like_heights_are_named(tmp_path: Path, columns: dict[
     assert all("b.gpkg that look like heights" in remark.reason for remark in found.remarks)
 
 
+@pytest.mark.parametrize(
+    ("heights", "levels", "remedy"),
+    [
+        ([125.0, 90.0, 75.0], [4, 3, 2], "height_dm"),
+        ([4.0, 3.0, 5.0], [4, 3, 5], "levels where it counts storeys"),
+        ([900.0, 850.0, 750.0], None, "height_cm or height_mm"),
+        ([2.0, 3.0, 4.0], None, "levels"),
+        ([12.0, 9.0, 6.0], [4, 3, 2], None),
+        ([12.0, 9.0, 6.0], None, None),
+        ([2.4, 3.0, 4.0], None, None),
+    ],
+)
+def test_heights_of_another_unit_are_noted(
+    tmp_path: Path, heights: list[float], levels: list[int] | None, remedy: str | None
+) -> None:
+    columns = {"height": heights} | ({} if levels is None else {"levels": levels})
+    boxes = [shapely.box(x, 0, x + 12, 10) for x in (0, 20, 40)]
+    geopandas.GeoDataFrame(columns, geometry=boxes, crs="EPSG:32635").to_file(tmp_path / "b.gpkg")
+    remarks = read_vector_footprints(tmp_path / "b.gpkg").remarks
+    assert bool(remarks) == (remedy is not None)
+    assert all(str(remedy) in remark.reason for remark in remarks)
+
+
 def street(folder: Path, name: bytes, page: str | None = None, driver: int = 0) -> Path:
     """Write a Shapefile whose only name has these bytes."""
     path = folder / "s.shp"

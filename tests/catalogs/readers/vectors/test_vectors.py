@@ -17,6 +17,7 @@ import pytest
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
 
+from catalogs.readers.formats import read_buildings
 from catalogs.readers.vectors import osm
 from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
 from facade_core.core.errors import InputError
@@ -502,3 +503,33 @@ def test_points_of_a_collection_are_not_the_ground_of_its_outline(tmp_path: Path
     both = shapely.GeometryCollection([solid, shapely.Point(24.95, 60.17, 0.0)])
     geopandas.GeoDataFrame({"id": ["a", "b"]}, geometry=[solid, both], crs="EPSG:4326").to_file(tmp_path / "a.geojson")
     assert [item.base for item in read_vector_footprints(tmp_path / "a.geojson").items] == [68.0, 68.0]
+
+
+@pytest.mark.parametrize(
+    ("head", "of"),
+    [
+        ({"exceededTransferLimit": True}, "1 in b.geojson"),
+        ({"properties": {"exceededTransferLimit": True}}, "1 in b.geojson"),
+        ({"numberMatched": 5000, "numberReturned": 1}, "1 of 5000 in b.geojson"),
+        ({"totalFeatures": 1, "numberMatched": 1}, None),
+        ({"totalFeatures": "unknown"}, None),
+    ],
+)
+def test_a_download_that_was_cut_is_noted(tmp_path: Path, head: dict[str, object], of: str | None) -> None:
+    feature = {
+        "type": "Feature",
+        "properties": {"height": 9.5},
+        "geometry": shapely.box(24, 60, 24.001, 60.001).__geo_interface__,
+    }
+    (tmp_path / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature], **head}))
+    remarks = read_vector_footprints(tmp_path / "b.geojson").remarks
+    assert [remark.id for remark in remarks] == ([] if of is None else [of])
+
+
+@pytest.mark.parametrize(
+    ("key", "name"), [("geometryType", "Esri JSON"), ("arcs", "TopoJSON"), ("elements", "Overpass")]
+)
+def test_other_json_of_maps_is_named(tmp_path: Path, key: str, name: str) -> None:
+    (tmp_path / "b.json").write_text(json.dumps({key: [], "features": []}))
+    with pytest.raises(InputError, match=f"it is .*{name}"):
+        read_buildings(tmp_path / "b.json")
