@@ -15,20 +15,26 @@ from facade_core.parsing.segmenter import Surroundings, segment_surroundings
 MIN_UPRIGHT_EVIDENCE = 0.03
 # and by how much more there must be then.
 MIN_UPRIGHT_GAIN = 0.04
-# Median brightness at most of a night sky, of 255,
-MAX_NIGHT_SKY = 70
-# which is darker than the facade by this factor: in the shade of a clear day the sky is brighter.
+# Median brightness at most of what is above a facade at night, of 255, in a photo as taken: the sky.
+MAX_NIGHT_SKY = 115
+# In a rectified photo neighbours may be all that is above it, so it must be as dark as this,
+MAX_RECTIFIED_NIGHT_SKY = 70
+# and darker than the facade by this factor: in the shade of a clear day the sky is brighter.
 MAX_NIGHT_SKY_RATIO = 0.75
-# Share of the picture from which the sky counts.
-MIN_SKY_SHARE = 0.01
+# Share of the picture from which the sky counts, as taken and rectified.
+MIN_SKY_SHARE = 0.02
+MIN_RECTIFIED_SKY_SHARE = 0.01
+# Exposure value at ISO 100 below which a scene is lit by lamps: 8 to 9 a few minutes after sunset, 4 to 5 in a lit street.
+MIN_DAYLIGHT_EXPOSURE = 6.5
 # Brightness that a tenth of a facade exceeds by day, also where most of it is in the shade.
 MIN_LIT_BRIGHTNESS = 90
+AT_NIGHT = "it was taken at night: its walls would be dark by day; give one taken by day"
 
 
 def check_photo_state(
     image: UInt8Array, hidden: BoolArray, seen: Surroundings, *, model: str | Path | None = None
 ) -> None:
-    """Raise ImageError for a photo that is upside down, or was taken at night.
+    """Raise ImageError for a rectified photo that is upside down, or was taken at night.
 
     Parameters
     ----------
@@ -43,15 +49,48 @@ def check_photo_state(
         labels = segment_surroundings(turned, turned_hidden, model=model).labels
         if _upright_evidence(labels, turned_hidden) > max(upright, 0.0) + MIN_UPRIGHT_GAIN:
             raise ImageError("it is upside down; turn it by 180 degrees")
+    _require_daylight(
+        image, hidden, seen.outside, MIN_RECTIFIED_SKY_SHARE, MAX_RECTIFIED_NIGHT_SKY, MAX_NIGHT_SKY_RATIO
+    )
+
+
+def check_daylight(
+    image: UInt8Array, hidden: BoolArray, exposure: float | None, *, model: str | Path | None = None
+) -> None:
+    """Raise ImageError for a photo as taken that was taken at night.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8; one of 640 pixels a side is large enough.
+    hidden : (H, W) bool, pixels that do not show the photo.
+    exposure : exposure value of the photo at ISO 100; None if unknown.
+    model : parser model, the shipped one by default.
+    """
+    if exposure is not None and exposure < MIN_DAYLIGHT_EXPOSURE:
+        raise ImageError(AT_NIGHT)
+    if not hidden.all():
+        outside = segment_surroundings(image, hidden, model=model).outside
+        _require_daylight(image, hidden, outside, MIN_SKY_SHARE, MAX_NIGHT_SKY)
+
+
+def _require_daylight(
+    image: UInt8Array,
+    hidden: BoolArray,
+    outside: BoolArray,
+    min_sky_share: float,
+    max_night_sky: float,
+    max_ratio: float = np.inf,
+) -> None:
+    """Raise ImageError for a dark facade, or what is dark above it, also `max_ratio` times as dark as the facade."""
     brightness = image.max(axis=2)
-    facade, above = ~(seen.outside | hidden), seen.outside & ~hidden
+    facade, above = ~(outside | hidden), outside & ~hidden
     above[len(above) // 2 :] = False
     if not facade.any():
         return
-    sky = float(np.median(brightness[above])) if above.mean() >= MIN_SKY_SHARE else np.inf
+    sky = float(np.median(brightness[above])) if above.mean() >= min_sky_share else np.inf
     lit, middle = np.percentile(brightness[facade], [90, 50]).tolist()
-    if lit < MIN_LIT_BRIGHTNESS or sky < min(MAX_NIGHT_SKY, MAX_NIGHT_SKY_RATIO * middle):
-        raise ImageError("it was taken at night: its walls would be dark by day; give one taken by day")
+    if lit < MIN_LIT_BRIGHTNESS or sky < min(max_night_sky, max_ratio * middle):
+        raise ImageError(AT_NIGHT)
 
 
 def _upright_evidence(labels: UInt8Array, hidden: BoolArray) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
@@ -17,13 +17,16 @@ from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
-from tasks.stages.shared.images import read_bounded_picture, read_focal_length_px
+from facade_core.imagery.rectify.photo_state import check_daylight
+from tasks.stages.shared.images import read_bounded_picture, read_exposure_value, read_focal_length_px
 
 # A photo whose facade is so many times too wide or too high for its wall shows another wall.
 MAX_STRETCH = 2.5
 # Lines of text are legible from this score and number of letters on.
 LEGIBLE_SCORE = 0.85
 LEGIBLE_LETTERS = 4
+# Longest side of the picture in which day and night are told apart.
+DAYLIGHT_SIDE_PX = 640
 # Signs that only the mirror image of a mirrored photo has.
 MIN_MIRRORED_SIGNS = 2
 
@@ -139,7 +142,7 @@ def crop_facade_photo(
         homography = np.eye(3)
         shape = hidden.shape
     else:
-        found, shape = rectify_photo(path)
+        found, shape = rectify_photo(path, parser)
         image, hidden, homography = found.image, ~found.seen, found.homography
         if found.other_facade is not None:
             notes.append(
@@ -176,18 +179,34 @@ def _count_legible(lines: Sequence[TextLine]) -> int:
     return sum(line.score >= LEGIBLE_SCORE and len(line.text) >= LEGIBLE_LETTERS for line in lines)
 
 
-def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
+def rectify_photo(path: Path, parser: Path | None = None) -> tuple[Rectified, tuple[int, int]]:
     """Rectify a photo as taken; returns it with its size (h, w) as read.
+
+    Parameters
+    ----------
+    parser : model file in place of the shipped one.
 
     Raises
     ------
-    ImageError : it cannot be rectified; the message has its name.
+    ImageError : it was taken at night or cannot be rectified; the message has its name.
     """
     picture = read_bounded_picture(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = read_focal_length_px(path)
     try:
+        _check_daylight(picture, path, parser)
         found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
     except ImageError as error:
         raise ImageError(f"{path.name}: {error}") from error
     return found, picture.hidden.shape
+
+
+def _check_daylight(picture: Picture, path: Path, parser: Path | None) -> None:
+    """Raise ImageError for a photo taken at night, by its EXIF or by its sky and walls in a small picture of it."""
+    import cv2
+
+    shrink = min(1.0, DAYLIGHT_SIDE_PX / max(picture.hidden.shape))
+    size = tuple(max(1, round(side * shrink)) for side in picture.hidden.shape)
+    small = resize_image(picture.rgb, size)
+    hidden = cv2.resize(picture.hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+    check_daylight(small, hidden | no_data_mask(small), read_exposure_value(path), model=parser)

@@ -47,6 +47,21 @@ def read_focal_length_px(path: Path) -> float | None:
     return told * diagonal / DIAGONAL_35MM if 0 < told < math.inf else None
 
 
+def read_exposure_value(path: Path) -> float | None:
+    """Return the exposure value of a photo at ISO 100 from its EXIF; None if unknown."""
+    from PIL import ExifTags
+
+    with open_picture(path) as image:
+        try:
+            exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
+            aperture, seconds = float(exif[ExifTags.Base.FNumber]), float(exif[ExifTags.Base.ExposureTime])
+            sensitivity = float(np.max(exif.get(ExifTags.Base.ISOSpeedRatings) or 100))
+            exposure = math.log2(aperture**2 / seconds * 100 / sensitivity)
+        except Exception:  # none, or damaged in any way
+            return None
+    return exposure if math.isfinite(exposure) else None
+
+
 def capture_date(path: Path) -> str | None:
     """Return the day of a picture from its EXIF, as "2024-05-17"; None if unknown."""
     with open_picture(path) as image:

@@ -11,12 +11,13 @@ import cv2
 import numpy as np
 import pytest
 from PIL import ExifTags, Image
+from PIL.TiffImagePlugin import IFDRational
 
 from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.crop import FacadeCrop
-from facade_core.imagery.rectify.photo_state import check_photo_state
+from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_state
 from facade_core.parsing.segmenter import Surroundings
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence
@@ -168,6 +169,34 @@ def test_a_lit_wall_below_a_dark_sky_is_of_the_night_and_one_in_the_shade_is_not
     labels = np.broadcast_to(labels, (100, 80)).astype(np.uint8)
     with pytest.raises(ImageError, match="at night") if is_night else nullcontext():
         check_photo_state(image, hidden, Surroundings(labels == 6, labels))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "iso", "is_night"), [((1, 8), 1600, True), ((1, 60), 100, False), ((0, 1), 100, False)]
+)
+def test_a_photo_whose_exposure_is_that_of_lamps_is_refused(
+    tmp_path: Path, seconds: tuple[int, int], iso: int, is_night: bool
+) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(ExifTags.IFD.Exif).update(
+        {
+            ExifTags.Base.FNumber: 2.8,
+            ExifTags.Base.ExposureTime: IFDRational(*seconds),
+            ExifTags.Base.ISOSpeedRatings: iso,
+        }
+    )
+    path = tmp_path / "w1-f9.jpg"
+    Image.fromarray(from_below(PAINTED.image)).save(path, exif=exif)
+    with pytest.raises(ImageError, match=r"w1-f9\.jpg: it was taken at night") if is_night else nullcontext():
+        crop_facade_photo(path, False)
+
+
+@pytest.mark.parametrize(("sky", "is_night"), [(90, True), (140, False)])
+def test_a_sky_that_is_dark_in_a_photo_as_taken_is_of_the_night(sky: int, is_night: bool) -> None:
+    photo = from_below(PAINTED.image)
+    photo[(photo == photo[0, 0]).all(axis=2)] = sky, sky, sky // 2
+    with pytest.raises(ImageError, match="at night") if is_night else nullcontext():
+        check_daylight(photo, np.zeros(photo.shape[:2], bool), None)
 
 
 def sign(text: str, score: float) -> TextLine:
