@@ -100,7 +100,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     ),
     "twins": ('{"poses": {"a": {"x": 1}, "a": {"x": 2}}}', r"'a' is given twice; remove one"),
     "binary": (bytes(range(256)), r"is not UTF-8 text"),
-    "utf-16": (entry().encode("utf-16"), r"is not UTF-8 text"),
+    "utf-16-cut": (entry().encode("utf-16")[:-1], r"is not UTF-8 text"),
     "zeros": (bytes(99), r"is not a poses file|holds no poses"),
     "huge": (b" " * 41_000_000, r"has more than 40 MB; keep the poses alone"),
     "csv-field": ("file,x\n" + "a" * 200_000 + ",1\n", r"is not a poses file \(field larger"),

@@ -48,6 +48,14 @@ _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
 _SWAPPED_REASON = "panoramas skipped whose longitude and latitude look swapped; write each under its own name"
+_SWAPPED_PLANE_REASON = "panoramas skipped whose x and y look swapped; x is east and y north"
+_DEGREES_REASON = "panoramas skipped whose x and y look like degrees; call them lon and lat"
+_ZERO_HEADING_REASON = (
+    "panoramas whose GPano heading is 0, a usual default, and whose EXIF states another: 0 taken; give a poses file if the "
+    "other is right"
+)
+_ZONE_STEP = 1e6  # m; number of a zone in front of an easting
+_ZONE_REASON = "panoramas skipped whose x begins with the number of a zone; take it off, or state the crs that has it"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
 
 
@@ -132,10 +140,7 @@ def read_panoramas(
             continue
         posed += 1
         if not math.isfinite(pose.x + pose.y) or (bounds and distance_outside(pose, bounds) > MAX_DISTANCE_M):
-            swapped = source.crs == LONLAT and bounds is not None and _is_swapped(source, view, crs, frames, bounds)
-            remarks.append(
-                Remark(path.stem, _SWAPPED_REASON if swapped else "panoramas of another place skipped", None)
-            )
+            remarks.append(Remark(path.stem, _distant_reason(source, view, crs, frames, bounds), None))
             continue
         alike = same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
@@ -144,8 +149,10 @@ def read_panoramas(
             )
             continue
         alike.append(path)
-        if magnetic and _stated_pose(sources, path) is None:
-            remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
+        if _stated_pose(sources, path) is None:
+            remarks += [Remark(path.stem, reason, None) for reason in source.remarks]
+            if magnetic:
+                remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
         if poses and isinstance(entry := _find_entry(sources, path), SourcePose):
             lacking = [] if entry.heading is not None else [_FOREIGN_POSE_REASON.format(file=poses.name)]
             remarks += [Remark(path.stem, reason, None) for reason in (*entry.remarks, *lacking)]
@@ -168,19 +175,27 @@ def _match_letter_case(poses: Mapping[str, SourcePose | str], paths: Sequence[Pa
     return renamed | {name: pose for name, pose in poses.items() if name in names}
 
 
-def _is_swapped(
+def _distant_reason(
     source: SourcePose,
     view: tuple[float, float, float, float],
     crs: CRS,
     transformers: dict[str | None, Transformer],
-    bounds: Sequence[float],
-) -> bool:
-    """Return True where a pose is near the buildings once its longitude and latitude are swapped."""
-    try:
-        pose = project_pose(replace(source, x=source.y, y=source.x), view, crs, transformers)
-    except ValueError:
-        return False
-    return math.isfinite(pose.x + pose.y) and distance_outside(pose, bounds) <= MAX_DISTANCE_M
+    bounds: Sequence[float] | None,
+) -> str:
+    """Return the reason for a pose far from the buildings: the mistake that explains it, or another place."""
+    mistakes = {
+        _SWAPPED_REASON if source.crs == LONLAT else _SWAPPED_PLANE_REASON: replace(source, x=source.y, y=source.x),
+        _DEGREES_REASON: replace(source, crs=LONLAT),
+        _ZONE_REASON: replace(source, x=source.x % _ZONE_STEP),
+    }
+    for reason, mended in mistakes.items():
+        try:
+            pose = project_pose(mended, view, crs, transformers)
+        except ValueError:
+            continue
+        if bounds and math.isfinite(pose.x + pose.y) and distance_outside(pose, bounds) <= MAX_DISTANCE_M:
+            return reason
+    return "panoramas of another place skipped"
 
 
 def outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
@@ -349,13 +364,14 @@ def embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple
         return None, False
     if not math.isfinite(lon + lat):
         return None, False
-    heading = _finite_number(pano.get("PoseHeadingDegrees"))
+    heading, direction = _finite_number(pano.get("PoseHeadingDegrees")), _finite_number(gps.get("GPSImgDirection"))
     if heading is not None:
         pitch, roll = (_finite_number(pano.get(f"Pose{angle}Degrees")) or 0.0 for angle in ("Pitch", "Roll"))
-        return SourcePose(LONLAT, lon, lat, None, heading, pitch, roll), False
+        doubts = (_ZERO_HEADING_REASON,) if heading == 0 and direction else ()
+        return SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=doubts), False
     reference = gps.get("GPSImgDirectionRef") or "T"
     magnetic = str(reference.decode("ascii", "ignore") if isinstance(reference, bytes) else reference)[:1] in "Mm"
-    return SourcePose(LONLAT, lon, lat, None, _finite_number(gps.get("GPSImgDirection"))), magnetic
+    return SourcePose(LONLAT, lon, lat, None, direction), magnetic
 
 
 def _finite_number(value: object) -> float | None:

@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from datetime import UTC, date, datetime
 
 from catalogs.crs import metres_per_height_unit, parse_crs
 from catalogs.features import Remark
@@ -18,8 +19,8 @@ FIELD_NAMES = {
         "file", "filename", "file_name", "image", "image_name", "image_file", "picture", "photo", "photo_name", "panorama",
         "pano", "sourcefile", "source_file", "file_path", "photo_id", "image_id", "pano_id", "label", "name", "id",
     ),
-    "x": ("x", "easting", "east"),
-    "y": ("y", "northing", "north"),
+    "x": ("x", "easting", "east", "x/easting", "x/east"),
+    "y": ("y", "northing", "north", "y/northing", "y/north"),
     "z": ("z",),
     "lon": ("lon", "lng", "long", "longitude", "map_longitude", "gpslongitude", "gps_longitude", "x/longitude"),
     "lat": ("lat", "latitude", "map_latitude", "gpslatitude", "gps_latitude", "y/latitude"),
@@ -30,7 +31,12 @@ FIELD_NAMES = {
     ),
     "pitch": ("pitch", "pers_pitch", "posepitch", "pose_pitch"),
     "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
+    "captured": (
+        "captured", "captured_at", "capture_date", "capture_time", "date_taken", "datetimeoriginal", "datetime_original",
+        "mapcapturetime", "date_added", "shot_date",
+    ),
 }  # fmt: skip
+_ANGLE_KEYS = ("heading", "pitch", "roll", "lon", "lat")
 # Units at the end of a field's name, "yaw_deg", "Heading[rad]", "Easting (m)", "z_ft", and their degrees or metres.
 _ANGLE_UNITS = {"deg": 1.0, "°": 1.0, "rad": math.degrees(1.0), "gon": 0.9, "grad": 0.9}
 _LENGTH_UNITS = {"mm": 0.001, "cm": 0.01, "km": 1000.0, "m": 1.0, "ft": 0.3048}
@@ -40,8 +46,8 @@ _UNIT = re.compile(
 )
 # A latitude or longitude: hemisphere, degrees, minutes, seconds, hemisphere.
 _SEXAGESIMAL = re.compile(
-    r"\s*([NSEW])?\s*(\d+(?:\.\d+)?)\s*(?:°|º|deg|d|:)?"
-    r"\s*(?:(\d+(?:\.\d+)?)\s*(?:'|′|’|m|min|:)?\s*(?:(\d+(?:\.\d+)?)\s*(?:\"|″|”|''|s|sec)?)?)?\s*([NSEW])?\s*",
+    r"\s*([NSEW])?\s*(\d+(?:[.,]\d+)?)\s*(?:°|º|deg|d|:)?"
+    r"\s*(?:(\d+(?:[.,]\d+)?)\s*(?:'|′|’|m|min|:)?\s*(?:(\d+(?:[.,]\d+)?)\s*(?:\"|″|”|''|s|sec)?)?)?\s*([NSEW])?\s*",
     re.IGNORECASE,
 )
 # Names of fields that look like a height, or like an angle or an accuracy.
@@ -62,6 +68,16 @@ _OTHER_REASON = (
 _RADIANS_REASON = (
     "headings of {file} taken as degrees, and all are within 6.3; where they are radians, call the field heading_rad"
 )
+_GON_REASON = (
+    "headings of {file} taken as degrees, and some are from 360 to 400; where they are gon (400 to a turn), call the field "
+    "heading_gon"
+)
+_DATE_REASON = "dates of {file} not understood, read without; write the day as 2024-05-17"
+_DATE = re.compile(
+    r"(?P<y>\d{4})[-:/]?(?P<m>\d\d)[-:/]?(?P<d>\d\d)(?!\d)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})(?!\d)"
+)
+_MIN_EPOCH_S = 1e8  # of 1973; smaller numbers are no times
+_MIN_EPOCH_MS = 1e11
 _MAX_NAME_LENGTH = 40
 # Fields that a row may leave empty, and what a camera without it has.
 _DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
@@ -95,6 +111,8 @@ def read_field(record: JsonObject, key: str, crs: str | None) -> object:
     if (name := find_field(record, key)) is None:
         return None
     value: object = record[name]
+    if isinstance(value, str) and key in _ANGLE_KEYS:
+        value = value.rstrip("°º ")
     if key in ("lon", "lat") and isinstance(value, str) and (degrees := _parse_sexagesimal(value)) is not None:
         return degrees
     factor = _unit_factor(name, key, crs)
@@ -111,14 +129,16 @@ def _parse_sexagesimal(text: str) -> float | None:
     match = _SEXAGESIMAL.fullmatch(text)
     if match is None or not (match[1] or match[3] or match[5]):
         return None
-    degrees: float = sum(float(part or 0.0) / 60.0**power for power, part in enumerate(match.group(2, 3, 4)))
+    degrees: float = sum(
+        float((part or "0").replace(",", ".")) / 60.0**power for power, part in enumerate(match.group(2, 3, 4))
+    )
     return -degrees if (match[1] or match[5] or "").upper() in ("S", "W") else degrees
 
 
 def _unit_factor(name: str, key: str, crs: str | None) -> float:
     found = _UNIT.search(name.strip().lower())
     unit = found.lastgroup if found else None
-    if key in ("heading", "pitch", "roll", "lon", "lat"):
+    if key in _ANGLE_KEYS:
         return _ANGLE_UNITS.get(unit or "", 1.0)
     if key == "z":
         return _LENGTH_UNITS[unit] if unit in _LENGTH_UNITS else 1.0 if crs is None else metres_per_height_unit(crs)
@@ -151,8 +171,45 @@ def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark
     return tuple(remarks)
 
 
-def find_likely_radians(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
-    """Return a remark where all headings are without a unit and small enough to be radians.
+def parse_capture_day(value: object) -> str | None:
+    """Return the day "2024-05-17" of a date, a time or seconds or milliseconds since 1970 in UTC; None for others.
+
+    Dates begin with the year, or are days, months and years with points.
+    """
+    text = str(value).strip()
+    if found := _DATE.match(text):
+        year, month, day = found.group("y", "m", "d") if found["y"] else found.group("Y", "M", "D")
+        try:
+            return date(int(year), int(month), int(day)).isoformat()
+        except ValueError:
+            return None
+    try:
+        seconds = float(text)
+    except ValueError:
+        return None
+    seconds = seconds / 1000 if seconds >= _MIN_EPOCH_MS else seconds
+    if not _MIN_EPOCH_S <= seconds < _MIN_EPOCH_MS:
+        return None
+    return datetime.fromtimestamp(seconds, UTC).date().isoformat()
+
+
+def find_unread_days(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
+    """Return a remark on the fields of dates that are not understood.
+
+    Parameters
+    ----------
+    file : name of the file in the remark.
+    records : records of the file.
+    """
+    stated = {(name, str(record[name])) for record in records if (name := find_field(record, "captured")) is not None}
+    unread = sorted({name for name, text in stated if parse_capture_day(text) is None})
+    return tuple(
+        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _DATE_REASON.format(file=file), None) for name in unread
+    )
+
+
+def find_likely_units(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
+    """Return a remark where all headings are without a unit and small enough to be radians, or gon by their range.
 
     Parameters
     ----------
@@ -171,6 +228,10 @@ def find_likely_radians(file: str, records: Iterable[JsonObject]) -> tuple[Remar
         except (ValueError, OverflowError):
             continue
         names[name] = None
+    if headings and min(headings) >= 0 and 360 < max(headings) <= 400:
+        return tuple(
+            Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _GON_REASON.format(file=file), None) for name in names
+        )
     likely = [heading for heading in headings if abs(heading) <= 2 * math.pi]
     if len(likely) < max(2, len(headings)) or all(heading.is_integer() for heading in headings):
         return ()

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import date
@@ -24,8 +25,10 @@ from catalogs.readers.pictures.pose_fields import (
     field_name,
     find_empty_fields,
     find_field,
-    find_likely_radians,
+    find_likely_units,
+    find_unread_days,
     find_unused_fields,
+    parse_capture_day,
     read_field,
     squeeze,
 )
@@ -45,6 +48,13 @@ _LIST_KEYS = ("data", "features", "result", "osv", "photos", "images", "currentP
 _MAX_LIST_DEPTH = 3
 # Members of a record that hold its place.
 _PLACE_KEYS = ("location", "position", "latLng", "gps")
+# Tilts of all panoramas of a file, degrees, that show another convention, and the least panoramas that show it.
+_MAX_TILT_DEG = 20.0
+_MIN_TILTED = 2
+_NADIR_REASON = "pitches of {file} are all near 90: taken from straight down, as Metashape counts, and 90 taken off"
+_UPSIDE_DOWN_REASON = (
+    "rolls of {file} are all near 180, which turns the panoramas upside down; leave roll out if they are upright"
+)
 # Entry of a poses file, or the error for which it cannot be used.
 PoseRecord: TypeAlias = JsonObject | Exception
 # Value of an EXIF tag.
@@ -120,13 +130,14 @@ def read_poses_file(path: Path) -> PosesFile:
             raise InputError(
                 f"{path} has more than {MAX_FILE_BYTES // 1_000_000} MB; keep the poses alone, without points and tracks"
             )
-        text = read_regular(path, MAX_FILE_BYTES).decode("utf-8-sig")
+        content = read_regular(path, MAX_FILE_BYTES)
+        text = content.decode("utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig")
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text; give {_FORMAT_HINT}") from error
+        raise InputError(f"{path} is not UTF-8 text; save it again as UTF-8: {_FORMAT_HINT}") from error
     try:
         if text.lstrip().startswith(("{", "[")):
             stated_crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
@@ -153,8 +164,27 @@ def read_poses_file(path: Path) -> PosesFile:
             poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
-    remarks = (*find_unused_fields(path.name, stated.values()), *find_likely_radians(path.name, stated.values()))
-    return PosesFile(poses, remarks)
+    remarks = [
+        remark
+        for find in (find_unused_fields, find_likely_units, find_unread_days)
+        for remark in find(path.name, stated.values())
+    ]
+    poses, tilted = _level_tilts(path.name, poses)
+    return PosesFile(poses, (*remarks, *tilted))
+
+
+def _level_tilts(file: str, poses: dict[str, SourcePose | str]) -> tuple[dict[str, SourcePose | str], list[Remark]]:
+    """Return poses whose pitch is 0 at the horizon, and remarks on tilts that no panorama is taken with."""
+    found = {name: pose for name, pose in poses.items() if isinstance(pose, SourcePose)}
+    if len(found) < _MIN_TILTED:
+        return poses, []
+    remarks = []
+    if all(abs(pose.pitch - 90.0) <= _MAX_TILT_DEG for pose in found.values()):
+        poses = poses | {name: replace(pose, pitch=pose.pitch - 90.0) for name, pose in found.items()}
+        remarks.append(Remark("pitch", _NADIR_REASON.format(file=file), None))
+    if all(abs(abs(pose.roll) - 180.0) <= _MAX_TILT_DEG for pose in found.values()):
+        remarks.append(Remark("roll", _UPSIDE_DOWN_REASON.format(file=file), None))
+    return poses, remarks
 
 
 def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue | None) -> float:
@@ -246,7 +276,7 @@ def _picture_name(record: JsonObject) -> str:
     name = find_field(record, "file")
     if name is None:
         raise ValueError("an entry does not name its picture")
-    return Path(str(record[name])).name
+    return str(record[name]).replace("\\", "/").rpartition("/")[2]  # folders of any machine
 
 
 def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
@@ -274,7 +304,9 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
     """Return a record as a pose; ValueError with the missing or invalid field."""
     if not isinstance(record, dict):
         raise ValueError("it is no object in braces")
-    value = {key: _finite_number(read_field(record, key, crs), key) for key in FIELD_NAMES if key != "file"}
+    value = {
+        key: _finite_number(read_field(record, key, crs), key) for key in FIELD_NAMES if key not in ("file", "captured")
+    }
     x, y, heading = value["x"], value["y"], value["heading"]
     lon, lat = value["lon"], value["lat"]
     gps = record.get("exif_gps") or {}
@@ -297,7 +329,7 @@ def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:
         heading,
         value["pitch"] or 0.0,
         value["roll"] or 0.0,
-        parse_iso_date(record.get("captured")),
+        parse_capture_day(record[taken] if (taken := find_field(record, "captured")) else None),
     )
 
 

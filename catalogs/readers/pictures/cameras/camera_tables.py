@@ -21,7 +21,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     rotation_from_heading,
     rotation_from_omega_phi_kappa,
 )
-from catalogs.readers.pictures.pose_fields import find_likely_radians, read_field
+from catalogs.readers.pictures.pose_fields import find_likely_units, read_field
 from catalogs.readers.pictures.poses import PoseRecord, csv_records
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -89,7 +89,7 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
         else:
             cameras[picture] = camera
             is_geographic |= uses_lonlat
-    remarks = list(find_likely_radians(name, [record for _, record in records if isinstance(record, dict)]))
+    remarks = list(find_likely_units(name, [record for _, record in records if isinstance(record, dict)]))
     if reason := describe_unit_doubt(unmarked):
         remarks.append(Remark("omega, phi, kappa", reason.format(file=name), None))
     return CameraFile(name, cameras, crs=LONLAT if is_geographic else crs, remarks=tuple(remarks))

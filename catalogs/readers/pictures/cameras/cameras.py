@@ -335,7 +335,7 @@ def _check_upright(name: str, axes: Float64Array) -> None:
     right, down, ahead = axes[:, 0, 2], axes[:, 1, 2], axes[:, 2, 2]
     remedy = (
         "rotations are from the world to camera axes x right, y down, z ahead: check the order of quaternions (w, x, y, z), "
-        "the axes and the unit of angles"
+        "the axes, the unit of angles, and that pitch is 0 at the horizon (Metashape's is 90 there)"
     )
     if (down > UPSIDE_DOWN_SINE).mean() > MAX_UPSIDE_DOWN_SHARE:
         raise InputError(f"{name}: most pictures are upside down; {remedy}")

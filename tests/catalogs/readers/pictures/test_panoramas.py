@@ -247,6 +247,31 @@ def test_panoramas_elsewhere_are_skipped_and_counted(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("x", "y", "mistake"),
+    [
+        (NORTH, EAST, "x and y look swapped"),
+        (LON, LAT, "x and y look like degrees"),
+        (EAST + 35e6, NORTH, "begins with the number of a zone"),
+        (EAST, NORTH - 9000, "of another place skipped"),
+    ],
+)
+def test_the_mistake_in_a_distant_pose_is_named(folder: Path, tmp_path: Path, x: float, y: float, mistake: str) -> None:
+    picture(folder / "a.jpg")
+    poses = poses_file(tmp_path, {"poses": {"a": {"x": x, "y": y, "heading": 9.5}}})
+    found = read_panoramas(folder, poses, UTM, (EAST - 50, NORTH - 50, EAST + 50, NORTH + 50))
+    (remark,) = found.remarks
+    assert mistake in remark.reason
+
+
+@pytest.mark.parametrize(("stated", "is_noted"), [("0.0", True), ("12.0", False)])
+def test_a_default_heading_that_exif_contradicts_is_noted(folder: Path, stated: str, is_noted: bool) -> None:
+    xmp = XMP.format(attributes=f'GPano:PoseHeadingDegrees="{stated}"', elements="")
+    picture(folder / "a.jpg", gps=gps(heading=77.0), xmp=xmp)
+    found = read_panoramas(folder, None, UTM)
+    assert [remark.id for remark in found.remarks] == (["a"] if is_noted else [])
+
+
+@pytest.mark.parametrize(
     ("content", "problem"),
     [
         ("", "holds no poses"),
@@ -351,7 +376,8 @@ def test_pictures_of_one_place_far_apart_in_time_are_told(folder: Path, east: fl
     poses = {name: {"x": EAST + x, "y": NORTH, "heading": 0, "captured": day} for name, (x, day) in entries.items()}
     found = read_panoramas(folder, poses_file(folder.parent, {"poses": poses}), UTM)
     assert len(found.items) == 2
-    assert [one.id for one in found.remarks] == (["old of 2021-05-01 near new of 2024-05-01"] if told else [])
+    noted = ["old of 2021-05-01 near new of 2024-05-01"] if told else ["captured"] if day == "once" else []
+    assert [one.id for one in found.remarks] == noted
 
 
 def test_a_pose_without_a_heading_is_named(tmp_path: Path) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from catalogs.features import feature_ids_by_reason, format_reason_notes
+from catalogs.readers.pictures.pose_fields import parse_capture_day
 from catalogs.readers.pictures.poses import PosesFile, SourcePose, read_poses_file
+from facade_core.core.errors import InputError
 
 HEIGHTS = (
     "fields of poses.csv that look like heights, not used; call the one that is surveyed z, with its unit (z_m, z_ft)"
@@ -216,3 +218,62 @@ def test_geojson_in_a_frame_of_its_own(tmp_path: Path) -> None:
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32635"}}
     found = pose(read(tmp_path, json.dumps({"type": "FeatureCollection", "crs": crs, "features": [point]}), ".geojson"))
     assert (found.crs, found.x, found.y) == ("urn:ogc:def:crs:EPSG::32635", 385000, 6671000)
+
+
+@pytest.mark.parametrize(
+    ("value", "day"),
+    [
+        ("2024-05-17T23:59:00Z", "2024-05-17"),
+        ("2024:05:17 10:00:00", "2024-05-17"),
+        ("17.5.2024", "2024-05-17"),
+        (20240517, "2024-05-17"),
+        (1715940000000, "2024-05-17"),
+        ("1715940000", "2024-05-17"),
+        ("05/17/2024", None),
+        ("2024-13-40", None),
+        ("spring", None),
+        (17, None),
+        (True, None),
+        (None, None),
+    ],
+)
+def test_days_of_capture(value: object, day: str | None) -> None:
+    assert parse_capture_day(value) == day
+
+
+def test_days_that_are_not_understood_are_noted(tmp_path: Path) -> None:
+    found = read(tmp_path, "file,x,y,heading,captured_at\np.jpg,1,2,9.5,1715940000000\nq.jpg,1,2,8.5,05/17/2024\n")
+    assert [pose(found, name).captured for name in ("p.jpg", "q.jpg")] == ["2024-05-17", None]
+    assert [remark.id for remark in found.remarks] == ["captured_at"]
+
+
+def test_names_and_numbers_of_other_programs(tmp_path: Path) -> None:
+    text = "#Label;X/East;Y/North;Yaw\nC:\\run\\p.jpg;1,5;2,5;135°\n"
+    (tmp_path / "poses.csv").write_bytes(text.encode("utf-16"))
+    found = pose(read_poses_file(tmp_path / "poses.csv"))
+    assert (found.x, found.y, found.heading) == (1.5, 2.5, 135.0)
+    found = pose(read(tmp_path, "file;lat;lon;heading\np.jpg;60,17 N;24°56'19,3\"E;9\n"))
+    assert (found.x, found.y) == pytest.approx((24.938694, 60.17), abs=1e-6)
+    (tmp_path / "poses.csv").write_bytes("file,x,y,heading,Straße\n".encode("cp1252"))
+    with pytest.raises(InputError, match="save it again as UTF-8"):
+        read_poses_file(tmp_path / "poses.csv")
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "angles", "noted"),
+    [
+        ("heading,pitch,roll", ["9,89,0", "8,91,0"], (-1.0, 0.0), "90 taken off"),
+        ("heading,pitch,roll", ["9,89,0", "8,1,0"], (89.0, 0.0), None),
+        ("heading,pitch,roll", ["9,0,180", "8,0,-179"], (0.0, 180.0), "upside down"),
+        ("heading", ["385.5", "20.5"], (0.0, 0.0), "heading_gon"),
+        ("heading", ["385.5", "725.5"], (0.0, 0.0), None),
+    ],
+)
+def test_angles_of_another_convention(
+    columns: str, rows: list[str], angles: tuple[float, float], noted: str | None, tmp_path: Path
+) -> None:
+    lines = [f"{name},1,2,{row}" for name, row in zip(("p.jpg", "q.jpg"), rows, strict=True)]
+    found = read(tmp_path, "\n".join([f"file,x,y,{columns}", *lines]))
+    assert (pose(found).pitch, pose(found).roll) == angles
+    assert bool(found.remarks) == (noted is not None)
+    assert all(str(noted) in remark.reason for remark in found.remarks)
