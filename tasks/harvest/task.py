@@ -25,10 +25,11 @@ from facade_core.imagery.detect.facade_detection import detect_on_thumbnail
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.imagery.rectify.panorama_views import cut_panorama_views
+from facade_core.imagery.rectify.photo_state import check_daylight
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
 from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
-from tasks.stages.shared.images import read_bounded_picture, read_focal_length_px
+from tasks.stages.shared.images import read_bounded_picture, read_exposure_value, read_focal_length_px
 
 # Density at which styles are compared, pixels per metre: that of textures.
 STYLE_PIXELS_PER_METRE = 20.0
@@ -37,11 +38,20 @@ REJECTED_SIDE_PX = 240
 
 
 class PhotoView(NamedTuple):
-    """Photo, or view of a panorama: its name, (h, w, 4) uint8 pixels, and its focal length in pixels if known."""
+    """Photo, or view of a panorama.
+
+    Attributes
+    ----------
+    name : name of its candidate.
+    image : (h, w, 4) uint8.
+    focal : focal length in pixels; None if unknown.
+    exposure : exposure value at ISO 100; None if unknown.
+    """
 
     name: str
     image: UInt8Array
     focal: float | None
+    exposure: float | None = None
 
 
 def harvest_picture(path: Path, name: str, digest: str, key: str, out: Path) -> PictureRecord:
@@ -86,7 +96,12 @@ def _read_views(path: Path, name: str) -> Iterator[PhotoView]:
         return
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = read_focal_length_px(path)
-    yield PhotoView(name, np.dstack([picture.rgb, alpha]), None if focal is None else focal * picture.scale)
+    yield PhotoView(
+        name,
+        np.dstack([picture.rgb, alpha]),
+        None if focal is None else focal * picture.scale,
+        read_exposure_value(path),
+    )
 
 
 def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> bool:
@@ -103,6 +118,7 @@ def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> 
 def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
     """Harvest the facade of one view, and write it; one in which none is found is written small."""
     try:
+        check_daylight(view.image[..., :3], view.image[..., 3] == 0, view.exposure)
         found = harvest_facade(view.image, view.focal, seed=hash_name(view.name))
         texture, labels = _at_style_density(found)
         look = style_descriptor(texture, labels, 1 / STYLE_PIXELS_PER_METRE)

@@ -9,12 +9,16 @@ import numpy as np
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
+from facade_core.core.resizing import resize_image
+from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.parsing.segmenter import Surroundings, segment_surroundings
 
 # Evidence below which a photo is also looked at upside down,
 MIN_UPRIGHT_EVIDENCE = 0.03
 # and by how much more there must be then.
 MIN_UPRIGHT_GAIN = 0.04
+# Longest side of the picture in which night is looked for before a photo is rectified.
+DAYLIGHT_SIDE_PX = 640
 # Median brightness at most of what is above a facade at night, of 255, in a photo as taken: the sky.
 MAX_NIGHT_SKY = 115
 # In a rectified photo neighbours may be all that is above it, so it must be as dark as this,
@@ -61,13 +65,17 @@ def check_daylight(
 
     Parameters
     ----------
-    image : (H, W, 3) uint8; one of 640 pixels a side is large enough.
-    hidden : (H, W) bool, pixels that do not show the photo.
+    image : (H, W, 3) uint8; looked at with at most DAYLIGHT_SIDE_PX a side.
+    hidden : (H, W) bool, pixels that do not show the photo; so do borders without data.
     exposure : exposure value of the photo at ISO 100; None if unknown.
     model : parser model, the shipped one by default.
     """
     if exposure is not None and exposure < MIN_DAYLIGHT_EXPOSURE:
         raise ImageError(AT_NIGHT)
+    shrink = min(1.0, DAYLIGHT_SIDE_PX / max(hidden.shape))
+    size = (max(1, round(hidden.shape[0] * shrink)), max(1, round(hidden.shape[1] * shrink)))
+    image = resize_image(image, size)
+    hidden = no_data_mask(image) | (resize_image(hidden.astype(np.uint8) * 255, size) > 0)
     if not hidden.all():
         outside = segment_surroundings(image, hidden, model=model).outside
         _require_daylight(image, hidden, outside, MIN_SKY_SHARE, MAX_NIGHT_SKY)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX
 from facade_core.core.arrays import BoolArray, Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resize_image
@@ -25,8 +25,6 @@ MAX_STRETCH = 2.5
 # Lines of text are legible from this score and number of letters on.
 LEGIBLE_SCORE = 0.85
 LEGIBLE_LETTERS = 4
-# Longest side of the picture in which day and night are told apart.
-DAYLIGHT_SIDE_PX = 640
 # Signs that only the mirror image of a mirrored photo has.
 MIN_MIRRORED_SIGNS = 2
 
@@ -194,19 +192,8 @@ def rectify_photo(path: Path, parser: Path | None = None) -> tuple[Rectified, tu
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = read_focal_length_px(path)
     try:
-        _check_daylight(picture, path, parser)
+        check_daylight(picture.rgb, picture.hidden, read_exposure_value(path), model=parser)
         found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
     except ImageError as error:
         raise ImageError(f"{path.name}: {error}") from error
     return found, picture.hidden.shape
-
-
-def _check_daylight(picture: Picture, path: Path, parser: Path | None) -> None:
-    """Raise ImageError for a photo taken at night, by its EXIF or by its sky and walls in a small picture of it."""
-    import cv2
-
-    shrink = min(1.0, DAYLIGHT_SIDE_PX / max(picture.hidden.shape))
-    size = tuple(max(1, round(side * shrink)) for side in picture.hidden.shape)
-    small = resize_image(picture.rgb, size)
-    hidden = cv2.resize(picture.hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    check_daylight(small, hidden | no_data_mask(small), read_exposure_value(path), model=parser)
