@@ -204,6 +204,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         + built.notes
         + far
         + _flat_terrain_notes(built.items, terrain)
+        + _unit_notes(files, file)
         + (() if terrain is None else note_terrain_doubts(terrain, built.items, files["terrain.path"][0].name))
         + geoid_notes,
         faults=(*geometry.faults, *pictures.faults, *broken_panoramas),
@@ -324,6 +325,14 @@ def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster 
     if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
         return ()
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
+
+
+def _unit_notes(files: NamedFiles, file: BlockFileErrorContext) -> tuple[str, ...]:
+    """Return notes on rasters of heights whose unit is assumed."""
+    from catalogs.readers.pictures.elevation import note_assumed_unit
+
+    keys = [key for key in ("terrain.path", "buildings.heights.path") if key in files]
+    return tuple(note for key in keys for note in file.call_reader(key, note_assumed_unit, files[key][0]))
 
 
 def _read_terrain(files: NamedFiles, frame: CRS, extent: Bounds, file: BlockFileErrorContext) -> ElevationRaster | None:

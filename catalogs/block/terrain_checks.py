@@ -17,6 +17,8 @@ _MIN_BUMP_M = 2.0
 _MIN_BUMP_SHARE = 0.5  # of the buildings
 _MIN_DATUM_GAP_M = 3.0
 _MAX_DATUM_SPREAD_M = 2.0
+_MIN_ZERO_SHARE = 0.002  # of the cells
+_MAX_MIXED_SHARE = 0.35  # cells between 0 and heights, of those with 0
 _MAX_CELL_M = 5.0  # larger cells do not show a roof
 _MAX_STEEP_SHARE = 0.25
 _STEEP = 1.5  # metres a metre
@@ -45,6 +47,7 @@ def note_terrain_doubts(terrain: ElevationRaster, buildings: Sequence[Building],
             f"{name} states no height at {format_count(unknown, 'building')} of {len(buildings)}, whose ground is continued "
             "from the nearest heights; give a raster that covers the block"
         )
+    notes += _note_zeros(terrain, name)
     if terrain.step <= _MAX_CELL_M:
         notes += _note_roofs(terrain, buildings, name)
     gaps = np.array(
@@ -61,6 +64,19 @@ def note_terrain_doubts(terrain: ElevationRaster, buildings: Sequence[Building],
             "buildings (median): heights of another datum or unit; move one of them (buildings.offset)"
         )
     return tuple(notes)
+
+
+def _note_zeros(terrain: ElevationRaster, name: str) -> list[str]:
+    """Return a note where heights of exactly 0 stand between others that are all far from it."""
+    known = terrain.heights[np.isfinite(terrain.heights)]
+    zeros = int((known == 0.0).sum())
+    near = int((np.abs(known) < _MIN_DATUM_GAP_M).sum()) - zeros
+    if not _MIN_ZERO_SHARE * len(known) <= zeros < len(known) / 2 or near > _MAX_MIXED_SHARE * zeros:
+        return []
+    return [
+        f"{name} is 0 in {zeros / len(known):.0%} of its cells and over {_MIN_DATUM_GAP_M:g} m in the others, as where heights "
+        f"are unknown; where they are, say so with gdal_edit.py -a_nodata 0 {name}"
+    ]
 
 
 def _note_roofs(terrain: ElevationRaster, buildings: Sequence[Building], name: str) -> list[str]:

@@ -20,6 +20,11 @@ TOP_QUANTILE = 0.9
 MIN_HEIGHT_M = 2.5
 # Least cells of a roof that are measured on.
 MIN_CELLS = 4
+_RING_M = 8.0  # around a building, where its ground is seen
+_MAX_SAMPLE = 200  # buildings
+# Medians around the buildings, metres, of a surface that counts from the ground, and of a ground that does not.
+_MAX_GROUND_LEVEL_M = 1.0
+_MIN_GROUND_LEVEL_M = 3.0
 
 
 def measure_assumed_heights(
@@ -41,6 +46,10 @@ def measure_assumed_heights(
     All buildings, and notes.
     """
     found: list[Building] = []
+    notes = []
+    if _counts_from_ground(buildings, surface, ground):
+        ground = replace(ground, heights=np.zeros_like(ground.heights))
+        notes.append(f"heights of {source} taken as heights above the ground, as they are near 0 around the buildings")
     measured = low = unseen = 0
     for building in buildings:
         if building.height_source == "default" and not building.raised:
@@ -53,7 +62,6 @@ def measure_assumed_heights(
                 measured += 1
                 building = _with_top(building, top)
         found.append(building)
-    notes = []
     if measured:
         notes.append(f"heights of {format_count(measured, 'building')} measured on {source} instead of assumed")
     if low:
@@ -63,6 +71,21 @@ def measure_assumed_heights(
     if unseen:
         notes.append(f"{format_count(unseen, 'building')} without heights on {source}, which keep the assumed height")
     return tuple(found), tuple(notes)
+
+
+def _counts_from_ground(buildings: Sequence[Building], surface: ElevationRaster, ground: ElevationRaster) -> bool:
+    """Return True where the surface is near 0 around the buildings and the ground is not: it is a normalised model."""
+    rings = [
+        one.footprint.buffer(_RING_M).difference(one.footprint.buffer(surface.step)) for one in buildings[:_MAX_SAMPLE]
+    ]
+    levels = [[heights_within(ring, raster) for ring in rings] for raster in (surface, ground)]
+    known = [
+        float(np.median(heights))
+        for one in levels
+        for heights in [np.concatenate(one or [np.empty(0)])]
+        if len(heights)
+    ]
+    return len(known) == 2 and abs(known[0]) < _MAX_GROUND_LEVEL_M and abs(known[1]) > _MIN_GROUND_LEVEL_M
 
 
 def _with_top(building: Building, top: float) -> Building:

@@ -91,6 +91,8 @@ def _read_scene(
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
     embedded, refused, unplaced, skipped = set(), set(), set(), set()
+    drawn: dict[tuple[str, int], list[int]] = {}  # nodes that draw one mesh under one name
+    repeated: set[str] = set()
     multiplied, vertex_coloured, unreadable, unrepeated = set(), set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
@@ -104,6 +106,12 @@ def _read_scene(
         if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
             continue
         building = _building_name(names)
+        if building is not None and building in _own_names(header, owner, mesh_index):
+            owners = drawn.setdefault((building, mesh_index), [])
+            owners += [owner] if owner not in owners else []
+            if number := owners.index(owner):
+                building = f"{building}-{number + 1}"
+                repeated.add(building)
         texture = base_colour_texture(header, material)
         uri = texture.uri if texture else None
         picture = find_referenced_file(path, *filename_variants(uri)) if uri else None
@@ -153,6 +161,7 @@ def _read_scene(
         "models whose pictures end or are mirrored at their borders (sampler): repeated there": unrepeated,
         OUTSIDE_FOLDER_REASON: refused,
         NO_FILE_REASON: unreadable,
+        f"buildings of {path.name} numbered since another has their id": repeated,
     }
     remarks = [Remark(name, reason, None) for reason, names in reasons.items() for name in sorted(names)]
     if len(scenes := header.get("scenes", [])) > 1:
@@ -244,6 +253,12 @@ def _primitive_names(header: JsonObject, owner: int, mesh: int, parents: dict[in
     order = [drawn[1], *above] if own in _PLACEHOLDER_NAMES else [drawn[0], *above, drawn[1]]
     stated = [str(item.get("name", "")).strip() for item in order]
     return [name for name in stated if name.lower() not in _PLACEHOLDER_NAMES]
+
+
+def _own_names(header: JsonObject, owner: int, mesh: int) -> set[str]:
+    """Return the names of a node and its mesh, up to a |."""
+    items = (header["nodes"][owner], header["meshes"][mesh])
+    return {str(item.get("name", "")).partition("|")[0].strip() for item in items}
 
 
 def _building_name(names: list[str]) -> str | None:

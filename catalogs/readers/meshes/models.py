@@ -17,7 +17,11 @@ from catalogs.readers.meshes.header_comments import read_header_comments
 from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.plain import read_plain_mesh
-from catalogs.readers.meshes.plausible_models import check_earth_centred, select_plausible_models
+from catalogs.readers.meshes.plausible_models import (
+    check_earth_centred,
+    note_rounded_coordinates,
+    select_plausible_models,
+)
 from catalogs.readers.meshes.surface_names import merge_surface_names
 from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from catalogs.readers.meshes.up_axis import note_sideways_gltf, turn_up
@@ -57,6 +61,7 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         surfaces, textures, remarks, crs = read_gltf_surfaces(path)
     else:
         surfaces, remarks = read_plain_mesh(path)
+    remarks += note_rounded_coordinates(surfaces, path.name)
     frame = None if (keys.crs or crs) is None else parse_crs(keys.crs or crs or "")
     if kind in UP_AXIS_SUFFIXES:
         stated_up, unit = read_header_comments(path)

@@ -26,8 +26,32 @@ _MAX_MEDIAN_LENGTH_M = 200.0
 _MIN_LENGTH_M = 1.0
 _EARTH_RADII_M = (6_340_000.0, 6_390_000.0)
 _MAX_HEIGHT_M = 20_000.0  # m; of z in a frame of a map
+_MIN_ROUNDING_M = 0.1  # m; smaller steps show in no picture
+_MAX_SINGLE = 1e30
 FLAT_REASON = "models without height (ground, streets, water) set aside"
 OTHER_OBJECT_REASON = "models named as terrain, streets or trees set aside; rename those that are buildings"
+
+
+def note_rounded_coordinates(surfaces: Sequence[MeshSurface], name: str) -> list[Remark]:
+    """Return a remark where large coordinates were rounded to numbers of single precision.
+
+    Parameters
+    ----------
+    surfaces : surfaces of the file, as stored.
+    name : name of the file.
+    """
+    points = [one.corners.reshape(-1, 3) for one in surfaces if len(one.corners)]
+    largest = np.max([np.zeros(3), *(np.nan_to_num(np.abs(one)).max(axis=0) for one in points)], axis=0)
+    step = float(np.spacing(np.minimum(largest, _MAX_SINGLE).astype(np.float32)).max())
+    # coordinates of the other axes show that the numbers are not whole by choice
+    if step < _MIN_ROUNDING_M or not all((one.astype(np.float32) == one).all() for one in points):
+        return []
+    if not any((one % step != 0).any() for one in points):
+        return []
+    reason = (
+        f"mesh files whose large coordinates are rounded to {step:g} m, as single precision does; export the model near"
+    )
+    return [Remark(name, f"{reason} its origin, and give buildings.offset", None)]
 
 
 def check_earth_centred(surfaces: Sequence[MeshSurface], path: Path) -> None:

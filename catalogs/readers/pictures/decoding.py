@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.reader_errors import is_system_error, short_message
-from catalogs.readers.pictures.colour_profiles import ColourProfile, profile_to_srgb
+from catalogs.readers.pictures.colour_profiles import ColourProfile, find_profile, profile_to_srgb
 from catalogs.readers.pictures.high_depth import is_high_bit_depth, read_high_bit_depth
 from catalogs.readers.pictures.picture_kinds import HEIF_REMEDY, can_read_heif, is_heif
 from facade_core.core.arrays import AnyArray, BoolArray, UInt8Array
@@ -64,7 +64,7 @@ def read_picture(
 ) -> Picture:
     """Read a picture as sRGB in the orientation of its EXIF; the first of several frames.
 
-    An embedded colour profile is applied.
+    An embedded colour profile is applied, or the colour space that EXIF or gAMA state.
 
     Larger pictures are reduced while they are decoded, by means of pixels.
 
@@ -96,7 +96,7 @@ def read_picture(
             if image.format == "TIFF" and turned >= 5:
                 size = size[::-1]  # read_high_depth returns stored values
             rgb, hidden = read_high_bit_depth(path, max(1, math.floor(1 / scale)))
-            if profile := profile_to_srgb(image.info.get("icc_profile"), _profile_modes(image)):
+            if profile := profile_to_srgb(find_profile(image), _profile_modes(image)):
                 rgb = profile.convert_array(rgb)
         else:
             image.draft(None, (size[1], size[0]))  # decodes a JPEG at a half, a quarter or an eighth
@@ -196,7 +196,7 @@ def _convert_to_rgb(image: Image, factor: int) -> tuple[UInt8Array, BoolArray]:
     rgb, hidden = np.empty((rows, columns, 3), np.uint8), np.zeros((rows, columns), bool)
     step = max(1, _STRIP_PIXELS // (width * factor))
     transparent = image.has_transparency_data
-    profile = profile_to_srgb(image.info.get("icc_profile"), _profile_modes(image))
+    profile = profile_to_srgb(find_profile(image), _profile_modes(image))
     for row in range(0, rows, step):
         strip = image.crop((0, row * factor, width, min(height, (row + step) * factor)))
         colour = _to_rgba(strip, profile) if transparent else _to_rgb(strip, profile)

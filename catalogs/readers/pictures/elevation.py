@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,15 +38,13 @@ _UNKNOWN_CODES = (0.0, 9999.0, -999.0, 999.0)
 _CODE_GAP_M = 50.0
 _MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
 _MAX_MEDIAN_SLOPE = 2.0  # metres of height a metre; over that of tree tops in a surface model
-_METRES_PER_UNIT = {
-    "ft": 0.3048,
-    "foot": 0.3048,
-    "feet": 0.3048,
-    "us survey foot": 0.3048006096,
-    "us-ft": 0.3048006096,
-    "ftus": 0.3048006096,
-    "cm": 0.01,
-    "dm": 0.1,
+# Units of a band by the words of their names; of other names they are metres.
+_METRES_BY_UNIT_WORD = {
+    re.compile(r"\b(?:us|survey)\b.*\b(?:ft|foot|feet)\b|\b(?:ft|foot|feet)\b.*\b(?:us|survey)\b|ftus"): 1200 / 3937,
+    re.compile(r"\b(?:ft|foot|feet)\b"): 0.3048,
+    re.compile(r"\bmm\b|millimet"): 0.001,
+    re.compile(r"\bcm\b|centimet"): 0.01,
+    re.compile(r"\bdm\b|decimet"): 0.1,
 }
 # Cells before averaging: 3.5 km at 0.25 m.
 MAX_CELLS_READ = 200_000_000
@@ -175,8 +174,7 @@ def _read_around(
             f"{path} has damaged cells around {place} ({raster_crs.to_string()[:60]}), in the surroundings of the block; "
             "fetch the file again, or cut that place out with gdal_translate -projwin"
         ) from error
-    stated = (raster.units[0] or "").strip().lower().replace("_", " ")
-    unit = _METRES_PER_UNIT.get(stated, 1.0) if stated else metres_per_height_unit(raster.crs.to_wkt())
+    unit = _height_unit(raster, raster_crs)
     with np.errstate(invalid="ignore", over="ignore"):  # values out of range become unknown
         source = np.ma.filled(found.astype(np.float32), np.nan)
         source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
@@ -205,6 +203,41 @@ def _read_around(
     return ElevationRaster(float(west), float(north), step, heights)
 
 
+def _height_unit(raster: DatasetReader, crs: CRS) -> float:
+    """Return the metres per unit of heights: the stated unit of the band, else that of its frame."""
+    stated = _stated_unit(raster)
+    if not stated:
+        return metres_per_height_unit(raster.crs.to_wkt() if raster.crs else crs)
+    return next((metres for words, metres in _METRES_BY_UNIT_WORD.items() if words.search(stated)), 1.0)
+
+
+def _stated_unit(raster: DatasetReader) -> str:
+    return re.sub(r"[\s_.()-]+", " ", raster.units[0] or "").strip().lower()
+
+
+def note_assumed_unit(path: Path) -> tuple[str, ...]:
+    """Return a note where the heights of a raster are taken in the unit of its frame, which is not the metre.
+
+    Raises
+    ------
+    InputError
+        Where the file is no raster.
+    """
+    from pyproj import CRS
+
+    with open_raster(path, _find_driver(path), "a raster", REMEDY) as raster:
+        crs = read_raster_crs(raster, path)
+        if crs is None or _stated_unit(raster) or (raster.crs and CRS.from_wkt(raster.crs.to_wkt()).is_compound):
+            return ()
+        unit = _height_unit(raster, crs)
+    if unit == 1.0:
+        return ()
+    return (
+        f"heights of {path.name} taken in the unit of its frame ({unit:.4f} m), as none is stated; where they are metres, "
+        f"state it with gdal_edit.py -units metre {path.name}",
+    )
+
+
 def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
     """Raise where most of the ground is too steep, which tells heights in a smaller unit that is not stated."""
     if min(heights.shape) < 2:
@@ -227,7 +260,7 @@ def _mask_codes(heights: Float32Array) -> None:
     for code in _UNKNOWN_CODES:
         near = np.abs(known - code) < _CODE_GAP_M
         count = int((known == code).sum())
-        if 0 < count < len(known) and near.sum() - count <= _MAX_MIXED_SHARE * count:
+        if count > 0 and near.sum() < len(known) and near.sum() - count <= _MAX_MIXED_SHARE * count:
             heights[np.abs(heights - code) < _CODE_GAP_M] = np.nan
 
 

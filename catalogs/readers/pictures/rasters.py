@@ -39,6 +39,7 @@ MAX_ROW_CELLS = 16_384  # cells in a row of a part that is read
 # Sides of a cell, in units of the CRS: shorter ones are below rounding, longer ones span the Earth.
 _MIN_CELL_SIDE = 1e-9
 _MAX_CELL_SIDE = 1e7
+_MAX_PROJECTION_BYTES = 100_000
 
 
 def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
@@ -128,7 +129,7 @@ def read_raster_crs(raster: DatasetReader, path: Path, crs: str | None = None) -
     InputError
         For an unknown system, or one with axes other than east and north.
     """
-    text = crs or (raster.crs.to_wkt() if raster.crs else None)
+    text = crs or (raster.crs.to_wkt() if raster.crs else _read_projection_file(path))
     if not text:
         return None
     try:
@@ -140,6 +141,15 @@ def read_raster_crs(raster: DatasetReader, path: Path, crs: str | None = None) -
             f"{path} is in {frame.name}, whose axes are not east and north; warp it with gdalwarp -t_srs EPSG:n"
         )
     return frame
+
+
+def _read_projection_file(path: Path) -> str | None:
+    """Return the text of NAME.prj beside a raster, of which GDAL reads older forms only; None without one."""
+    beside = path.with_suffix(".prj")
+    if not beside.is_file():
+        return None
+    with open_regular(beside) as file:
+        return file.read(_MAX_PROJECTION_BYTES).decode(errors="replace").strip() or None
 
 
 def _check_size(raster: DatasetReader, path: Path) -> None:

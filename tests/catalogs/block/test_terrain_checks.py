@@ -51,3 +51,11 @@ def test_a_picture_is_noted() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (200, 200)).astype(np.float32)
     (note,) = note_terrain_doubts(ElevationRaster(-50.0, 100.0, 1.0, noise), houses(), "t.tif")
     assert "as a picture is" in note
+
+
+@pytest.mark.parametrize(("height", "cells", "is_noted"), [(30.0, 10, True), (2.0, 10, False), (30.0, 1, False)])
+def test_zeros_between_other_heights_are_noted(height: float, cells: int, is_noted: bool) -> None:
+    holed = raster(height)
+    holed.heights[:cells, :cells] = 0.0
+    notes = note_terrain_doubts(holed, houses(), "t.tif")
+    assert any("-a_nodata 0 t.tif" in note for note in notes) == is_noted

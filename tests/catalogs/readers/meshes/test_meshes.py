@@ -377,3 +377,24 @@ def test_an_obj_with_a_mark_of_byte_order_keeps_its_first_group(tmp_path: Path) 
     corners = "v 0 0 0\nv 9 0 0\nv 0 0 6\nv 20 0 0\nv 29 0 0\nv 20 0 6\n"
     (tmp_path / "a.obj").write_text(f"o first\n{corners}f 1 2 3\no second\nf 4 5 6\n", "utf-8-sig")
     assert [model.id for model in read_mesh_buildings(tmp_path / "a.obj").items] == ["first", "second"]
+
+
+@pytest.mark.parametrize("name", [None, "Mesh"])
+def test_instances_of_a_mesh_are_buildings(tmp_path: Path, name: str | None) -> None:
+    path = glb(tmp_path / "m.gltf", {"House": box(), "Shed": box(60)})
+
+    def repeat(header: Any) -> None:
+        nodes, meshes = header["nodes"], header["meshes"]
+        drawn = next(node for node in nodes if node.get("mesh") == 0)
+        meshes[0]["name"] = "House"
+        drawn.pop("name", None)
+        drawn |= {} if name is None else {"name": name}
+        nodes.append({**drawn, "translation": [0.0, 0.0, 30.0]})
+        header["scenes"][0]["nodes"].append(len(nodes) - 1)
+        header.pop("cameras", None)
+
+    found = read_mesh_buildings(edited(path, repeat))
+    expected = name or "House"
+    assert sorted(model.id for model in found.items) == sorted([expected, f"{expected}-2", "Shed"])
+    assert [remark.id for remark in found.remarks if "numbered" in remark.reason] == [f"{expected}-2"]
+    assert [volume(model) for model in found.items] == pytest.approx([480.0] * 3)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from catalogs.readers.meshes.models import read_mesh_buildings
-from catalogs.readers.meshes.plausible_models import FLAT_REASON, OTHER_OBJECT_REASON
+from catalogs.readers.meshes.plausible_models import FLAT_REASON, OTHER_OBJECT_REASON, note_rounded_coordinates
 from catalogs.readers.meshes.surface_names import merge_surface_names
 from catalogs.readers.meshes.surfaces import MeshSurface
 from catalogs.readers.source_keys import SourceKeys
@@ -83,3 +84,22 @@ def test_ends_of_a_path_in_any_case_are_found(tmp_path: Path) -> None:
     (tmp_path / "b.obj").write_text(text)
     found = read_mesh_buildings(tmp_path / "b.obj")
     assert [path.name for path in found.textures] == ["wall.jpg"]
+
+
+@pytest.mark.parametrize(
+    ("place", "number", "is_noted"),
+    [
+        ((385_400.13, 6_672_000.77, 1.25), np.float32, True),
+        ((385_400.13, 6_672_000.77, 1.25), np.float64, False),
+        ((385_400.0, 6_672_000.0, 1.0), np.float32, False),
+        ((120.13, 80.77, 1.25), np.float32, False),
+    ],
+)
+def test_coordinates_rounded_to_single_precision_are_noted(
+    place: tuple[float, float, float], number: type[np.floating[Any]], is_noted: bool
+) -> None:
+    corners = (np.array([[[0, 0, 0], [9, 0, 0], [9, 7, 5]]]) + place).astype(number).astype(np.float64)
+    remarks = note_rounded_coordinates([MeshSurface(None, "unknown", corners)], "m.ply")
+    assert [remark.id for remark in remarks] == (["m.ply"] if is_noted else [])
+    assert all("rounded to 0.5 m" in remark.reason for remark in remarks)
+    assert note_rounded_coordinates([], "m.ply") == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import struct
 import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -187,3 +188,21 @@ def test_photo_in_prophoto(data: Path) -> None:
         pytest.skip("no field inputs in the data folder")
     for name in ("photo-prophoto", "photo-srgb"):
         assert near(read_picture(folder / name / "photos" / "a-0.jpg").rgb[:1, :1], WALL)
+
+
+@pytest.mark.parametrize(("index", "expected"), [("R03", (219, 69, 47)), ("R98", (190, 70, 50))])
+def test_the_colour_space_that_exif_states(tmp_path: Path, index: str, expected: tuple[int, int, int]) -> None:
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA005] = {1: index}
+    Image.new("RGB", (32, 32), (190, 70, 50)).save(tmp_path / "a.jpg", exif=exif, quality=100, subsampling=0)
+    assert np.abs(read_picture(tmp_path / "a.jpg").rgb[9, 9].astype(int) - expected).max() <= 4
+
+
+@pytest.mark.parametrize(("gamma", "expected"), [(100_000, 128), (45_455, 55)])
+def test_a_linear_png_becomes_srgb(tmp_path: Path, gamma: int, expected: int) -> None:
+    Image.new("RGB", (32, 32), (55, 55, 55)).save(tmp_path / "a.png")
+    content = (tmp_path / "a.png").read_bytes()
+    chunk = b"gAMA" + gamma.to_bytes(4, "big")
+    added = len(chunk[4:]).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+    (tmp_path / "a.png").write_bytes(content[:33] + added + content[33:])
+    assert np.abs(read_picture(tmp_path / "a.png").rgb.astype(int) - expected).max() <= 1

@@ -14,7 +14,7 @@ from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
 from catalogs.readers.pictures import elevation
-from catalogs.readers.pictures.elevation import read_elevation
+from catalogs.readers.pictures.elevation import note_assumed_unit, read_elevation
 from facade_core.core.errors import InputError
 from facade_core.core.types import ElevationRaster
 
@@ -246,3 +246,48 @@ def test_the_level_of_the_sea_is_a_height(tmp_path: Path) -> None:
 def test_a_picture_is_no_elevation_model(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="3 bands of 8 bits, which is a picture"):
         read_elevation(write(tmp_path / "t.tif", np.full((3, 200, 200), 9, np.uint8)), UTM, BOX)
+
+
+@pytest.mark.parametrize(
+    ("name", "metres"),
+    [
+        ("US survey foot", 0.3048), ("Feet (US)", 0.3048), ("foot_US", 0.3048), ("international foot", 0.3048),
+        ("ftUS", 0.3048),
+        ("centimeters", 0.01), ("millimetre", 0.001), ("dm", 0.1), ("metre", 1.0), ("metres above sea level", 1.0),
+    ],
+)  # fmt: skip
+def test_units_of_a_band_by_their_words(tmp_path: Path, name: str, metres: float) -> None:
+    path = write(tmp_path / "t.tif", tilted() / metres)
+    with rasterio.open(path, "r+") as raster:
+        raster.units = (name,)
+    found = read_elevation(path, UTM, BOX)
+    np.testing.assert_allclose(found.heights, plane(*places(found)), atol=0.01)
+    assert note_assumed_unit(path) == ()
+
+
+@pytest.mark.parametrize(
+    ("crs", "unit", "is_noted"), [("EPSG:2263", None, True), ("EPSG:2263", "m", False), (UTM, None, False)]
+)
+def test_the_unit_of_the_frame_is_noted(tmp_path: Path, crs: CRS | str, unit: str | None, is_noted: bool) -> None:
+    path = write(tmp_path / "t.tif", tilted(), crs=crs)
+    if unit is not None:
+        with rasterio.open(path, "r+") as raster:
+            raster.units = (unit,)
+    notes = note_assumed_unit(path)
+    assert bool(notes) == is_noted
+    assert all("t.tif taken in the unit of its frame (0.3048 m)" in note for note in notes)
+
+
+def test_a_projection_file_of_any_form_counts(tmp_path: Path) -> None:
+    path = write(tmp_path / "t.asc", tilted(), driver="AAIGrid")
+    (tmp_path / "t.prj").write_text(UTM.to_wkt())
+    check_covers(read_elevation(path, UTM, BOX))
+    (tmp_path / "t.prj").write_text("UTM 35")
+    with pytest.raises(InputError, match="not a known CRS"):
+        read_elevation(path, UTM, BOX)
+
+
+def test_sparse_heights_above_the_ground_are_known(tmp_path: Path) -> None:
+    heights = np.zeros((200, 200), np.float32)
+    heights[95:99, 90:99] = 9.0
+    assert np.isfinite(read_elevation(write(tmp_path / "t.tif", heights), UTM, BOX).heights).all()
