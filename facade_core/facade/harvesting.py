@@ -25,6 +25,7 @@ from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
+from facade_core.imagery.rectify.photo_state import check_daylight
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import FloorsAndBays, count_floors, fill_sky_and_unknown, find_floors_and_bays
 
@@ -64,7 +65,12 @@ class HarvestedFacade:
 
 
 def harvest_facade(
-    photo: UInt8Array, focal: float | None, *, models: TrainedModelFiles = SHIPPED_MODELS, seed: int = 0
+    photo: UInt8Array,
+    focal: float | None,
+    *,
+    exposure: float | None = None,
+    models: TrainedModelFiles = SHIPPED_MODELS,
+    seed: int = 0,
 ) -> HarvestedFacade:
     """Cut the one facade of a street photo to an exemplar and judge it; a rejected one is not completed.
 
@@ -72,13 +78,15 @@ def harvest_facade(
     ----------
     photo : (h, w, 4) uint8, RGB with alpha that hides; so do borders without data.
     focal : focal length in pixels; None if unknown.
+    exposure : exposure value at ISO 100; None if unknown.
     models : models of parser and layout.
     seed : seed of completion and inpainting.
 
     Raises
     ------
-    ImageError : no facade can be rectified or parsed in it; the message says why.
+    ImageError : it was taken at night, or no facade can be rectified or parsed in it; the message says why.
     """
+    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure, model=models.parser)
     alpha = np.where(no_data_mask(photo[..., :3]), 0, photo[..., 3])
     rectified = rectify(np.dstack([photo[..., :3], alpha]), focal=focal)
     if rectified.residual > MAX_RESIDUAL_DEG:

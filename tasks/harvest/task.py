@@ -25,7 +25,6 @@ from facade_core.imagery.detect.facade_detection import detect_on_thumbnail
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.imagery.rectify.panorama_views import cut_panorama_views
-from facade_core.imagery.rectify.photo_state import check_daylight
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.outcome import error_reason, is_machine_fault
 from tasks.harvest.record import CANDIDATES_FOLDER, CandidateRecord, PictureRecord, write_picture_record
@@ -118,8 +117,7 @@ def _is_panorama(image: UInt8Array, part: tuple[float, float, float, float]) -> 
 def _harvest_view(view: PhotoView, file: str, out: Path) -> CandidateRecord:
     """Harvest the facade of one view, and write it; one in which none is found is written small."""
     try:
-        check_daylight(view.image[..., :3], view.image[..., 3] == 0, view.exposure)
-        found = harvest_facade(view.image, view.focal, seed=hash_name(view.name))
+        found = harvest_facade(view.image, view.focal, exposure=view.exposure, seed=hash_name(view.name))
         texture, labels = _at_style_density(found)
         look = style_descriptor(texture, labels, 1 / STYLE_PIXELS_PER_METRE)
         statistics = measure_facade_statistics(found.image, found.labels, found.metres_per_pixel)
