@@ -23,6 +23,7 @@ from facade_core.facade.photo_facade import (
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
+from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
@@ -95,6 +96,8 @@ def harvest_facade(
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
+    if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
+        raise ImageError(f"its level lines still slope by {slope:.0f} degrees")
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
     image, observed = _trim(image, observed)

@@ -15,6 +15,7 @@ from facade_core.core.resizing import resize_image
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
+from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
@@ -131,7 +132,7 @@ def crop_facade_photo(
 
     Raises
     ------
-    ImageError : it cannot be read or rectified, is upside down, or was taken at night.
+    ImageError : it cannot be read or rectified, is upside down, was taken at night, or shows no one facade.
     """
     notes = []
     if rectified:
@@ -151,6 +152,8 @@ def crop_facade_photo(
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
     except ImageError as error:
         raise ImageError(f"{path.name}: {error}") from error
+    if not rectified and (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
+        raise ImageError(f"{path.name}: its level lines still slope by {slope:.0f} degrees; {REMEDY}")
     x0, y0, x1, y1 = cut.box
     corners = np.array([[x0, y0, 1], [x1, y0, 1], [x1, y1, 1], [x0, y1, 1]]) @ np.linalg.inv(homography).T
     return CroppedPhoto(
