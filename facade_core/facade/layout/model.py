@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,9 +11,9 @@ import numpy as np
 
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import ModelFileError
+from facade_core.core.json_model import read_json_model, write_json_model
 from facade_core.core.json_types import JsonObject
 from facade_core.core.labels import ELEMENT_CLASSES
-from facade_core.core.regular_files import read_regular
 from facade_core.core.types import LAYOUT_NETWORK_NAME, TrainedModelFiles
 from facade_core.facade.layout import proposal_features
 from facade_core.facade.layout.densities import (
@@ -34,6 +32,11 @@ from facade_core.facade.layout.statistics import ELEMENT_TYPE_COUNT, LABEL_COUNT
 SHIPPED_LAYOUT_MODEL = Path(__file__).parent / "models" / "layouts.json"
 SHIPPED_LAYOUT_NETWORK = SHIPPED_LAYOUT_MODEL.with_name(LAYOUT_NETWORK_NAME)
 MODEL_FORMAT = 3
+_MADE_FOR = {
+    "format": MODEL_FORMAT,
+    "labels": list(ELEMENT_CLASSES),
+    "descriptors": proposal_features.FEATURES_VERSION,
+}
 _REMEDY = "fetch it again or run `streetloom train layout`"
 
 
@@ -86,19 +89,7 @@ def load_layout_model(path: str | Path) -> LayoutModel:
         If the file is missing, its checksum differs, or another version wrote it.
     """
     path = Path(path)
-    try:
-        record = json.loads(read_regular(path))
-    except OSError as error:
-        raise ModelFileError(f"{path}: no such layout model; {_REMEDY}") from error
-    except (ValueError, RecursionError) as error:
-        raise ModelFileError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
-    if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
-        raise ModelFileError(f"{path}: not a layout model; {_REMEDY}")
-    if record.get("sha256") != _digest(record["model"]):
-        raise ModelFileError(f"{path}: checksum differs from its content; {_REMEDY}")
-    expected = (MODEL_FORMAT, list(ELEMENT_CLASSES), proposal_features.FEATURES_VERSION)
-    if (record.get("format"), record.get("labels"), record.get("descriptors")) != expected:
-        raise ModelFileError(f"{path}: made for another version of Streetloom; {_REMEDY}")
+    record = read_json_model(path, "layout model", _MADE_FOR, _REMEDY)
     try:
         model = _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
@@ -119,23 +110,7 @@ def _load_version(path: Path, _size: int, _modified: int) -> LayoutModel:
 
 def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
     """Write a layout model to a JSON file; equal models give equal bytes."""
-    content = _to_record(model)
-    record = {
-        "format": MODEL_FORMAT,
-        "labels": list(ELEMENT_CLASSES),
-        "descriptors": proposal_features.FEATURES_VERSION,
-        "seed": seed,
-        "training_set": list(model.training_set),
-        "sha256": _digest(content),
-        "model": content,
-    }
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def _digest(content: object) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    write_json_model(Path(path), _to_record(model), _MADE_FOR, seed=seed, training_set=list(model.training_set))
 
 
 def _to_record(model: LayoutModel) -> JsonObject:

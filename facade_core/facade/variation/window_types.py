@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.arrays import Float64Array, Int32Array
-from facade_core.core.errors import ModelFileError
-from facade_core.core.regular_files import read_regular
+from facade_core.core.json_model import read_json_model, write_json_model
 from facade_core.facade.variation.element_types import (
     choose_representatives,
     cluster_types,
@@ -28,6 +25,7 @@ SHIPPED_WINDOW_METRIC = Path(__file__).parent / "models" / "window_types.json"
 WINDOW_STATES = ("glass", "cloth", "half", "closed", "open")
 # A larger logit is certain.
 _MAX_LOGIT = 50.0
+_MADE_FOR = {"features": FEATURES_VERSION, "states": list(WINDOW_STATES)}
 _REMEDY = "fetch it again or run `streetloom train windows`"
 # Two clusters are of one type if their windows are alike with at least this mean probability.
 _MIN_SIMILARITY = 0.5
@@ -136,18 +134,7 @@ def load_window_metric(path: Path) -> WindowMetric:
     ModelError
         The file is missing or invalid, its checksum differs, or another version wrote it.
     """
-    try:
-        record = json.loads(read_regular(path))
-    except OSError as error:
-        raise ModelFileError(f"{path}: no such metric of windows; {_REMEDY}") from error
-    except (ValueError, RecursionError) as error:
-        raise ModelFileError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
-    if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
-        raise ModelFileError(f"{path}: not a metric of windows; {_REMEDY}")
-    if record.get("sha256") != _digest(record["model"]):
-        raise ModelFileError(f"{path}: checksum differs from its content; {_REMEDY}")
-    if (record.get("features"), record.get("states")) != (FEATURES_VERSION, list(WINDOW_STATES)):
-        raise ModelFileError(f"{path}: made for another version of Streetloom; {_REMEDY}")
+    record = read_json_model(path, "metric of windows", _MADE_FOR, _REMEDY)
     return WindowMetric(*(np.array(record["model"][field], float) for field in WindowMetric._fields))
 
 
@@ -157,16 +144,4 @@ def save_window_metric(metric: WindowMetric, path: Path, **details: object) -> N
         field: np.array([float(f"{v:.6g}") for v in values.ravel()]).reshape(values.shape).tolist()
         for field, values in zip(metric._fields, metric, strict=True)
     }
-    record = {
-        "features": FEATURES_VERSION,
-        "states": list(WINDOW_STATES),
-        **details,
-        "sha256": _digest(content),
-        "model": content,
-    }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def _digest(content: object) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    write_json_model(path, content, _MADE_FOR, **details)
