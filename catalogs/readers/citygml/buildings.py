@@ -134,7 +134,10 @@ def _scan_file(path: Path) -> _ReaderState:
             case _:
                 known |= element.getparent() is None
     if not known:
-        raise InputError(f"{path} is XML but not CityGML: it has no CityModel; give a CityGML 1.0, 2.0 or 3.0 file")
+        raise InputError(
+            f"{path} is XML but not CityGML: it has no CityModel; give CityGML 1.0 to 3.0, or convert features with "
+            "ogr2ogr OUT.gpkg IN"
+        )
     reading.remarks += appearance_remarks(reading.appearance)
     return reading
 

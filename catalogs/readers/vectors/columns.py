@@ -16,20 +16,23 @@ _TAG_COLUMN_NAMES = {
     "measured_height heightroof height_roof bld_height bldg_hgt bldgheight building_hgt avg_height avg_hgt approx_hgt "
     "max_height max_hgt hgt gesamthoehe korkeus korgus altura altezza vyska hojd höjd "
     "hauteur hoogte h_building h_bldg h_mean h_median h_avg h_max relhmax h "
+    "height_relativemax "
     "altura_edificio bygningshoyde bygningshøjde bygningshøyde hoejde hojde højde høyde bina_yuksekligi yukseklik yükseklik "
     "magassag magasság wysokosc wysokość výška_budovy vyska_budovy výška inaltime înălțime высота высота_здания "
     "高度 建物高さ 高さ 높이 "
     "height_agl relative_height rel_height building_h bldg_h",
-    "height:eaves": "h_eaves relh2 eaves_height eave_height height_eaves eavesheight",
+    "height:eaves": "h_eaves relh2 eaves_height eave_height height_eaves height_relativeroofbase",
     "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
     "storeys_above_ground floors num_floors n_floors number_of_floors numberoffloors numberoffloorsaboveground floor_count "
     "numfloors num_stories no_stories geschosse anzahl_geschosse nb_etages bouwlagen kerrosluku piani pisos plantas etager "
     "kerroslkm nombre_d_etages nombre_etages nb_niveaux pavimentos num_pavimentos numplantas num_plantas numero_plantas "
     "num_pisos numero_pisos n_piani num_piani numero_piani kondygnacje liczbakondygnacji liczba_kondygnacji pocet_podlazi "
     "počet_podlaží podlazi antal_etager antall_etasjer etasjer antal_vaningar vaningar våningar korruselisus korrused "
+    "anzahlgs aog anzahl_oberirdischer_geschosse i_kerrlkm "
     "kat_sayisi kat_adedi emeletek этажность этажей 层数 楼层 楼层数 階数 地上階数 층수",
     "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname "
     "nombre nome navn namn nimi nazwa nev nazev název isim adi название 名称 street st_name streetname vejnavn gatenavn "
+    "nom_voie_g nom_1_g nom_1_gauche nom_collaboratif_gauche nom_coll_g "
     "gatunamn katunimi tienimi nazwa_ulicy nazev_ulice nome_via nombre_via nom_voie nom_rue",
     "building": "building",
     "building:part": "building_part",
@@ -63,7 +66,7 @@ _TAG_COLUMN_NAMES = {
     "maxheight": "maxheight maxheight_physical clearance vertical_clearance durchfahrtshoehe durchfahrtshöhe",
     "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
     "lane_markings": "lane_markings",
-    "oneway": "oneway one_way einbahn",
+    "oneway": "oneway one_way einbahn sens sens_de_circulation",
     "surface": "surface surface_type road_surface pavement_type belag oberflaeche revetement verharding "
     "bgt_fysiekvoorkomen",
     "sidewalk": "sidewalk sidewalks gehweg trottoir stoep",
@@ -122,7 +125,7 @@ GROUND_LEVEL_COLUMNS = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_
 _GROUND_NAMES = (
     "groundelev ground_elevation ground_elev gnd_elev ground_height ground_z base_elev base_elevation terrainheight "
     "terrain_height gelaendehoehe hoehegrund z_min_sol altitude_minimale_sol altitude_sol gelaendepunkt terrain_z z_terrain "
-    "hoehe_gelaende bodenhoehe elev_ground t_kote quota_terreno quota_suolo cota_terreno"
+    "hoehe_gelaende bodenhoehe elev_ground height_absolutemin abshmin t_kote quota_terreno quota_suolo cota_terreno"
 )
 GROUND_COLUMNS = tuple(f"{name}{suffix}" for suffix in UNIT_SUFFIXES for name in _GROUND_NAMES.split())
 _GROUND_RANGE_M = (-500.0, 9000.0)  # m; other numbers are codes for unknown
@@ -173,6 +176,9 @@ _KNOWN_COLUMNS = frozenset(
     for name in names
 )
 
+# Known names whose words other maps join: BuildingHeight.
+_JOINED_COLUMNS = {name.replace("_", ""): name for name in sorted(_KNOWN_COLUMNS) if "_" in name}
+
 
 def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
     """Return the field of each known column name.
@@ -188,7 +194,8 @@ def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> 
             else [name]
         )
         if not any(known in _KNOWN_COLUMNS for known in names):
-            names = [_COLUMN_PREFIX.sub("", name)]
+            plain = _COLUMN_PREFIX.sub("", name)
+            names = [plain if plain in _KNOWN_COLUMNS else _JOINED_COLUMNS.get(plain, plain)]
         for known in names:
             if known in _KNOWN_COLUMNS:
                 found.setdefault(known, field)

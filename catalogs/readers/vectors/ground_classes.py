@@ -33,21 +33,21 @@ _AREA_WORDS = {
 TAGS_BY_AREA_WORD = {word: tag for tag, words in _AREA_WORDS.items() for word in words.split()}
 # OpenStreetMap value of `highway` -> words of other sources: TIGER codes, classes of Overture, Geofabrik and cities.
 _HIGHWAY_WORDS = {
-    "motorway": "motorway freeway expressway interstate autobahn autosnelweg autoroute s1100",
+    "motorway": "motorway type_autoroutier freeway expressway interstate autobahn autosnelweg autoroute s1100",
     "trunk": "trunk",
     "primary": "primary arterial major_arterial principal_arterial bundesstrasse s1200",
     "secondary": "secondary minor_arterial landesstrasse",
     "tertiary": "tertiary collector minor_collector major_collector kreisstrasse",
-    "unclassified": "unclassified",
+    "unclassified": "unclassified route_a_1_chaussee route_a_2_chaussees rond_point",
     "residential": "residential local local_street local_road neighborhood neighbourhood gemeindestrasse woonstraat s1400",
     "living_street": "living_street home_zone woonerf spielstrasse",
     "service": "service alley driveway access_road s1730 s1740 s1780",
     "pedestrian": "pedestrian pedestrian_street pedestrian_zone fussgaengerzone voetgangersgebied",
     "footway": "footway walkway sidewalk trail gehweg fussweg voetpad trottoir s1710",
-    "steps": "steps stairs stairway treppe s1720",
+    "steps": "steps escalier stairs stairway treppe s1720",
     "cycleway": "cycleway bike_path bicycle_path cycle_path cycle_track radweg fietspad piste_cyclable s1820",
-    "path": "path",
-    "track": "track feldweg s1500",
+    "path": "path sentier",
+    "track": "track feldweg chemin route_empierree s1500",
     "crossing": "crossing crosswalk pedestrian_crossing zebra zebra_crossing",
 }
 HIGHWAYS_BY_WORD = {word: value for value, words in _HIGHWAY_WORDS.items() for word in words.split()}
@@ -72,13 +72,13 @@ _VALUES_OF_YES = {
     "tunnel": "yes",
     "covered": "yes",
 }
-_ONE_WAY_WORDS = frozenset(("ft", "tf"))
+_ONE_WAY_WORDS = frozenset(("ft", "tf", "sens_direct", "sens_inverse"))
 
 
 def normalize_word(text: str) -> str:
     """Return a class word in lower case, with underscores and without umlauts, as the tables of words have it."""
     word = "_".join(re.findall(r"\w+", text.lower()))
-    for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e")):
+    for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e"), ("à", "a")):
         word = word.replace(letter, letters)
     return word
 

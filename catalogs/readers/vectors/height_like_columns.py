@@ -24,7 +24,7 @@ _WORDS = (
 )
 _HEIGHT_WORD = re.compile(f"{'|'.join(_WORDS.split())}|(?:^|_)(?:h|ht|z|hmax|hmin|zmax|zmin)(?:$|_|\\d)")
 _OTHER_WORD = re.compile(
-    "area|perim|length|width|angle|azim|year|date|code|count|lon|lat|(?:^|_)(?:id|x|y|no|nr)(?:$|_)"
+    "area|perim|length|width|angle|azim|year|date|code|count|longi|latit|(?:^|_)(?:id|x|y|no|nr|lon|lat)(?:$|_)"
 )
 
 

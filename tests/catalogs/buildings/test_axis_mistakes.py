@@ -137,3 +137,13 @@ def test_degrees_without_a_frame_are_named(tmp_path: Path) -> None:
     (tmp_path / "block.yaml").write_text("name: b\nbuildings: {path: b.shp}\ntexture: {walls: translate}\n")
     with pytest.raises(BlockFileError, match="look like degrees: write buildings"):
         read_block(tmp_path / "block.yaml")
+
+
+def test_an_offset_out_of_the_area_of_use_is_noted(tmp_path: Path) -> None:
+    table = geopandas.GeoDataFrame(
+        {"height": [9.0]}, geometry=[shapely.box(385_000, 6_672_000, 385_012, 6_672_010)], crs=3067
+    )
+    table.to_file(tmp_path / "b.gpkg")
+    text = "name: b\nbuildings: {path: b.gpkg, offset: [385000, 6672000, 0]}\ntexture: {walls: translate}\n"
+    (tmp_path / "block.yaml").write_text(text)
+    assert any("far from where EPSG:3067" in note for note in read_block(tmp_path / "block.yaml").notes)

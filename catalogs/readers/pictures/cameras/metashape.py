@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 _PANORAMA_REASON = "spherical cameras of {file} left out; give their poses under imagery.panoramas"
+_DISABLED_REASON = "cameras of {file} that are disabled in Metashape left out"
 _UNALIGNED_REASON = "cameras of {file} without a transform left out: Metashape did not align them"
 
 
@@ -51,11 +53,11 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
     remarks: list[Remark] = []
     places = []
     for chunk in chunks:
-        matrix, to_lonlat = _chunk_frame(name, chunk)
-        found = _chunk_cameras(name, chunk, matrix, remarks)
+        frames = _component_frames(name, chunk)
+        found = _chunk_cameras(name, chunk, {id: frame[0] for id, frame in frames.items()}, remarks)
         if found:
             cameras |= found
-            places.append(to_lonlat)
+            places.append(frames[None][1])
     if not cameras:
         raise InputError(f"{name} holds no aligned camera; align the pictures in Metashape, and export again")
     if None in places and len(places) > 1:
@@ -67,8 +69,9 @@ def read_metashape(name: str, text: bytes) -> CameraFile:
 
 
 def _chunk_cameras(
-    name: str, chunk: Element, matrix: Float64Array, remarks: list[Remark]
+    name: str, chunk: Element, matrices: Mapping[str | None, Float64Array], remarks: list[Remark]
 ) -> dict[str, SourceCamera | str]:
+    """Return the cameras of a chunk; matrices (4, 4) to the world by component, None for cameras without one."""
     lenses = {one.get("id"): _sensor_lens(one) for one in chunk.iter("sensor")}
     found: dict[str, SourceCamera | str] = {}
     for one in chunk.iter("camera"):
@@ -77,6 +80,9 @@ def _chunk_cameras(
             if label:
                 remarks.append(Remark(to_single_line(label[:80]), _UNALIGNED_REASON.format(file=name), None))
             continue
+        if one.get("enabled") in ("false", "0"):
+            remarks.append(Remark(to_single_line(label[:80]), _DISABLED_REASON.format(file=name), None))
+            continue
         lens = lenses.get(one.get("sensor_id"), "its sensor is not listed")
         if lens is None:
             remarks.append(Remark(to_single_line(label[:80]), _PANORAMA_REASON.format(file=name), None))
@@ -84,7 +90,10 @@ def _chunk_cameras(
         try:
             if isinstance(lens, str):
                 raise ValueError(lens)
-            placed = matrix @ _numbers(one.findtext("transform"), 16).reshape(4, 4)
+            component = one.get("component_id") if len(matrices) > 1 else None
+            if component not in matrices:
+                raise ValueError("its component has no transform, so it has no place beside the others")
+            placed = matrices[component] @ _numbers(one.findtext("transform"), 16).reshape(4, 4)
             scale = np.cbrt(abs(np.linalg.det(placed[:3, :3])))
             rotation = check_rotation(placed[:3, :3].T / max(float(scale), 1e-12))
             centre = check_position(placed[:3, 3])
@@ -95,10 +104,17 @@ def _chunk_cameras(
     return found
 
 
-def _chunk_frame(name: str, chunk: Element) -> tuple[Float64Array, ToLonLat | None]:
-    """Return the matrix (4, 4) of a chunk to its world, and that world's conversion; None for one without a place."""
+def _component_frames(name: str, chunk: Element) -> dict[str | None, tuple[Float64Array, ToLonLat | None]]:
+    """Return the frames of the components of a chunk, of Metashape 2, and under None that of the chunk itself."""
+    parts = [one for one in chunk.findall("components/component") if one.find("transform") is not None]
+    found = {one.get("id"): _frame(name, one.find("transform"), chunk) for one in parts}
+    own = next(iter(found.values())) if found else _frame(name, chunk.find("transform"), chunk)
+    return {**found, None: own}
+
+
+def _frame(name: str, transform: Element | None, chunk: Element) -> tuple[Float64Array, ToLonLat | None]:
+    """Return the matrix (4, 4) of a transform to its world, and that world's conversion; None for one without a place."""
     matrix = np.eye(4)
-    transform = chunk.find("transform")
     if transform is None:
         return matrix, None
     try:

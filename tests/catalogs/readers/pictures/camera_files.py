@@ -191,8 +191,10 @@ def topocentric(pose: Pose, lon: float, lat: float) -> tuple[np.ndarray, np.ndar
     return rotation @ axes.T, axes @ (centre - origin)
 
 
-def write_metashape(path: Path, poses: Mapping[str, Pose], *, mirror: bool = False, placed: bool = True) -> Path:
-    """Write an export of cameras in a chunk's own frame, with its transform to the earth."""
+def write_metashape(
+    path: Path, poses: Mapping[str, Pose], *, mirror: bool = False, placed: bool = True, in_component: bool = False
+) -> Path:
+    """Write an export of cameras in a chunk's own frame, with its transform to the earth, of Metashape 2 in a component."""
     chunk = np.eye(4)
     turn = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix()
     first = geocentric(next(iter(poses.values())))[1]
@@ -205,11 +207,14 @@ def write_metashape(path: Path, poses: Mapping[str, Pose], *, mirror: bool = Fal
         matrix[:3, 3] = turn.T @ (centre - chunk[:3, 3]) / 2.5
         text = " ".join(repr(float(v)) for v in matrix.ravel())
         cameras.append(
-            f'<camera id="{number}" sensor_id="0" label="{Path(name).stem}"><transform>{text}</transform></camera>'
+            f'<camera id="{number}" sensor_id="0" component_id="0" label="{Path(name).stem}">'
+            f"<transform>{text}</transform></camera>"
         )
     numbers = [" ".join(repr(float(v)) for v in one) for one in (turn.ravel(), chunk[:3, 3])]
     parts = f"<rotation>{numbers[0]}</rotation><translation>{numbers[1]}</translation><scale>2.5</scale>"
     transform = f"<transform>{parts}</transform>"
+    if in_component:
+        transform = f'<components><component id="0">{transform}</component><component id="1"/></components>'
     path.write_text(
         f"""<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk label="c">
 <sensors><sensor id="0" type="frame">

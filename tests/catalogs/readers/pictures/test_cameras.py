@@ -163,6 +163,18 @@ def test_metashape(tmp_path: Path, pictures: Path) -> None:
     assert [one.id for one in found.remarks if "did not align" in one.reason] == ["lost"]
 
 
+def test_components_of_metashape_2(tmp_path: Path, pictures: Path) -> None:
+    path = write_metashape(tmp_path / "cameras.xml", POSES, in_component=True)
+    check(read(pictures, path))
+    names = [Path(name).stem for name in POSES]
+    text = path.read_text().replace(f'label="{names[0]}"', f'label="{names[0]}" enabled="false"')
+    path.write_text(text.replace(f'component_id="0" label="{names[1]}"', f'component_id="1" label="{names[1]}"'))
+    found = read(pictures, path)
+    assert [one.id for one in found.items] == sorted(names[2:])
+    assert [one.id for one in found.remarks if "disabled" in one.reason] == [names[0]]
+    assert any("its component has no transform" in fault.reason for fault in found.faults)
+
+
 @pytest.mark.parametrize("angles", ["heading,pitch,roll", "omega,phi,kappa", "omega_rad,phi_rad,kappa_rad"])
 def test_a_table(tmp_path: Path, pictures: Path, angles: str) -> None:
     poses = {name: replace(pose, lens=TABLE_LENS) for name, pose in POSES.items()}

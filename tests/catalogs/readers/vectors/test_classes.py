@@ -134,3 +134,17 @@ def test_one_way_and_tunnels_in_other_words() -> None:
     assert osm_ground_tags({"oneway": "B"})["oneway"] == "B"
     assert osm_ground_tags({"tunnel": "F", "parking:left": "true"}) == {"tunnel": "no", "parking:left": "lane"}
     assert osm_ground_tags({"class": "tram"}) == {"railway": "tram"}
+
+
+def test_roads_of_the_french_map(tmp_path: Path) -> None:
+    columns = {
+        "NATURE": ["Route à 1 chaussée", "Escalier", "Sentier"],
+        "NOM_VOIE_G": ["R DE RIVOLI", None, None],
+        "SENS": ["Sens direct", "Double sens", None],
+    }
+    lines = [at(LineString([(0, y), (50, y)])) for y in (0, 10, 20)]
+    geopandas.GeoDataFrame(columns, geometry=lines, crs=METRIC).to_file(tmp_path / "s.shp")
+    found = read_centrelines(tmp_path / "s.shp")
+    assert [item.name for item in found.items] == ["R DE RIVOLI"]
+    assert [one.tags.get("highway") for one in found.ground] == ["unclassified", "steps", "path"]
+    assert [one.tags.get("oneway") == "yes" for one in found.ground] == [True, False, False]

@@ -41,6 +41,10 @@ def outline(path: Path, columns: dict[str, Any]) -> Path:
         ({"numPlantas": 4}, None, 4),
         ({"nombre_d_etages": 4}, None, 4),
         ({"liczbaKondygnacji": 4}, None, 4),
+        ({"BuildingHeight": 12.0, "NumStoreys": 4}, 12.0, 4),
+        ({"anzahlgs": 4}, None, 4),
+        ({"PocetPodlazi": 4}, None, 4),
+        ({"i_kerrlkm": 4}, None, 4),
         ({"floors": "4 storeys"}, None, 4),
         ({"floors": "G+3"}, None, 4),
         ({"floors": "4+1"}, None, 4),
@@ -92,6 +96,7 @@ def test_files_that_are_not_read_name_the_remedy(tmp_path: Path, name: str, reme
         ({"RelH2": 6.4, "RelHMax": 9.2}, 6.4, 2.8, True),
         ({"eave_height": 6.4}, 6.4, None, True),
         ({"eaves_height_ft": 20.0}, 6.096, None, True),
+        ({"height_relativemax_m": 9.2, "height_relativeroofbase_m": 6.4}, 6.4, 2.8, True),
         ({"relhmax": 9.2}, 9.2, None, False),
         ({"hauteur": 9.0, "z_min_sol": 40.0}, 9.0, None, True),
         ({"hauteur": 9.0}, 9.0, None, False),
@@ -125,3 +130,8 @@ def test_widths_of_streets_that_are_no_length_are_noted(tmp_path: Path) -> None:
     geopandas.GeoDataFrame(columns, geometry=lines, crs="EPSG:32635").to_file(tmp_path / "s.gpkg")
     found = read_vector_centrelines(tmp_path / "s.gpkg")
     assert [remark.id for remark in found.remarks] == ["1 (6-8 m)"]
+
+
+def test_relative_heights_are_no_latitudes(tmp_path: Path) -> None:
+    found = read_vector_footprints(outline(tmp_path / "b.gpkg", {"height_relative_top": 9.5, "latitude": 60.1}))
+    assert [remark.id for remark in found.remarks] == ["height_relative_top"]
