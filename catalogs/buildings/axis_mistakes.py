@@ -86,7 +86,7 @@ def has_swapped_corners(outlines: Sequence[BaseGeometry]) -> bool:
     Buildings along the meridians show nothing.
     """
     rings = shapely.get_exterior_ring(shapely.get_parts(np.array(outlines, object)[:_MAX_OUTLINES]))
-    points = [shapely.get_coordinates(ring) for ring in rings if ring is not None]
+    points = [shapely.get_coordinates(ring) for ring in rings if ring is not None and not ring.is_empty]
     if not points or not all(np.abs(one).max() <= 90.0 for one in points):
         return False
     stated, swapped = (_right_angle_share([one[:, order] for one in points]) for order in ([0, 1], [1, 0]))

@@ -176,8 +176,13 @@ _KNOWN_COLUMNS = frozenset(
     for name in names
 )
 
-# Known names whose words other maps join: BuildingHeight.
-_JOINED_COLUMNS = {name.replace("_", ""): name for name in sorted(_KNOWN_COLUMNS) if "_" in name}
+# Known names whose words other maps join: BuildingHeight. Short ones are words of their own: hm, of h_m.
+_MIN_JOINED_LENGTH = 6
+_JOINED_COLUMNS = {
+    joined: name
+    for name in sorted(_KNOWN_COLUMNS)
+    if "_" in name and len(joined := name.replace("_", "")) >= _MIN_JOINED_LENGTH
+}
 
 
 def match_known_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
