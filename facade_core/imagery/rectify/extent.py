@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, Float64Array
+from facade_core.core.arrays import BoolArray, Float64Array, IntArray
 from facade_core.imagery.rectify.corner import Corner
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
 
@@ -19,6 +19,8 @@ MIN_PART_SHARE = 0.05
 # Share of all lines but vertical ones that are level lines of the wall; a street seen along its length has
 # less.
 MIN_LEVEL_LINE_SHARE = 0.05
+# Lines above and below within this angle of the level on the facade's plane belong to it too.
+MAX_LEVEL_DEG = 4.0
 # Lines of each axis that a facade needs.
 MIN_LINES = 12
 # Share of the lines' length at each side that may be outside the facade.
@@ -58,19 +60,19 @@ def facade_extent(
     if len(grid) < 4:
         return None
     limit = np.concatenate([grid.min(axis=0), grid.max(axis=0)])
-    is_clustered = _clustered_segments(segments, view)
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    is_clustered = _clustered_segments(segments, view.family)
     if lengths[is_clustered & (view.family == 0)].sum() < MIN_LEVEL_LINE_SHARE * lengths[view.family != 1].sum():
         return None
-    supporting = segments[is_clustered]
-    ends = project_to_plane(supporting, view)
-    is_projected = np.isfinite(ends).all(axis=(1, 2))
-    if is_projected.sum() < 4:
+    ends = project_to_plane(segments, view)
+    box = _box_of(ends[is_clustered], lengths[is_clustered])
+    if box is None:
         return None
-    weight = np.repeat(lengths[is_clustered][is_projected], 2)
-    box = np.concatenate([_trimmed_range(ends[is_projected].reshape(-1, 2)[:, axis], weight) for axis in (0, 1)])[
-        [0, 2, 1, 3]
-    ]
+    families = _include_nearly_level(view.family, ends, box)
+    is_clustered = _clustered_segments(segments, families) & _is_between(ends, box)
+    higher = _box_of(ends[is_clustered], lengths[is_clustered])
+    if higher is not None:
+        box[1], box[3] = min(box[1], higher[1]), max(box[3], higher[3])
     size = box[2:] - box[:2]
     if (size <= 0).any():
         return None
@@ -122,7 +124,33 @@ def _full_extent(view: FacadeCamera, corners: Float64Array) -> tuple[float, floa
     return float(left), float(top), float(right), float(bottom)
 
 
-def _clustered_segments(segments: Float64Array, view: FacadeCamera) -> BoolArray:
+def _box_of(ends: Float64Array, lengths: Float64Array) -> Float64Array | None:
+    """Box (4,) of lines on the plane (n, 2, 2) without strays, by their lengths (n,); None for too few."""
+    is_projected = np.isfinite(ends).all(axis=(1, 2))
+    if is_projected.sum() < 4:
+        return None
+    weight = np.repeat(lengths[is_projected], 2)
+    (x0, x1), (y0, y1) = (_trimmed_range(ends[is_projected].reshape(-1, 2)[:, axis], weight) for axis in (0, 1))
+    return np.array([x0, y0, x1, y1])
+
+
+def _is_between(ends: Float64Array, box: Float64Array) -> BoolArray:
+    """Whether lines on the plane (n, 2, 2) lie within the columns of a box."""
+    columns = ends[..., 0]
+    return np.asarray(((columns >= box[0]) & (columns <= box[2])).all(axis=1))
+
+
+def _include_nearly_level(families: IntArray, ends: Float64Array, box: Float64Array) -> IntArray:
+    """Families of lines (n,), with those above and below a box that are nearly level on the plane.
+
+    The camera is less exact towards the photo's border: lines of the topmost storeys may miss the vanishing point.
+    """
+    across, down = np.abs(ends[:, 1] - ends[:, 0]).T
+    is_level = down < np.tan(np.radians(MAX_LEVEL_DEG)) * across
+    return np.where((families == -1) & is_level & _is_between(ends, box), 0, families)
+
+
+def _clustered_segments(segments: Float64Array, families: IntArray) -> BoolArray:
     """Segments (n,) bool of both families in places where both families are dense and others are not."""
     import cv2
 
@@ -134,7 +162,7 @@ def _clustered_segments(segments: Float64Array, view: FacadeCamera) -> BoolArray
     middle = places.sum(axis=1) // 2
     near, total = [], []
     for family in (0, 1, -1):
-        in_family = view.family == family
+        in_family = families == family
         lines = np.zeros((rows, columns), np.uint8)
         cv2.polylines(lines, list(places[in_family]), False, 1)
         near.append(cv2.dilate(lines, np.ones((MAX_GAP_CELLS, MAX_GAP_CELLS), np.uint8)))
@@ -151,10 +179,10 @@ def _clustered_segments(segments: Float64Array, view: FacadeCamera) -> BoolArray
         region = shared & (total[0] >= share * (total[0] + total[2]))
         count, labels, _, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8))
         in_family = labels[middle[:, 1], middle[:, 0]]
-        within = (view.family >= 0) & (in_family > 0)
+        within = (families >= 0) & (in_family > 0)
         support = np.bincount(in_family, lengths * within, minlength=count)
         is_clustered = within & (support >= MIN_PART_SHARE * support.max())[in_family]
-        if min(np.bincount(view.family[is_clustered], minlength=2)) >= MIN_LINES:
+        if min(np.bincount(families[is_clustered], minlength=2)) >= MIN_LINES:
             break
     return is_clustered
 
