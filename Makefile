@@ -13,7 +13,7 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures figures-night constraints clean
+.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -60,6 +60,9 @@ ktx2-setup: setup  ## Install the KTX2 encoder for textures of 3D Tiles into the
 
 usd-setup: setup  ## Install the OpenUSD writer (220 MB) into the same .venv
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/usd.txt
+
+sfm-setup: setup  ## Install pycolmap (36 MB), which finds the poses of photos, into the same .venv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/sfm.txt
 
 clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/ready .venv/clients/chromium/ready  ## Install third-party programs that tests open exports with (CesiumJS, three.js, a validator, Blender; Chromium where there is none), 540 MB
 
@@ -117,6 +120,8 @@ constraints: setup  ## Pin the requirements of pyproject.toml again
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/ktx2.txt
 	$(BIN)/uv pip compile --group usd --no-deps --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/usd.txt
+	echo "pycolmap>=4.2" | $(BIN)/uv pip compile - --no-deps --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/sfm.txt
 	$(BIN)/uv pip compile --group clients --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/clients.txt
 	$(BIN)/uv pip compile --group docs --universal --python-version 3.11 --generate-hashes \

@@ -17,6 +17,7 @@ KNOWN_REASONS = (
     r"Blender \(bpy",
     r"cjio is not installed beside Blender",
     r"no usd-core here; `make usd-setup` installs it",
+    r"no pycolmap here; `make sfm-setup` installs it",
     r"torch is absent: make train-setup",
     r"no encoder of KTX2; `make ktx2-setup` installs it",
     r"not installed; `make detect-setup` installs them",

@@ -130,6 +130,18 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
     A panorama from the middle of the street is held out. `off` is PICTURE_NOISE_M and PICTURE_NOISE_DEG; `refined` starts
     there, as a run does it.
     """
+    street, case, off = photograph_perspective(seed=seed, buildings=buildings, pictures=pictures, width=width)
+    refined = refine_in_bundles(street, case.images, off)
+    return {
+        name: [replace(case, poses=tuple(poses))]
+        for name, poses in (("true", case.poses), ("off", off), ("refined", refined))
+    }
+
+
+def photograph_perspective(
+    *, seed: int, buildings: int, pictures: int, width: int, heights: tuple[float, float] = (1.6, 2.6)
+) -> tuple[SyntheticStreet, Case, list[Pose]]:
+    """Photograph a painted street from heights in metres; returns it, the case with true poses, and poses that are off."""
     street = synthetic_street(buildings, seed=seed, with_roofs=True)
     ground, sides = ground_pattern_painter(street), side_pattern_painter(street)
     lens = Lens((width, width * 3 // 4), (LENS_FOCAL_WIDTHS * width,) * 2, (width / 2, width * 3 / 8), LENS_DISTORTION)
@@ -141,7 +153,7 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
         ahead = street.axis[::-1] * [-1, 1] * side
         heading = float(np.degrees(np.arctan2(*ahead)) + rng.uniform(-35, 35))
         pitch, roll = float(rng.uniform(-6, 14)), float(rng.normal(0, 1))
-        pose = Pose(float(x), float(y), float(rng.uniform(1.6, 2.6)), heading, pitch, roll, lens=lens)
+        pose = Pose(float(x), float(y), float(rng.uniform(*heights)), heading, pitch, roll, lens=lens)
         image = render_street_panorama(
             street, pose, width, gain=float(rng.uniform(0.8, 1.0)), seed=number, ground=ground, sides=sides
         )
@@ -165,14 +177,11 @@ def perspective_cases(*, seed: int, buildings: int, pictures: int, width: int) -
     truth = render_street_panorama(bare, middle, 2048, seed=pictures, ground=ground, sides=sides)
     held_out = Panorama(truth, middle, np.zeros(truth.shape[:2], bool))
     line = Street("street", None, shapely.LineString([street.world_point(0, 0), street.world_point(street.length, 0)]))
-    refined = _refine_in_bundles(street, [one.image for one in taken], off)
-    return {
-        name: [Case(street.scene, (line,), street.charts, tuple(taken), tuple(poses), held_out)]
-        for name, poses in (("true", [one.pose for one in taken]), ("off", off), ("refined", refined))
-    }
+    poses = tuple(one.pose for one in taken)
+    return street, Case(street.scene, (line,), street.charts, tuple(taken), poses, held_out), off
 
 
-def _refine_in_bundles(street: SyntheticStreet, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
+def refine_in_bundles(street: SyntheticStreet, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
     """Return the poses of pictures refined alone, then those of each bundle together."""
     sizes = [image.shape[:2] for image in images]
     seen = [

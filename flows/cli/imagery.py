@@ -99,7 +99,15 @@ def fetch_imagery(
     metavar="TABLE",
     help="Copy the photos into the block according to this table.",
 )
-def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, taken: Path | None) -> None:
+@click.option(
+    "--cameras",
+    type=NEW_FILE,
+    metavar="FILE.csv",
+    help="Find the poses of overlapping photos instead (`make sfm-setup`), and write them to this file.",
+)
+def match(
+    block_file: Path, photos: Path, poses: Path | None, out: Path | None, taken: Path | None, cameras: Path | None
+) -> None:
     """Match photos to facades by their recorded positions and by the walls and roofs that they show.
 
     Photos are taken from the street, under any name, with the wall in the middle. The output table has the facade of each
@@ -107,9 +115,13 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     copies the photos of the table into the block's folder, named after their facades, and removes earlier copies that the
     table contradicts. `streetloom view OUT --edit --photos PHOTOS` shows photos and candidates on a page.
 
+    --cameras makes posed pictures of overlapping photos, taken every few steps along a street. Structure from motion finds
+    their poses; GPS and the walls of the block place them. `imagery.cameras` of the block file then names folder and file.
+
     \b
     Examples:
       streetloom match block.yaml my-photos/
+      streetloom match block.yaml my-photos/ --cameras cameras.csv
       streetloom match block.yaml my-photos/ --take matches.csv
     """
     from catalogs.printable_text import format_unit_reason
@@ -119,6 +131,11 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     from tasks.matching.photo_import import import_photos, plan_photo_import
     from tasks.matching.photo_matches import MISSING_PLACE, match_photos, place_remedy
 
+    if cameras is not None:
+        if out is not None or taken is not None:
+            raise click.UsageError("--cameras writes no table of facades; leave out --out and --take")
+        _match_cameras(block_file, photos, cameras, poses)
+        return
     if taken is not None:
         if poses is not None or out is not None:
             raise click.UsageError(
@@ -161,6 +178,25 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     if out is None:
         print_command("to decide on a page", "view", "OUT", "--edit", "--photos", photos)
     print_command("then", "match", block_file, photos, "--take", table)
+
+
+def _match_cameras(block_file: Path, photos: Path, path: Path, poses: Path | None) -> None:
+    """Write the poses of photos to a file of cameras, and print what could not be placed."""
+    from catalogs.printable_text import format_unit_reason
+    from flows.console import show_progress
+    from tasks.matching.photo_cameras import format_cameras_entry, pose_block_photos, write_camera_table
+
+    with show_progress(quiet=not sys.stderr.isatty()):
+        found = pose_block_photos(block_file, photos, path, poses)
+    for fault in found.faults:
+        print_notice(format_unit_reason(fault.id, fault.reason))
+    for note in found.notes:
+        print_notice(note)
+    write_camera_table(path, found.cameras)
+    print_line(f"photos     {len(found.cameras)} placed, {len(found.faults)} not")
+    print_line(f"cameras    {path}")
+    print_notice(f"write into the block file: {format_cameras_entry(block_file, photos, path)}")
+    print_command("ready", "run", block_file)
 
 
 def fetch_block_imagery(

@@ -33,7 +33,8 @@ MAX_CANDIDATES = 3
 MIN_PROBABILITY = 0.02
 # Fault of a photo without a place.
 MISSING_PLACE = "no place"
-_FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
+# View of a picture that is whole.
+FULL_PANORAMA = (0.0, 0.0, 1.0, 1.0)
 
 
 class PhotoMatches(NamedTuple):
@@ -74,7 +75,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     paths, unreadable = list_images(folder, "photo")
     file = read_poses_file(poses) if poses else PosesFile({})
     stated = file.poses
-    if not any(_read_place(path, stated) for path in paths):  # reading the block takes longer
+    if not any(read_place(path, stated) for path in paths):  # reading the block takes longer
         if poses and stated:
             names = ", ".join(sorted(stated)[:3])
             raise InputError(
@@ -88,13 +89,13 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     found, faults = [], list(unreadable)
     for photo in paths:
         try:
-            found.append(_match_photo(plan, terrain, block, photo, _read_place(photo, stated)))
+            found.append(_match_photo(plan, terrain, block, photo, read_place(photo, stated)))
         except (FacadeError, ValueError, OSError) as error:
             if is_system_error(error):
                 raise
             faults.append(Fault(photo.name, "photo", error_reason(error)))
         report_progress("match", 1)
-    return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, _poses_notes(file, paths))
+    return PhotoMatches(MatchTable(path, COLUMNS, tuple(found)), faults, poses_notes(file, paths))
 
 
 def place_remedy(poses: Path | None) -> str:
@@ -103,7 +104,7 @@ def place_remedy(poses: Path | None) -> str:
     return f"{given} (file,lon,lat,heading), or name each after its facade"
 
 
-def _poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
+def poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
     """Return the notes on a poses file and on its entries for the photos."""
     places = {photo.name: file.poses.get(photo.name) or file.poses.get(photo.stem) for photo in photos}
     of_entries = [
@@ -115,7 +116,7 @@ def _poses_notes(file: PosesFile, photos: Sequence[Path]) -> tuple[str, ...]:
     return format_reason_notes(feature_ids_by_reason((*file.remarks, *of_entries)))
 
 
-def _read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
+def read_place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
     """Read the place of a photo, or the fault in it; None if nothing states one."""
     try:
         return stated.get(path.name) or stated.get(path.stem) or read_exif_pose(path)
@@ -130,7 +131,7 @@ def _match_photo(
         raise InputError(MISSING_PLACE)
     if isinstance(place, str):
         raise InputError(place)
-    pose = project_pose(place, _FULL_PANORAMA, block.crs, {})
+    pose = project_pose(place, FULL_PANORAMA, block.crs, {})
     photo, size = rectify_photo(path)
     taken = estimate_orientation(photo.image, photo.seen, photo.homography, photo.focal, size)
     (level,) = terrain.interpolate(np.array([[pose.x, pose.y]]))

@@ -60,6 +60,7 @@ def place_by_gps(
     centres: Float64Array,
     rotations: Float64Array,
     places: Float64Array,
+    remedy: str = _REMEDY,
 ) -> Placement:
     """Place cameras by the GPS of their pictures: level by the pictures themselves, the rest by the places.
 
@@ -69,6 +70,7 @@ def place_by_gps(
     centres : (n, 3) positions in the local frame.
     rotations : (n, 3, 3) to camera axes.
     places : (n, 3) east, north and altitude in metres, NaN where unknown.
+    remedy : what to do where they do not place it, for messages.
 
     Raises
     ------
@@ -79,14 +81,14 @@ def place_by_gps(
     if known.sum() < MIN_GPS_PICTURES:
         raise InputError(
             f"{name} has a frame of its own, and {known.sum()} of its pictures have GPS, where {MIN_GPS_PICTURES} are needed; "
-            f"{_REMEDY}"
+            f"{remedy}"
         )
     target = places[known, :2]
     span = float(np.linalg.norm(target.max(axis=0) - target.min(axis=0)))
     if span < MIN_GPS_SPAN_M:
         raise InputError(
             f"{name} has a frame of its own, and the GPS of its pictures spans {span:.0f} m, where {MIN_GPS_SPAN_M:g} m are "
-            f"needed; {_REMEDY}"
+            f"needed; {remedy}"
         )
     level = _level_rotation(name, rotations)
     source = centres[known] @ level.T
@@ -99,7 +101,7 @@ def place_by_gps(
             "y down, z ahead)"
         )
     if median > MAX_GPS_RESIDUAL_M or not 1e-4 < abs(factor) < 1e4:
-        raise InputError(f"{name}: its cameras are {median:.0f} m off the GPS of their pictures at best: {_REMEDY}")
+        raise InputError(f"{name}: its cameras are {median:.0f} m off the GPS of their pictures at best; {remedy}")
     scale = float(abs(factor))
     turn = np.array([[factor.real, -factor.imag, 0], [factor.imag, factor.real, 0], [0, 0, scale]]) / scale
     rotation = turn @ level

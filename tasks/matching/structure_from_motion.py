@@ -1,0 +1,226 @@
+"""Structure from motion of a folder of photos, by pycolmap in a process of its own."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.features import Fault
+from catalogs.reader_errors import is_system_error
+from catalogs.readers.pictures.decoding import open_picture
+from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.errors import InputError
+from facade_core.core.types import Lens
+from facade_core.imagery.poses.photo_pairs import choose_pairs
+from tasks.engine.compute.child_processes import end_with_parent
+from tasks.engine.outcome import error_reason
+from tasks.engine.progress import begin_stage, report_progress
+
+# Longest side of the pictures that are compared, pixels.
+MAX_SIDE_PX = 1000
+# Photos that structure from motion needs.
+MIN_PHOTOS = 3
+_FOCAL_35MM_TAG, _EXIF_TAG, _ORIENTATION_TAG, _MAKE_TAG, _MODEL_TAG = 0xA405, 0x8769, 0x0112, 0x010F, 0x0110
+_DIAGONAL_35MM = math.hypot(36, 24)
+_MAX_REASON = 200
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhotoGroup:
+    """Photos that overlap, in a frame of their own.
+
+    Attributes
+    ----------
+    paths : n photos.
+    orientations : EXIF orientation of each.
+    rotations : (n, 3, 3) from the frame to camera axes x right, y down, z ahead, of the photos as stored.
+    centres : (n, 3).
+    lenses : lens of each, in pixels of a smaller copy.
+    points : (m, 3) points that three of them or more show.
+    camera : (m,) number of a photo that shows the point.
+    """
+
+    paths: tuple[Path, ...]
+    orientations: tuple[int, ...]
+    rotations: Float64Array
+    centres: Float64Array
+    lenses: tuple[Lens, ...]
+    points: Float64Array
+    camera: Int32Array
+
+
+@dataclass(frozen=True, slots=True)
+class _SmallCopy:
+    """Grey copy of a photo in the working folder."""
+
+    path: Path
+    name: str
+    size: tuple[int, int]
+    orientation: int
+    camera: tuple[object, ...]
+    focal: float | None
+
+
+def require_pycolmap() -> None:
+    """Raise InputError with the remedy where pycolmap is not installed."""
+    if importlib.util.find_spec("pycolmap") is None:
+        raise InputError(
+            "--cameras: pycolmap, which finds the poses, is not installed; `pip install 'streetloom[sfm]'` or `make sfm-setup` "
+            "adds it"
+        )
+
+
+def reconstruct_photos(photos: Sequence[Path], places: Float64Array) -> tuple[list[PhotoGroup], list[Fault]]:
+    """Find the poses of photos relative to each other.
+
+    Photos are compared with their neighbours by name and by place. The result is the same for the same photos on one
+    machine: features, pairs and adjustment use one thread and fixed seeds.
+
+    Parameters
+    ----------
+    photos : photos in the order of their names.
+    places : (n, 2) measured places, metres; NaN where unknown.
+
+    Returns
+    -------
+    Groups, the largest first, each photo in one at most; and a fault for each photo that cannot be read.
+
+    Raises
+    ------
+    InputError : pycolmap is missing or fails, or fewer than MIN_PHOTOS photos can be read.
+    """
+    require_pycolmap()
+    with tempfile.TemporaryDirectory(prefix="streetloom-match-") as name:
+        folder = Path(name)
+        copies, faults = _copy_photos(photos, folder)
+        if len(copies) < MIN_PHOTOS:
+            raise InputError(
+                f"{len(copies)} of {len(photos)} photos can be read, and {MIN_PHOTOS} that overlap are needed; add some, or "
+                "give poses under imagery.cameras"
+            )
+        used = [number for number, path in enumerate(photos) if path in {copy.path for copy in copies}]
+        pairs = choose_pairs(places[used])
+        cameras: dict[tuple[object, ...], list[_SmallCopy]] = {}
+        for copy in copies:
+            cameras.setdefault(copy.camera, []).append(copy)
+        groups = [
+            {"names": [copy.name for copy in some], "focal": some[0].focal, "size": some[0].size}
+            for some in cameras.values()
+        ]
+        named = [(copies[a].name, copies[b].name) for a, b in pairs.tolist()]
+        (folder / "job.json").write_text(json.dumps({"groups": groups, "pairs": named}))
+        _run_process(folder, {"features": len(copies), "pairs": len(named), "poses": len(copies)})
+        return _read_groups(folder, copies), faults
+
+
+def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy], list[Fault]]:
+    """Write a grey copy of each photo, as stored, of at most MAX_SIDE_PX."""
+    copies, faults = [], []
+    begin_stage("photos", len(photos))
+    for number, path in enumerate(photos):
+        try:
+            copies.append(_copy_photo(path, folder, f"{number:06}.png"))
+        except Exception as error:  # libraries raise errors of any class
+            if is_system_error(error):
+                raise
+            faults.append(Fault(path.name, "photo", error_reason(error)))
+        report_progress("photos", 1)
+    return copies, faults
+
+
+def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
+    from PIL import Image
+
+    with open_picture(path) as image:
+        stored, exif = image.size, image.getexif()
+        share = min(1.0, MAX_SIDE_PX / max(stored))
+        size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
+        image.draft("L", size)
+        image.convert("L").resize(size, Image.Resampling.BOX).save(folder / name, compress_level=1)
+    try:
+        orientation, focal_35mm = (
+            int(exif.get(_ORIENTATION_TAG, 1)),
+            float(exif.get_ifd(_EXIF_TAG).get(_FOCAL_35MM_TAG, 0)),
+        )
+    except Exception:  # damaged EXIF states nothing
+        orientation, focal_35mm = 1, 0.0
+    focal = focal_35mm / _DIAGONAL_35MM * math.hypot(*size) if 5 <= focal_35mm <= 1000 else None
+    camera = (size, focal, str(exif.get(_MAKE_TAG)), str(exif.get(_MODEL_TAG)))
+    return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, camera, focal)
+
+
+def _run_process(folder: Path, totals: dict[str, int]) -> None:
+    """Run pycolmap on a folder, and report its progress."""
+    begun: set[str] = set()
+    with (folder / "errors.txt").open("w+") as errors:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tasks.matching.colmap_process", str(folder)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            preexec_fn=end_with_parent,
+        )
+        try:
+            assert process.stdout is not None
+            for line in process.stdout:
+                step, _, count = line.partition(" ")
+                if step not in totals:
+                    continue
+                if step not in begun:
+                    begun.add(step)
+                    begin_stage(step, totals[step])
+                report_progress(step, int(count))
+            code = process.wait()
+        finally:
+            process.kill()
+            process.wait()
+        errors.seek(0)
+        said = errors.read().strip().splitlines()
+    if code:
+        reason = said[-1][:_MAX_REASON] if said else f"exit code {code}"
+        raise InputError(
+            f"pycolmap failed ({reason}); try fewer photos, or find poses elsewhere and name them in imagery.cameras"
+        )
+
+
+def _read_groups(folder: Path, copies: Sequence[_SmallCopy]) -> list[PhotoGroup]:
+    """Read the models; a photo that two of them have stays in the larger one."""
+    by_name = {copy.name: copy for copy in copies}
+    placed: set[str] = set()
+    groups = []
+    for file in sorted(folder.glob("model-*.npz"), key=lambda path: int(path.stem.partition("-")[2])):
+        with np.load(file) as model:
+            arrays = {key: model[key] for key in model.files}
+        names = arrays["names"].tolist()
+        own = np.array([name not in placed for name in names], bool)
+        if own.sum() < MIN_PHOTOS:
+            continue
+        placed.update(names)
+        chosen = [by_name[name] for name, is_own in zip(names, own, strict=True) if is_own]
+        row = np.cumsum(own) - 1
+        seen = own[arrays["camera"]]
+        groups.append(
+            PhotoGroup(
+                tuple(copy.path for copy in chosen),
+                tuple(copy.orientation for copy in chosen),
+                arrays["rotation"][own],
+                arrays["centre"][own],
+                tuple(
+                    Lens(copy.size, (lens[0], lens[0]), (lens[1], lens[2]), (lens[3],))
+                    for copy, lens in zip(chosen, arrays["lens"][own].tolist(), strict=True)
+                ),
+                arrays["points"][seen],
+                row[arrays["camera"][seen]].astype(np.int32),
+            )
+        )
+    return groups
