@@ -20,7 +20,7 @@ class AtlasSpec:
     Attributes
     ----------
     pages : number of pages.
-    texels_per_metre : density of charts near streets, the highest of the atlas.
+    texels_per_metre : density of charts near streets; pictures may raise that of facades.
     page : side of a page in texels, a multiple of `chunk`.
     chunk : side of a chunk in texels.
     gutter : replicated texels around every chart.

@@ -133,6 +133,19 @@ def pack_charts(
     )
 
 
+def has_own_chunks(outer: Int64Array, chunk: int) -> BoolArray:
+    """Return the charts of buildings, (n,), that share no chunk with others.
+
+    Parameters
+    ----------
+    outer : (n, 2) width and height in texels with their gutters.
+    chunk : side of a chunk in texels.
+    """
+    is_wide = outer[:, 0] > chunk // 2
+    has_own: BoolArray = np.where(is_wide, outer[:, 1] > chunk // THIN_DIVISOR, outer[:, 1] > chunk // 2)
+    return has_own
+
+
 def _reuse_places(
     place: Int64Array,
     block: Int64Array,

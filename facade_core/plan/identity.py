@@ -90,7 +90,7 @@ def chart_ids(
 
     Parameters
     ----------
-    share : (n,) share of the atlas density that each chart has.
+    share : (n,) density of each chart over that of the atlas.
     names : building ids by row.
     finishes : stated colours and materials by row.
     """
@@ -101,7 +101,7 @@ def chart_ids(
         name = names[building] if building >= 0 else ""
         if building >= 0 and finishes and finishes[building] != PLAIN:
             name += serialise_finish(finishes[building])
-        if share[chart] < 1:
+        if share[chart] != 1:
             name += repr(float(share[chart]))
         digest = blake2b(row.tobytes() + name.encode(), digest_size=8)
         twin = count[digest.digest()] = count.get(digest.digest(), -1) + 1

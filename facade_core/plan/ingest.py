@@ -21,10 +21,7 @@ from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, assign_streets_to_waves, place_viewpoints
 from facade_core.geometry.texel_density import min_texel_density, texel_density
-from facade_core.geometry.walls import WallRole, free_wall_shares
-from facade_core.imagery.panorama_camera import WALL_REACH_M
-from facade_core.imagery.rectify.coverage import order_by_coverage
-from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
+from facade_core.geometry.walls import free_wall_shares
 from facade_core.plan.core_region import (
     CoreRegion,
     core_chart_mask,
@@ -32,7 +29,7 @@ from facade_core.plan.core_region import (
     core_viewpoints,
     restrict_to_core_streets,
 )
-from facade_core.plan.facades import Facades, find_facades, free_wall_mask, whole_surface_mask
+from facade_core.plan.facades import find_facades, free_wall_mask, whole_surface_mask
 from facade_core.plan.identity import (
     ParallelMap,
     build_scene_objects,
@@ -41,9 +38,8 @@ from facade_core.plan.identity import (
     map_in_this_process,
 )
 from facade_core.plan.plan import FacadeSightings, Plan
+from facade_core.plan.posed_pictures import replace_panoramas
 
-# Share of a facade off the streets that a panorama must show to texture it.
-MIN_OFF_STREET_SHARE = 0.3
 # Metres from a viewpoint up to the ceiling of a passage.
 MIN_HEADROOM_M = 0.3
 
@@ -246,7 +242,7 @@ def build_plan(
         facades=facades,
         poses=(),
         rejected_buildings=layout.rejected_buildings,
-        sightings=_find_sightings(scene, facades, (), ()),
+        sightings=FacadeSightings.empty(),
         textured=textured,
         viewpoints=tuple(cameras),
         views=views,
@@ -256,9 +252,10 @@ def build_plan(
         view_digests=tuple(looks.whole[row] for row in rows),
         painted_digests=tuple(looks.painted[row] for row in rows),
         in_core=owned,
+        street_density=scene.placement.texels_per_metre,
     )
     poses = fill_pose_heights(inputs.poses, layout.terrain, settings.viewpoint_height)
-    return replace_panoramas(plan, poses, inputs.panorama_sizes)
+    return replace_panoramas(plan, poses, inputs.panorama_sizes, previous)
 
 
 def _place_cameras(
@@ -288,34 +285,6 @@ def fill_pose_heights(poses: Sequence[Pose], terrain: Terrain, height: float) ->
         if pose.z is None
         else pose
         for pose in poses
-    )
-
-
-def replace_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
-    """Return the plan with panoramas of these poses, all with a height, and sizes (rows, columns)."""
-    return replace(plan, poses=tuple(poses), sightings=_find_sightings(plan.scene, plan.facades, poses, sizes))
-
-
-def _find_sightings(
-    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
-) -> FacadeSightings:
-    found = []
-    for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
-        chart, of = int(facades.chart[index]), near.tolist()
-        if not of:
-            continue
-        on_street = facades.role[index] == WallRole.STREET
-        reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
-        shown = find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach)
-        for sighting in order_by_coverage(shown):
-            if sighting.seen_share >= least:
-                found.append((index, of[sighting.panorama], sighting.seen_share, sighting.pixels_per_metre))
-    columns = list(zip(*found, strict=True)) or [(), (), (), ()]
-    return FacadeSightings(
-        np.array(columns[0], np.int32),
-        np.array(columns[1], np.int32),
-        np.array(columns[2], np.float64),
-        np.array(columns[3], np.float64),
     )
 
 

@@ -43,6 +43,11 @@ class FacadeSightings:
     seen: Float64Array
     pixels_per_metre: Float64Array
 
+    @classmethod
+    def empty(cls) -> FacadeSightings:
+        """Return no sightings."""
+        return cls(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
+
     def panoramas_showing(self, facade: int) -> Int32Array:
         """Return the panoramas that show a facade, those first that show most of it together."""
         return self.panorama[self._of_facade.rows_with(facade)]
@@ -74,6 +79,7 @@ class Plan:
     view_digests : (viewpoints,) digests of everything that a viewpoint sees.
     painted_digests : (viewpoints,) digests of what it contributes where a material field decides the colours.
     in_core : (charts,) True in the core region, which is textured and published; the halo is only seen.
+    street_density : (charts,) texels per metre by the streets, before pictures raise that of facades.
     """
 
     scene: Scene
@@ -92,6 +98,7 @@ class Plan:
     view_digests: tuple[str, ...]
     painted_digests: tuple[str, ...]
     in_core: BoolArray
+    street_density: Float64Array
 
     @cached_property
     def scene_objects(self) -> SceneObjects:

@@ -96,6 +96,7 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
             "textured": plan.textured,
             "own": plan.in_core,
             "id": plan.ids,
+            **_street_density_column(plan),
             "page_size": scene.spec.page,
             "chunk": scene.spec.chunk,
             "gutter": scene.spec.gutter,
@@ -223,7 +224,15 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         view_digests=cameras["look"],
         painted_digests=cameras.get("painted", cameras["look"]),  # stores of before have one digest
         in_core=charts.get("own", np.ones(len(charts["id"]), bool)),
+        street_density=charts.get("street_texels_per_metre", placement.texels_per_metre),
     )
+
+
+def _street_density_column(plan: Plan) -> dict[str, Float64Array]:
+    """Return the column of densities by the streets; no column where pictures raise none."""
+    if np.array_equal(plan.street_density, plan.scene.placement.texels_per_metre):
+        return {}
+    return {"street_texels_per_metre": plan.street_density}
 
 
 def _lens_columns(poses: Sequence[Pose]) -> dict[str, Float64Array]:

@@ -1,4 +1,4 @@
-"""Two cameras before one house: they are refined together, agree on the ground, and one more changes what it shows alone."""
+"""Cameras before houses: two are refined together and agree on the ground, and one more changes what it shows alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,18 @@ from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tasks.stages.bundles.refined_poses import read_bundled_pose_records
 from tests.pipeline.painted_panoramas import FAR, HEIGHT_M, PAVED, paint_panorama
-from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
+from tests.pipeline.stages import (
+    BUILDINGS,
+    EAST,
+    NORTH,
+    STREETS,
+    charts_of,
+    digests_of,
+    redone,
+    started,
+    texture,
+    write_block,
+)
 
 pytestmark = pytest.mark.long
 
@@ -83,3 +94,57 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     assert {unit for stage, unit in again if stage == "poses"} == {"a-3.jpg"}
     assert {unit for stage, unit in again if stage == "bundles"} == {"a-1.jpg"}
     assert {unit.partition("-")[0] for stage, unit in again if stage == "facades"} == {"a"}
+
+
+def test_a_sharp_camera_makes_its_own_house_finer_and_does_nothing_else_again(tmp_path: Path) -> None:
+    folder, out = tmp_path / "in", tmp_path / "out"
+    posed(folder, {"c-1": (9.0, FAR - 1, 2.5)})
+    block_file = write_block(
+        folder,
+        buildings={name: BUILDINGS[name] for name in ("a", "c")},
+        streets={name: STREETS[name] for name in ("1", "3")},
+        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}, "exemplars": {"path": "exemplars"}},
+        texture={"texels_per_metre": 8},
+    )
+    texture(block_file, out)
+    density, first = densities(out), facade_digests(out)
+    assert max(density["c"]) == 16
+    assert max(density["a"]) == 8
+
+    before = started(out)
+    posed(folder, {"c-1": (9.0, FAR - 1, 2.5), "a-1": (8.0, -1.0, 2.5)})
+    made = texture(block_file, out)
+    assert max(densities(out)["a"]) == 16
+    assert densities(out)["c"] == density["c"]
+    again = redone(before, out)
+    assert {unit.partition("-")[0] for stage, unit in again if stage == "facades"} == {"a"}
+    assert {unit.partition("-")[0] for stage, unit in again if stage == "surfaces"} <= {"a", "ground"}
+    fresh = texture(block_file, tmp_path / "fresh")
+    one, other = charts_of(made.run), charts_of(fresh.run)
+    assert one.keys() == other.keys()
+    for chart, arrays in other.items():
+        for mine, theirs in zip(one[chart], arrays, strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+    assert digests_of(out) == digests_of(tmp_path / "fresh")
+
+    (folder / "panoramas" / "a-1.jpg").unlink()
+    posed(folder, {"c-1": (9.0, FAR - 1, 2.5)})
+    texture(block_file, out)
+    assert densities(out) == density
+    assert facade_digests(out) == first
+
+
+def facade_digests(out: Path) -> dict[str, str]:
+    """Digests of the charts of facades, by their ids."""
+    plan = read_plan(open_repository(out / "store").readonly_session("main"))
+    known = digests_of(out)[1]
+    return {name: known[name] for name in (f"{number:016x}" for number in plan.ids[plan.facades.chart].tolist())}
+
+
+def densities(out: Path) -> dict[str, list[float]]:
+    """Texels per metre of the facades of each building."""
+    plan = read_plan(open_repository(out / "store").readonly_session("main"))
+    found: dict[str, list[float]] = {}
+    for chart, building in zip(plan.facades.chart.tolist(), plan.facades.building.tolist(), strict=True):
+        found.setdefault(plan.scene.names[building], []).append(float(plan.scene.placement.texels_per_metre[chart]))
+    return found

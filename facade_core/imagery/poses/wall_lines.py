@@ -129,15 +129,16 @@ def _lines_on_wall(
     scene: Scene, chart: int, image: UInt8Array, pose: Pose, distance: float
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, Int64Array]:
     """Columns of WallLines for one wall."""
-    charts, placement = scene.charts, scene.placement
-    extent = np.array([placement.height[chart], placement.width[chart]]) / placement.texels_per_metre[chart]
+    charts = scene.charts
+    extent = charts.size[chart][::-1]
     density = min(
         MAX_PIXELS_PER_METRE,
         1.2 * pixels_per_radian(pose, image.shape[1]) / distance,
         MAX_RASTER_SIDE / extent.max(),
     )
     size = tuple(max(8, round(float(side) * density)) for side in extent)
-    view = rectify_chart_from_panorama(scene, chart, image, pose, size)
+    # the atlas's density depends on all panoramas, and the pose of one does not
+    view = rectify_chart_from_panorama(scene, chart, image, pose, size, extent=charts.size[chart])
     ends = detect_line_segments(view.rgb, view.seen, max(MIN_LINE_PIXELS, MIN_LINE_M * density))
     across, down = np.abs(ends[:, 1] - ends[:, 0]).T
     is_valid = np.minimum(across, down) <= np.tan(np.radians(MAX_AXIS_ANGLE_DEG)) * np.maximum(across, down)

@@ -74,6 +74,7 @@ def find_sightings(
     image_sizes: Sequence[tuple[int, int]],
     *,
     max_distance: float = MAX_SIGHTING_DISTANCE_M,
+    texels_per_metre: float | None = None,
 ) -> list[Sighting]:
     """Find the panoramas that show a chart, best first.
 
@@ -87,6 +88,7 @@ def find_sightings(
     poses : poses of the panoramas.
     image_sizes : height and width of the panoramas in pixels.
     max_distance : largest distance in metres.
+    texels_per_metre : density below which a picture counts as coarse; None takes the chart's.
 
     Raises
     ------
@@ -94,12 +96,13 @@ def find_sightings(
         If a pose has no height.
     """
     sightings = []
+    density = scene.placement.texels_per_metre[chart] if texels_per_metre is None else texels_per_metre
     for view in _point_views(scene, chart, poses, image_sizes, max_distance):
         seen = float(view.usable.mean())
         if seen < MIN_SIGHTING_SHARE:
             continue
         resolution, facing = float(view.resolution.mean()), float(view.sine.mean())
-        score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
+        score = seen * min(1.0, resolution / density) * facing
         obliquity = float(np.degrees(np.arcsin(facing)))
         sightings.append(Sighting(view.panorama, seen, resolution, obliquity, score, view.usable))
     return sorted(sightings, key=lambda sighting: (-sighting.score, sighting.panorama))
@@ -212,7 +215,13 @@ def _point_views(
 
 
 def rectify_chart_from_panorama(
-    scene: Scene, chart: int, image: UInt8Array, pose: Pose, size: tuple[int, int], occluded: BoolArray | None = None
+    scene: Scene,
+    chart: int,
+    image: UInt8Array,
+    pose: Pose,
+    size: tuple[int, int],
+    occluded: BoolArray | None = None,
+    extent: Float64Array | None = None,
 ) -> ChartView:
     """Rectify a chart from a panorama.
 
@@ -227,6 +236,7 @@ def rectify_chart_from_panorama(
     pose : pose of the camera.
     size : height and width of the raster; the chart's size in the atlas gives the atlas's texels.
     occluded : (H, W) bool, occluders in the panorama.
+    extent : (2,) width and height of the raster in metres; None takes those of the chart's texels in the atlas.
 
     Returns
     -------
@@ -244,8 +254,10 @@ def rectify_chart_from_panorama(
     charts, placement = scene.charts, scene.placement
     rows, columns = size
     place = camera_position(pose)
-    right = charts.axis_u[chart] * (placement.width[chart] / placement.texels_per_metre[chart] / columns)
-    down = charts.axis_v[chart] * (placement.height[chart] / placement.texels_per_metre[chart] / rows)
+    if extent is None:
+        extent = np.array([placement.width[chart], placement.height[chart]]) / placement.texels_per_metre[chart]
+    right = charts.axis_u[chart] * (extent[0] / columns)
+    down = charts.axis_v[chart] * (extent[1] / rows)
     corner = charts.origin[chart] - place
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)

@@ -10,9 +10,10 @@ from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.identity import ParallelMap, map_in_this_process
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, fill_pose_heights, replace_panoramas
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, fill_pose_heights
 from facade_core.plan.plan import Plan
 from facade_core.plan.planned_units import PlannedUnits, count_units
+from facade_core.plan.posed_pictures import replace_panoramas
 from tasks.engine.stage_code import stage_code_digest
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
@@ -80,7 +81,9 @@ def update_plan_panoramas(block: Block, plan: Plan) -> Plan:
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
         poses = fill_pose_heights(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)
-    return replace_panoramas(plan, poses, _panorama_sizes(block))
+    return replace_panoramas(
+        plan, poses, _panorama_sizes(block), PreviousChartPlacements(plan.ids, plan.scene.placement)
+    )
 
 
 def _panorama_sizes(block: Block) -> list[tuple[int, int]]:

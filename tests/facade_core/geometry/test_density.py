@@ -1,4 +1,4 @@
-"""Charts have as many texels as a street can show of them."""
+"""Charts have as many texels as a street can show of them, and facades as many as their pictures hold."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from facade_core.core.types import Building, Street
+from facade_core.core.types import Building, Pose, Street
+from facade_core.geometry.chart_packing import PreviousChartPlacements
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
+from facade_core.plan.posed_pictures import replace_panoramas
 
 
 def plan_of(buildings: list[Building], texels_per_metre: float = 32.0) -> Plan:
@@ -101,3 +103,77 @@ def test_ids_tell_densities_apart() -> None:
     assert back[1] == 8
     assert now[1] == 32
     assert back[0] != now[0]
+
+
+# Before the front of house a, and before that of house b.
+CAMERAS = (Pose(6, -8, 2.5, 0.0), Pose(46, -8, 2.5, 0.0))
+COARSE, FINE = (256, 512), (4096, 8192)
+
+
+def pictured(plan: Plan, sizes: dict[int, tuple[int, int]]) -> Plan:
+    """The plan with cameras by number, and the size of the panorama of each; charts keep their places."""
+    before = PreviousChartPlacements(plan.ids, plan.scene.placement)
+    return replace_panoramas(plan, [CAMERAS[n] for n in sizes], list(sizes.values()), before)
+
+
+def test_a_facade_has_what_its_sharpest_picture_holds_up_to_twice_the_density_of_the_block() -> None:
+    plan = plan_of([house("a", 0, 0), house("b", 40, 0)], 8.0)
+    front = int(np.flatnonzero((plan.scene.charts.building == 0) & (plan.scene.charts.normals()[:, 1] < -0.9))[0])
+    assert plan.scene.placement.texels_per_metre[front] == 8
+    assert (pictured(plan, {0: COARSE}).scene.placement.texels_per_metre == plan.street_density).all()
+    shown = pictured(plan, {0: (1024, 2048)})
+    held = float(shown.sightings.pixels_per_metre[shown.facades.chart[shown.sightings.facade] == front][0])
+    for wanted, expected in ((8.9, 8.0), (9.1, 10.0), (12.3, 12.0), (30.0, 16.0)):
+        width = 2 * round(1024 * wanted / held)
+        raised = pictured(plan, {0: (width // 2, width)})
+        assert raised.scene.placement.texels_per_metre[front] == expected
+        assert densities(raised, "b", ChartKind.WALL)[0, -1] == 8
+        assert (raised.street_density == plan.street_density).all()
+        assert (raised.scene.charts.texels(raised.scene.placement.texels_per_metre) == texels(raised)).all()
+
+
+def test_a_picture_moves_no_other_chart_and_what_it_raised_comes_down_without_it() -> None:
+    plan = plan_of([house("a", 0, 0), house("b", 40, 0)], 8.0)
+    one = pictured(plan, {0: FINE})
+    changed = np.flatnonzero(one.ids != plan.ids)
+    assert len(changed)
+    assert set(changed.tolist()) <= set(one.facades.chart[one.sightings.facade].tolist())
+    rest = np.setdiff1d(np.arange(len(plan.ids)), changed)
+    for both in (pictured(one, {0: FINE, 1: FINE}), pictured(one, {1: FINE}), pictured(one, {})):
+        same = both.ids == one.ids
+        assert same[plan.scene.charts.kind != ChartKind.WALL].all()
+        for name in ("page", "x", "y", "width", "height"):
+            values = [getattr(of.scene.placement, name) for of in (plan, one, both)]
+            assert (values[0][rest] == values[1][rest]).all()
+            assert (values[1][same] == values[2][same]).all()
+    again = pictured(pictured(one, {0: FINE, 1: FINE}), {0: FINE})
+    assert (again.ids == one.ids).all()
+    assert (pictured(one, {}).ids == plan.ids).all()
+
+
+def test_pictures_at_most_double_the_texels_of_a_building_and_the_sharpest_go_first() -> None:
+    plan = plan_of([house("a", 0, 0)], 8.0)
+    poses = [Pose(6, -12, 2.5, 0.0), Pose(16, 5, 2.5, 0.0), Pose(-4, 5, 2.5, 0.0), Pose(6, 16, 2.5, 0.0)]
+    raised = replace_panoramas(plan, poses, [FINE] * 4)
+    assert {*densities(raised, "a", ChartKind.WALL).values()} > {16.0}
+    building = plan.scene.charts.building == 0
+    assert texels(plan)[building].prod(axis=1).sum() * 1.4 < texels(raised)[building].prod(axis=1).sum()
+    assert texels(raised)[building].prod(axis=1).sum() < texels(plan)[building].prod(axis=1).sum() * 2.05
+    walls, held = densities(raised, "a", ChartKind.WALL), {}
+    for facade, metre in zip(raised.sightings.facade, raised.sightings.pixels_per_metre, strict=True):
+        side = tuple(np.round(raised.scene.charts.normals()[raised.facades.chart[facade], :2]).astype(int).tolist())
+        held[side] = max(held.get(side, 0.0), float(metre))
+    assert walls[max(held, key=held.__getitem__)] == max(walls.values())
+
+
+def test_streets_keep_the_density_of_what_they_write_and_small_walls_keep_theirs() -> None:
+    plan = plan_of([house("a", 0, 0)], 8.0)
+    written = replace(plan, writable=np.ones_like(plan.writable))
+    assert (pictured(written, {0: FINE}).ids == plan.ids).all()
+    small = plan_of([house("a", 0, 0)], 4.0)  # 48 x 36 texels share a chunk with others of the house
+    assert (pictured(small, {0: FINE}).ids == small.ids).all()
+
+
+def texels(plan: Plan) -> np.ndarray:
+    placement = plan.scene.placement
+    return np.column_stack([placement.width, placement.height])

@@ -39,10 +39,10 @@ def ingested(block: Path, out: Path) -> tuple[Block, Plan]:
     return read, read_plan(open_repository(out / "store").readonly_session(BRANCH))
 
 
-def add_panorama(folder: Path, z: float | None) -> Path:
+def add_panorama(folder: Path, z: float | None, rows: int = 256) -> Path:
     """One panorama on street 1 to the block in a folder."""
     (folder / "panoramas").mkdir()
-    noise = np.random.default_rng(1).integers(0, 255, (256, 512, 3)).astype(np.uint8)
+    noise = np.random.default_rng(1).integers(0, 255, (rows, 2 * rows, 3)).astype(np.uint8)
     Image.fromarray(noise).save(folder / "panoramas" / "p.jpg")
     place = {"x": EAST + 10, "y": NORTH, "heading": 20.0, **({} if z is None else {"z": z})}
     (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": {"p.jpg": place}}))
@@ -77,6 +77,22 @@ def test_with_a_panorama_more_it_is_the_plan_made_anew(tmp_path: Path, z: float 
     again = update_plan_panoramas(second, before)
     assert len(again.sightings.facade)
     assert_equal(again, make_plan(second, PreviousChartPlacements(before.ids, before.scene.placement)))
+
+
+def test_a_sharp_panorama_raises_facades_in_the_plan_of_the_store_as_in_one_made_anew(tmp_path: Path) -> None:
+    folder, out = tmp_path / "in", tmp_path / "out"
+    first, before = ingested(write_block(folder, texture={"texels_per_metre": 8}), out)
+    second = read_block(add_panorama(folder, 2.5, 1024))
+    places = PreviousChartPlacements(before.ids, before.scene.placement)
+    _, raised = ingested(folder / "block.yaml", out)
+    assert_equal(raised, make_plan(second, places))
+    finer = np.flatnonzero(raised.scene.placement.texels_per_metre != before.scene.placement.texels_per_metre)
+    assert len(finer)
+    assert set(finer.tolist()) <= set(raised.facades.chart[raised.sightings.facade].tolist())
+    assert raised.view_digests == before.view_digests
+    again = update_plan_panoramas(first, raised)
+    assert_equal(again, make_plan(first, PreviousChartPlacements(raised.ids, raised.scene.placement)))
+    assert (again.ids == before.ids).all()
 
 
 def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_changed(

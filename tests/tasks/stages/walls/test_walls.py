@@ -16,8 +16,9 @@ from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan, replace_panoramas
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
+from facade_core.plan.posed_pictures import replace_panoramas
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import diff_key_parts
 from tasks.stages.shared.panorama_index import MAX_PANORAMAS_PER_SURFACE, MAX_PIECE_M
