@@ -11,6 +11,8 @@ from facade_core.plan.plan import Plan
 # Steps of densities, and the largest, as multiples of the block's density.
 DENSITY_STEP = 0.25
 MAX_DENSITY_FACTOR = 2.0
+# Texels per metre up to which pictures raise a facade: a view of the street resolves 57 (`texel_density`).
+MAX_PICTURED_DENSITY = 48.0
 # Share of a facade that a picture must show to raise its density.
 MIN_SHOWN_SHARE = 0.5
 # Texels that pictures add to a building, as a multiple of those of its charts.
@@ -34,7 +36,8 @@ def pictured_density(plan: Plan) -> Float64Array:
     resolution, benefit = _best_pictures(plan)
     side = charts.size[chart].max(axis=1, initial=0.0)
     most = np.minimum(
-        MAX_DENSITY_FACTOR * spec.texels_per_metre, (spec.page - 2 * spec.gutter) / np.maximum(side, 1e-9)
+        min(MAX_DENSITY_FACTOR * spec.texels_per_metre, MAX_PICTURED_DENSITY),
+        (spec.page - 2 * spec.gutter) / np.maximum(side, 1e-9),
     )
     wanted = np.where(_can_be_raised(plan), np.minimum(np.rint(resolution / step) * step, most), 0.0)
     np.minimum.at(wanted, facades.run, wanted.copy())

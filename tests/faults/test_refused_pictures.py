@@ -49,6 +49,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
             roofed=[False],
         ),
         scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])),
+        street_density=[4.0],
     )
 
     def maker(
@@ -107,7 +108,13 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
         return path
 
     seen = np.ones(SIZE, bool)
-    fused = Value(seen=seen, occluded=~seen, rgb=np.zeros((*SIZE, 3), np.uint8), confidence=np.ones(SIZE))
+    fused = Value(
+        seen=seen,
+        occluded=~seen,
+        rgb=np.zeros((*SIZE, 3), np.uint8),
+        confidence=np.ones(SIZE),
+        source=np.zeros(SIZE, np.int8),
+    )
     monkeypatch.setattr(evidence, "_view_of_panorama", view)
     monkeypatch.setattr(
         evidence, "_reject_other_planes", lambda plan, chart, newest, earlier, refused: (newest, earlier)
@@ -153,7 +160,7 @@ def test_a_picture_of_another_building_is_refused_with_its_reason(monkeypatch: p
     monkeypatch.setattr(evidence, "capture_date", lambda path: None)
     monkeypatch.setattr(evidence, "camera_in_chart_frame", lambda *_: None)
     monkeypatch.setattr(evidence, "explain_other_planes", lambda *_: ["", "turned by 25 degrees"])
-    plan: Any = Value(scene=Value(placement=Value(texels_per_metre=[4.0])))
+    plan: Any = Value(scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])))
     refused: list[Exception] = []
     found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused)
     assert found is not None

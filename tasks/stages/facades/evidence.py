@@ -74,6 +74,8 @@ class FacadeEvidence:
     seen : faces, plates and text in texels that `hidden` lacks.
     fit : fit of a photo to the wall; None of other pictures.
     before : change since an earlier capture; None with one capture.
+    pictures : path and pose of panoramas.
+    picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
     """
 
     image: UInt8Array
@@ -88,6 +90,8 @@ class FacadeEvidence:
     seen: FacesPlatesAndText = field(default_factory=FacesPlatesAndText)
     fit: PhotoCropQuality | None = None
     before: ChangeSinceCapture | None = None
+    pictures: tuple[tuple[Path, Pose], ...] = ()
+    picture: AnyArray | None = None
 
 
 class ChangeSinceCapture(NamedTuple):
@@ -182,14 +186,12 @@ def _fuse_panoramas(
         return None
     if earlier:
         now, then = (as_chart_view(fuse_views(of)) for of in (views, [one.view for one in earlier]))
-        told = detect_changes(now, then, float(plan.scene.placement.texels_per_metre[chart]))
+        told = detect_changes(now, then, _raster_density(plan, chart, size))
         share = None if told.changed_share is None else round(told.changed_share, 4)
         before = ChangeSinceCapture(share, round(told.compared_share, 4), _latest_day(earlier))
         if share is not None:
             picture = _shrink(then) if share >= PICTURED else None
-            before = before._replace(
-                cells=told.encode_cells(float(plan.scene.placement.texels_per_metre[chart])), picture=picture
-            )
+            before = before._replace(cells=told.encode_cells(_raster_density(plan, chart, size)), picture=picture)
         # what is no longer so is not shown; the rest fills what the newest do not show
         views += [
             replace(one.view, seen=one.view.seen & ~told.is_changed, quality=EARLIER_QUALITY * one.view.quality)
@@ -206,13 +208,22 @@ def _fuse_panoramas(
         fused.rgb,
         hidden,
         fused.confidence,
-        ", ".join(one.name for one in taken),
+        ", ".join(one.path.name for one in taken),
         masked,
         in_front,
         outside=wall_surroundings_mask(fused.rgb, hidden, model=parser),
         captured=_latest_day(newest),
         before=before,
+        pictures=tuple((one.path, one.pose) for one in (*newest, *earlier)),
+        picture=fused.source,
     )
+
+
+def _raster_density(plan: Plan, chart: int, size: tuple[int, int]) -> float:
+    """Return the texels per metre of a raster (height, width) of a chart: that of the atlas, or of `street_density`."""
+    placement = plan.scene.placement
+    is_atlas = size == (int(placement.height[chart]), int(placement.width[chart]))
+    return float((placement.texels_per_metre if is_atlas else plan.street_density)[chart])
 
 
 def _shrink(view: ChartView) -> UInt8Array:
@@ -224,10 +235,10 @@ def _shrink(view: ChartView) -> UInt8Array:
 
 
 class _DatedView(NamedTuple):
-    """A facade in a panorama, with the file's name, pose and day."""
+    """A facade in a panorama, with its file, pose and day."""
 
     view: ChartView
-    name: str
+    path: Path
     pose: Pose
     day: str | None
 
@@ -242,11 +253,11 @@ def _reject_other_planes(
     reasons = explain_other_planes(
         [one.view for one in every],
         [camera_in_chart_frame(plan.scene, chart, one.pose) for one in every],
-        float(plan.scene.placement.texels_per_metre[chart]),
+        _raster_density(plan, chart, every[0].view.seen.shape),
     )
     refused += [
         ImageError(
-            f"{one.name}: shows another plane than this wall, {reason}; add the building that is there to the model, "
+            f"{one.path.name}: shows another plane than this wall, {reason}; add the building that is there to the model, "
             "mend the pose, or remove the picture"
         )
         for one, reason in zip(every, reasons, strict=True)
@@ -272,7 +283,7 @@ def _dated_views(
             view = _view_of_panorama(plan, chart, path, pose, size, parser)
             if path in imagery.exposure_factors:
                 view = replace(view, rgb=apply_exposure_factor(view.rgb, np.array(imagery.exposure_factors[path])))
-            found.append(_DatedView(view, path.name, pose, imagery.captured.get(path) or capture_date(path)))
+            found.append(_DatedView(view, path, pose, imagery.captured.get(path) or capture_date(path)))
     return found
 
 
@@ -285,22 +296,28 @@ def _view_of_panorama(
     plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
 ) -> ChartView:
     """Return the view of a facade in a panorama, with the occluders that the parser finds, and faces and plates."""
-    image = _read_without_fringes(path, *_file_stamps(path), max_picture_pixels(pose))
+    image = read_sharp_panorama(path, pose)
     seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
-    view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private)
+    extent = np.array(size[::-1]) / _raster_density(plan, chart, size)
+    view = rectify_chart_from_panorama(plan.scene, chart, image, pose, size, private, extent)
     if not view.seen.any():
         return view
     finer = min(MAX_FINER, math.sqrt(PARSED_VIEW_TEXELS / (size[0] * size[1])))
     parsed = view
     if finer > 1:
         fine_size = (round(finer * size[0]), round(finer * size[1]))
-        parsed = rectify_chart_from_panorama(plan.scene, chart, image, pose, fine_size)
+        parsed = rectify_chart_from_panorama(plan.scene, chart, image, pose, fine_size, extent=extent)
     alpha = np.where(parsed.seen, 255, 0).astype(np.uint8)
     found = parse(np.dstack([parsed.rgb, alpha]), model=parser).occluded & parsed.seen
     occluded_share = resize_image(np.where(found, 255, 0).astype(np.uint8), size)
     in_front, _ = clean_occluder_mask((occluded_share >= 128) & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
+
+
+def read_sharp_panorama(path: Path, pose: Pose) -> UInt8Array:
+    """Read a panorama (h, w, 3) uint8 without colour fringes; consecutive facades share it."""
+    return _read_without_fringes(path, *_file_stamps(path), max_picture_pixels(pose))
 
 
 def _panorama_detections(path: Path, pose: Pose) -> FacesPlatesAndText:

@@ -52,6 +52,7 @@ from tasks.stages.facades.evidence import ChangeSinceCapture, FacadeEvidence, re
 from tasks.stages.facades.exemplar_facades import build_unit_from_exemplar
 from tasks.stages.facades.exposure import first_picture, level_exposures, measure_pictured_colour
 from tasks.stages.facades.photos import PhotoCropQuality
+from tasks.stages.facades.picture_detail import sharpen_from_pictures, working_size
 from tasks.stages.facades.pictured_style import PicturedStyle, select_pictured_style
 from tasks.stages.facades.record import FacadeRecord, count_variations
 from tasks.stages.facades.wall_colour import photo_wall_colour
@@ -236,12 +237,12 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
     facade, (imagery, textures, _) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
-    size = (int(placement.height[chart]), int(placement.width[chart]))
     density = float(placement.texels_per_metre[chart])
     along, width = float(facades.along[facade]), float(facades.width[facade])
     said = imagery.corrected
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
+        size = working_size(plan, chart, source)
         with collect_input_errors(refused):
             evidence = read_evidence(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
@@ -264,12 +265,12 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
                     )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
-                confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
                 result = replace(
                     result,
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
+                result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
                 result = _apply_correction(result, imagery)
                 names = _read_shop_names(result, evidence, source, density)
                 return _TexturedFacade(
