@@ -17,6 +17,8 @@ from facade_core.facade.variation.encoding import encode
 MAX_DETAIL = 2.0
 # Grey levels that are added to both sides of the ratio, so that noise in the dark is no detail.
 DETAIL_FLOOR = 6.0
+# Texels that the low-pass reaches to each side.
+LOW_PASS_TEXELS = 6
 # Texels over which detail fades in, inside the photographed part.
 FADE_TEXELS = 2
 
@@ -34,11 +36,14 @@ def picture_detail(rgb: UInt8Array, seen: BoolArray, coarse: tuple[int, int]) ->
     -------
     (h, w, 3) float32, 1 without detail.
     """
+    import cv2
+
     low = resize_image(resize_image(rgb, coarse), seen.shape)
     detail = (rgb + np.float32(DETAIL_FLOOR)) / (low + np.float32(DETAIL_FLOOR))
     detail = np.clip(detail, np.float32(1 / MAX_DETAIL), np.float32(MAX_DETAIL))
-    whole = resize_image(resize_image(np.where(seen, 255, 0).astype(np.uint8), coarse), seen.shape) == 255
-    return np.where(whole[..., None], detail, np.float32(1))
+    side = 2 * LOW_PASS_TEXELS + 1
+    is_whole = cv2.erode(seen.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    return np.where(is_whole[..., None], detail, np.float32(1))
 
 
 def sharpen_facade(facade: Facade, detail: Float32Array, scale: float) -> Facade:
