@@ -6,6 +6,7 @@ import numpy as np
 
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.geometry.chart_packing import has_own_chunks
+from facade_core.geometry.charts import raster_sizes
 from facade_core.plan.plan import Plan
 
 # Steps of densities, and the largest, as multiples of the block's density.
@@ -72,5 +73,5 @@ def _best_pictures(plan: Plan) -> tuple[Float64Array, Float64Array]:
 def _can_be_raised(plan: Plan) -> BoolArray:
     """Return the facades that streets do not write and that share no chunk with other charts, (facades,)."""
     chart, spec = plan.facades.chart, plan.scene.spec
-    texels = plan.scene.charts.texels(plan.street_density)[chart]
+    texels = raster_sizes(plan.scene.charts.size[chart], plan.street_density[chart])
     return has_own_chunks(texels + 2 * spec.gutter, spec.chunk) & ~plan.writable[chart]

@@ -60,6 +60,8 @@ def facade_keys(
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
     }
+    if plan.street_density[chart] != placement.texels_per_metre[chart]:
+        parts["geometry"] = [f"{plan.ids[chart]:016x}", shape, size, float(plan.street_density[chart])]
     if imagery.corrected != AS_FOUND:
         said = imagery.corrected
         parts["corrected"] = [said.elements, said.hide, said.keep, said.facade]

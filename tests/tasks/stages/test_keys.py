@@ -99,8 +99,9 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
         seed=1, privacy="blur", models=SHIPPED_MODELS, texture=TextureSettings(texels_per_metre=4.0, walls="translate")
     )
 
-    def key(buildings: list[Building], pose: Pose, factor: tuple[float, ...] | None = None) -> str:
+    def key(buildings: list[Building], pose: Pose, factor: tuple[float, ...] | None = None, raised: float = 1.0) -> str:
         plan = _plan(buildings)
+        plan = replace(plan, street_density=plan.street_density / raised)
         facade = plan.facades.id.index("a-0")
         factors = {} if factor is None else {picture: factor}
         imagery = FacadeImagery(panoramas=((picture, pose),), exposure_factors=factors)
@@ -116,6 +117,9 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     assert diff_key_parts(alone, key([wall, kiosk], pose)) == ["between"]
     assert diff_key_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
     assert diff_key_parts(alone, key([wall], pose, (1.125, 1.0, 1.0))) == ["panoramas"]
+    raised = key([wall], pose, raised=1.5)  # it is parsed at the density by the streets
+    assert diff_key_parts(alone, raised) == ["geometry"]
+    assert diff_key_parts(raised, key([wall], pose, raised=2.0)) == ["geometry"]
 
 
 def _plan(buildings: list[Building]) -> Plan:
