@@ -286,7 +286,8 @@ def _choose_frame(
             _check_corners(sources[0], middle, file)
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
         notes = _frame_notes(frame, keys.buildings.crs, *(middle if stated == LONLAT else ()))
-        notes += note_outside_area_of_use(parse_crs(stated), *middle)
+        if (given := parse_crs(stated)) != frame:
+            notes += note_outside_area_of_use(given, *middle)
     notes += note_outside_area_of_use(frame, *middle)
     return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
 

@@ -74,7 +74,7 @@ def _note_zeros(terrain: ElevationRaster, name: str) -> list[str]:
     if not _MIN_ZERO_SHARE * len(known) <= zeros < len(known) / 2 or near > _MAX_MIXED_SHARE * zeros:
         return []
     return [
-        f"{name} is 0 in {zeros / len(known):.0%} of its cells and over {_MIN_DATUM_GAP_M:g} m in the others, as where heights "
+        f"{name} is 0 in {zeros / len(known):.1%} of its cells and over {_MIN_DATUM_GAP_M:g} m in the others, as where heights "
         f"are unknown; where they are, say so with gdal_edit.py -a_nodata 0 {name}"
     ]
 

@@ -60,14 +60,15 @@ def sharpen_facade(facade: Facade, detail: Float32Array, scale: float) -> Facade
     factor = 1 + share * (detail - 1)
     image, evidence = (_apply(enlarge_image(raster, size, scale), factor) for raster in (facade.image, facade.evidence))
 
-    def across(x: float) -> float:
+    def scale_x(x: float) -> float:
         return min(x * scale, width)
 
-    def down(y: float) -> float:
+    def scale_y(y: float) -> float:
         return min(y * scale, height)
 
     elements = tuple(
-        replace(one, x0=across(one.x0), x1=across(one.x1), y0=down(one.y0), y1=down(one.y1)) for one in facade.elements
+        replace(one, x0=scale_x(one.x0), x1=scale_x(one.x1), y0=scale_y(one.y0), y1=scale_y(one.y1))
+        for one in facade.elements
     )
     return replace(
         facade,
@@ -77,11 +78,12 @@ def sharpen_facade(facade: Facade, detail: Float32Array, scale: float) -> Facade
         occluded=enlarge_classes(facade.occluded, size, scale),
         provenance=provenance,
         masked=tuple(
-            (round(across(x0)), round(down(y0)), round(across(x1)), round(down(y1))) for x0, y0, x1, y1 in facade.masked
+            (round(scale_x(x0)), round(scale_y(y0)), round(scale_x(x1)), round(scale_y(y1)))
+            for x0, y0, x1, y1 in facade.masked
         ),
         lattice=Lattice(
-            (*(round(down(row)) for row in facade.lattice.rows[:-1]), height),
-            (*(round(across(column)) for column in facade.lattice.columns[:-1]), width),
+            (*(round(scale_y(row)) for row in facade.lattice.rows[:-1]), height),
+            (*(round(scale_x(column)) for column in facade.lattice.columns[:-1]), width),
         ),
         elements=elements,
         hierarchy=None if facade.hierarchy is None else encode(image, elements),

@@ -134,7 +134,7 @@ def pack_charts(
 
 
 def has_own_chunks(outer: Int64Array, chunk: int) -> BoolArray:
-    """Return the charts of buildings, (n,), that share no chunk with others.
+    """Return a mask (n,) of the charts of buildings that share no chunk with others.
 
     Parameters
     ----------

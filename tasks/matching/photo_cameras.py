@@ -15,6 +15,7 @@ import numpy as np
 from catalogs.block.reader import read_block
 from catalogs.block.yaml_edits import format_imagery_entry
 from catalogs.features import Fault
+from catalogs.published.folders import write_atomically
 from catalogs.readers.pictures.cameras.placement import MIN_GPS_PICTURES, MIN_GPS_SPAN_M, place_by_gps
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.folders import list_images
@@ -27,7 +28,7 @@ from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, PlacedPoints, align_to_model
 from tasks.engine.outcome import error_reason
-from tasks.matching.photo_matches import FULL_PANORAMA, place_remedy, poses_notes, read_place
+from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place
 from tasks.matching.structure_from_motion import PhotoGroup, reconstruct_photos, require_pycolmap
 from tasks.stages.ingest.planning import make_plan
 
@@ -93,7 +94,7 @@ def pose_block_photos(block_file: Path, folder: Path, path: Path, poses: Path | 
     file = read_poses_file(poses) if poses else PosesFile({})
     stated = {photo: read_place(photo, file.poses) for photo in photos}
     if not any(stated.values()):
-        raise InputError(f"{folder}: none of its {len(photos)} photos says where it was taken; {place_remedy(poses)}")
+        raise InputError(f"{folder}: none of its {len(photos)} photos says where it was taken; {_REMEDY}")
     block = read_block(block_file)
     notes = list(poses_notes(file, photos))
     places = np.full((len(photos), 2), np.nan)
@@ -232,9 +233,8 @@ def format_camera_table(cameras: Mapping[str, PhotoCamera]) -> str:
 
 def write_camera_table(path: Path, cameras: Mapping[str, PhotoCamera]) -> None:
     """Write cameras to a new file."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(format_camera_table(cameras), encoding="utf-8", newline="")
-    os.replace(temporary, path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, format_camera_table(cameras).encode())
 
 
 def format_cameras_entry(block_file: Path, folder: Path, path: Path) -> str:

@@ -9,8 +9,10 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from facade_core.imagery.poses.photo_pairs import choose_pairs
 from tasks.engine.compute.child_processes import end_with_parent
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 # Longest side of the pictures that are compared, pixels.
 MAX_SIDE_PX = 1000
@@ -107,7 +112,8 @@ def reconstruct_photos(photos: Sequence[Path], places: Float64Array) -> tuple[li
                 f"{len(copies)} of {len(photos)} photos can be read, and {MIN_PHOTOS} that overlap are needed; add some, or "
                 "give poses under imagery.cameras"
             )
-        used = [number for number, path in enumerate(photos) if path in {copy.path for copy in copies}]
+        readable = {copy.path for copy in copies}
+        used = [number for number, path in enumerate(photos) if path in readable]
         pairs = choose_pairs(places[used])
         cameras: dict[tuple[object, ...], list[_SmallCopy]] = {}
         for copy in copies:
@@ -138,36 +144,42 @@ def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy]
 
 
 def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
-    from PIL import Image
+    from PIL.Image import Resampling
 
     with open_picture(path) as image:
-        stored, exif = image.size, image.getexif()
+        stored, (orientation, focal_35mm, maker) = image.size, _read_camera_tags(image)
         share = min(1.0, MAX_SIDE_PX / max(stored))
         size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
         image.draft("L", size)
-        image.convert("L").resize(size, Image.Resampling.BOX).save(folder / name, compress_level=1)
-    try:
-        orientation, focal_35mm = (
-            int(exif.get(_ORIENTATION_TAG, 1)),
-            float(exif.get_ifd(_EXIF_TAG).get(_FOCAL_35MM_TAG, 0)),
-        )
-    except Exception:  # damaged EXIF states nothing
-        orientation, focal_35mm = 1, 0.0
+        grey = image.point(lambda value: value / 256) if image.mode.startswith("I") else image  # of 16 bits
+        grey.convert("L").resize(size, Resampling.BOX).save(folder / name, compress_level=1)
     focal = focal_35mm / _DIAGONAL_35MM * math.hypot(*size) if 5 <= focal_35mm <= 1000 else None
-    camera = (size, focal, str(exif.get(_MAKE_TAG)), str(exif.get(_MODEL_TAG)))
-    return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, camera, focal)
+    return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, (size, focal, *maker), focal)
+
+
+def _read_camera_tags(image: Image) -> tuple[int, float, tuple[str, str]]:
+    """Return orientation, focal length for 35 mm, make and model; those that EXIF does not state are 1, 0 and empty."""
+    orientation, focal, maker = 1, 0.0, ("", "")
+    with suppress(Exception):  # damaged EXIF
+        exif = image.getexif()
+        maker = (str(exif.get(_MAKE_TAG)), str(exif.get(_MODEL_TAG)))
+        if image.format != "TIFF":  # Pillow rotates TIFF
+            orientation = int(exif.get(_ORIENTATION_TAG, 1))
+        focal = float(exif.get_ifd(_EXIF_TAG).get(_FOCAL_35MM_TAG) or 0)
+    return orientation, focal, maker
 
 
 def _run_process(folder: Path, totals: dict[str, int]) -> None:
     """Run pycolmap on a folder, and report its progress."""
     begun: set[str] = set()
-    with (folder / "errors.txt").open("w+") as errors:
+    with (folder / "errors.txt").open("w+", encoding="utf-8", errors="replace") as errors:
         process = subprocess.Popen(
             [sys.executable, "-m", "tasks.matching.colmap_process", str(folder)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=errors,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             preexec_fn=end_with_parent,
         )
         try:

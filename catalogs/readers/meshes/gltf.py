@@ -91,7 +91,7 @@ def _read_scene(
     surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
     embedded, refused, unplaced, skipped = set(), set(), set(), set()
-    drawn: dict[tuple[str, int], list[int]] = {}  # nodes that draw one mesh under one name
+    drawn: dict[tuple[str, int], dict[int, int]] = {}  # number of each node that draws one mesh under one name
     repeated: set[str] = set()
     multiplied, vertex_coloured, unreadable, unrepeated = set(), set(), set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
@@ -107,9 +107,8 @@ def _read_scene(
             continue
         building = _building_name(names)
         if building is not None and building in _own_names(header, owner, mesh_index):
-            owners = drawn.setdefault((building, mesh_index), [])
-            owners += [owner] if owner not in owners else []
-            if number := owners.index(owner):
+            owners = drawn.setdefault((building, mesh_index), {})
+            if number := owners.setdefault(owner, len(owners)):
                 building = f"{building}-{number + 1}"
                 repeated.add(building)
         texture = base_colour_texture(header, material)

@@ -61,17 +61,18 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
         surfaces, textures, remarks, crs = read_gltf_surfaces(path)
     else:
         surfaces, remarks = read_plain_mesh(path)
-    remarks += note_rounded_coordinates(surfaces, path.name)
     frame = None if (keys.crs or crs) is None else parse_crs(keys.crs or crs or "")
     if kind in UP_AXIS_SUFFIXES:
         stated_up, unit = read_header_comments(path)
+        remarks += note_rounded_coordinates(surfaces, path.name, unit or 1.0)
         if unit not in (None, 1.0) and (frame is None or frame.axis_info[0].unit_conversion_factor == 1.0):
             surfaces = [replace(one, corners=one.corners * unit) for one in surfaces]
             remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
         surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
         remarks += turned
-    elif kind != ".npz":
-        remarks += note_sideways_gltf(surfaces, path.name)
+    else:
+        remarks += note_rounded_coordinates(surfaces, path.name)
+        remarks += note_sideways_gltf(surfaces, path.name) if kind != ".npz" else []
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     check_earth_centred(surfaces, path)

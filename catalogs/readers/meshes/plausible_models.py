@@ -32,25 +32,25 @@ FLAT_REASON = "models without height (ground, streets, water) set aside"
 OTHER_OBJECT_REASON = "models named as terrain, streets or trees set aside; rename those that are buildings"
 
 
-def note_rounded_coordinates(surfaces: Sequence[MeshSurface], name: str) -> list[Remark]:
+def note_rounded_coordinates(surfaces: Sequence[MeshSurface], name: str, metres_per_unit: float = 1.0) -> list[Remark]:
     """Return a remark where large coordinates were rounded to numbers of single precision.
 
     Parameters
     ----------
     surfaces : surfaces of the file, as stored.
     name : name of the file.
+    metres_per_unit : unit of the coordinates.
     """
     points = [one.corners.reshape(-1, 3) for one in surfaces if len(one.corners)]
     largest = np.max([np.zeros(3), *(np.nan_to_num(np.abs(one)).max(axis=0) for one in points)], axis=0)
     step = float(np.spacing(np.minimum(largest, _MAX_SINGLE).astype(np.float32)).max())
     # coordinates of the other axes show that the numbers are not whole by choice
-    if step < _MIN_ROUNDING_M or not all((one.astype(np.float32) == one).all() for one in points):
+    metres = step * metres_per_unit
+    if metres < _MIN_ROUNDING_M or not all((one.astype(np.float32) == one).all() for one in points):
         return []
     if not any((one % step != 0).any() for one in points):
         return []
-    reason = (
-        f"mesh files whose large coordinates are rounded to {step:g} m, as single precision does; export the model near"
-    )
+    reason = f"mesh files whose large coordinates are rounded to {metres:g} m, as single precision does; export the model near"
     return [Remark(name, f"{reason} its origin, and give buildings.offset", None)]
 
 

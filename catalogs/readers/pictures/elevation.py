@@ -40,7 +40,8 @@ _MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
 _MAX_MEDIAN_SLOPE = 2.0  # metres of height a metre; over that of tree tops in a surface model
 # Units of a band by the words of their names; of other names they are metres.
 _METRES_BY_UNIT_WORD = {
-    re.compile(r"\b(?:us|survey)\b.*\b(?:ft|foot|feet)\b|\b(?:ft|foot|feet)\b.*\b(?:us|survey)\b|ftus"): 1200 / 3937,
+    re.compile(r"\b(?:us|survey)\b.*\b(?:ft|foot|feet)\b|\b(?:ft|foot|feet)\b.*\b(?:us|survey)\b|ftus|usft"): 1200
+    / 3937,
     re.compile(r"\b(?:ft|foot|feet)\b"): 0.3048,
     re.compile(r"\bmm\b|millimet"): 0.001,
     re.compile(r"\bcm\b|centimet"): 0.01,

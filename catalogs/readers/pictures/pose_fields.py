@@ -33,7 +33,7 @@ FIELD_NAMES = {
     "roll": ("roll", "pers_roll", "poseroll", "pose_roll"),
     "captured": (
         "captured", "captured_at", "capture_date", "capture_time", "date_taken", "datetimeoriginal", "datetime_original",
-        "mapcapturetime", "date_added", "shot_date",
+        "mapcapturetime", "shot_date", "date_added",
     ),
 }  # fmt: skip
 _ANGLE_KEYS = ("heading", "pitch", "roll", "lon", "lat")
@@ -74,10 +74,12 @@ _GON_REASON = (
 )
 _DATE_REASON = "dates of {file} not understood, read without; write the day as 2024-05-17"
 _DATE = re.compile(
-    r"(?P<y>\d{4})[-:/]?(?P<m>\d\d)[-:/]?(?P<d>\d\d)(?!\d)|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})(?!\d)"
+    r"(?P<y>\d{4})[-:/_]?(?P<m>\d\d)[-:/_]?(?P<d>\d\d)(?:(?!\d)|(?=\d{6}(?!\d)))"
+    r"|(?P<D>\d\d?)\.(?P<M>\d\d?)\.(?P<Y>\d{4})(?!\d)"
 )
 _MIN_EPOCH_S = 1e8  # of 1973; smaller numbers are no times
 _MIN_EPOCH_MS = 1e11
+_MAX_EPOCH_S = 4e9  # of 2096
 _MAX_NAME_LENGTH = 40
 # Fields that a row may leave empty, and what a camera without it has.
 _DEFAULTS = {"z": "height unknown", "pitch": "taken as 0", "roll": "taken as 0"}
@@ -188,7 +190,7 @@ def parse_capture_day(value: object) -> str | None:
     except ValueError:
         return None
     seconds = seconds / 1000 if seconds >= _MIN_EPOCH_MS else seconds
-    if not _MIN_EPOCH_S <= seconds < _MIN_EPOCH_MS:
+    if not _MIN_EPOCH_S <= seconds < _MAX_EPOCH_S:
         return None
     return datetime.fromtimestamp(seconds, UTC).date().isoformat()
 

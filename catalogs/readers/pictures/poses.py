@@ -49,7 +49,7 @@ _MAX_LIST_DEPTH = 3
 # Members of a record that hold its place.
 _PLACE_KEYS = ("location", "position", "latLng", "gps")
 # Tilts of all panoramas of a file, degrees, that show another convention, and the least panoramas that show it.
-_MAX_TILT_DEG = 20.0
+_MAX_TILT_DEG = 10.0
 _MIN_TILTED = 2
 _NADIR_REASON = "pitches of {file} are all near 90: taken from straight down, as Metashape counts, and 90 taken off"
 _UPSIDE_DOWN_REASON = (
@@ -179,10 +179,10 @@ def _level_tilts(file: str, poses: dict[str, SourcePose | str]) -> tuple[dict[st
     if len(found) < _MIN_TILTED:
         return poses, []
     remarks = []
-    if all(abs(pose.pitch - 90.0) <= _MAX_TILT_DEG for pose in found.values()):
+    if all(abs(pose.pitch - 90.0) < _MAX_TILT_DEG for pose in found.values()):
         poses = poses | {name: replace(pose, pitch=pose.pitch - 90.0) for name, pose in found.items()}
         remarks.append(Remark("pitch", _NADIR_REASON.format(file=file), None))
-    if all(abs(abs(pose.roll) - 180.0) <= _MAX_TILT_DEG for pose in found.values()):
+    if all(abs(abs(pose.roll) - 180.0) < _MAX_TILT_DEG for pose in found.values()):
         remarks.append(Remark("roll", _UPSIDE_DOWN_REASON.format(file=file), None))
     return poses, remarks
 

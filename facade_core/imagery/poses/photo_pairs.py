@@ -17,7 +17,7 @@ def choose_pairs(places: Float64Array) -> Int64Array:
 
     Parameters
     ----------
-    places : (n, 2) measured places in the order in which the photos were taken, metres; NaN where unknown.
+    places : (n, 2) measured places in the order of their names, metres; NaN where unknown.
 
     Returns
     -------

@@ -19,7 +19,7 @@ MIN_PART_SHARE = 0.05
 # Share of all lines but vertical ones that are level lines of the wall; a street seen along its length has
 # less.
 MIN_LEVEL_LINE_SHARE = 0.05
-# Lines above and below within this angle of the level on the facade's plane belong to it too.
+# Lines between the facade's sides within this angle of the level on its plane belong to it too.
 MAX_LEVEL_DEG = 4.0
 # Lines of each axis that a facade needs.
 MIN_LINES = 12
@@ -65,12 +65,12 @@ def facade_extent(
     if lengths[is_clustered & (view.family == 0)].sum() < MIN_LEVEL_LINE_SHARE * lengths[view.family != 1].sum():
         return None
     ends = project_to_plane(segments, view)
-    box = _box_of(ends[is_clustered], lengths[is_clustered])
+    box = _trimmed_box(ends[is_clustered], lengths[is_clustered])
     if box is None:
         return None
     families = _include_nearly_level(view.family, ends, box)
     is_clustered = _clustered_segments(segments, families) & _is_between(ends, box)
-    higher = _box_of(ends[is_clustered], lengths[is_clustered])
+    higher = _trimmed_box(ends[is_clustered], lengths[is_clustered])
     if higher is not None:
         box[1], box[3] = min(box[1], higher[1]), max(box[3], higher[3])
     size = box[2:] - box[:2]
@@ -124,7 +124,7 @@ def _full_extent(view: FacadeCamera, corners: Float64Array) -> tuple[float, floa
     return float(left), float(top), float(right), float(bottom)
 
 
-def _box_of(ends: Float64Array, lengths: Float64Array) -> Float64Array | None:
+def _trimmed_box(ends: Float64Array, lengths: Float64Array) -> Float64Array | None:
     """Box (4,) of lines on the plane (n, 2, 2) without strays, by their lengths (n,); None for too few."""
     is_projected = np.isfinite(ends).all(axis=(1, 2))
     if is_projected.sum() < 4:
@@ -141,7 +141,7 @@ def _is_between(ends: Float64Array, box: Float64Array) -> BoolArray:
 
 
 def _include_nearly_level(families: IntArray, ends: Float64Array, box: Float64Array) -> IntArray:
-    """Families of lines (n,), with those above and below a box that are nearly level on the plane.
+    """Families of lines (n,), with those between the sides of a box that are nearly level on the plane.
 
     The camera is less exact towards the photo's border: lines of the topmost storeys may miss the vanishing point.
     """
