@@ -90,7 +90,8 @@ def street_keys(
             shows = [plan.view_digests[viewpoint.id], read[-1]] if is_panorama_in_report(plan, viewpoint) else None
             key = unit_key(first, views[-1], shows)
         keys.append(key)
-    photographed = [one["digests"] for one in shown if one and one.get("digests")]
+    # also of those of which nothing is seen: a unit that comes or goes clears its charts
+    photographed = [[one["unit"], one.get("digests")] for one in shown if one]
     return StreetKeys(
         join_key_parts(
             code,
