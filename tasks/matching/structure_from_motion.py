@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import math
 import subprocess
 import sys
 import tempfile
@@ -26,6 +25,7 @@ from facade_core.imagery.poses.photo_pairs import choose_pairs
 from tasks.engine.compute.child_processes import end_with_parent
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import begin_stage, report_progress
+from tasks.stages.shared.images import read_focal_length_px
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 MAX_SIDE_PX = 1000
 # Photos that structure from motion needs.
 MIN_PHOTOS = 3
-_FOCAL_35MM_TAG, _EXIF_TAG, _ORIENTATION_TAG, _MAKE_TAG, _MODEL_TAG = 0xA405, 0x8769, 0x0112, 0x010F, 0x0110
-_DIAGONAL_35MM = math.hypot(36, 24)
+_ORIENTATION_TAG, _MAKE_TAG, _MODEL_TAG = 0x0112, 0x010F, 0x0110
 _MAX_REASON = 200
 
 
@@ -147,26 +146,26 @@ def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
     from PIL.Image import Resampling
 
     with open_picture(path) as image:
-        stored, (orientation, focal_35mm, maker) = image.size, _read_camera_tags(image)
+        stored, (orientation, maker) = image.size, _read_camera_tags(image)
         share = min(1.0, MAX_SIDE_PX / max(stored))
         size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
         image.draft("L", size)
         grey = image.point(lambda value: value / 256) if image.mode.startswith("I") else image  # of 16 bits
         grey.convert("L").resize(size, Resampling.BOX).save(folder / name, compress_level=1)
-    focal = focal_35mm / _DIAGONAL_35MM * math.hypot(*size) if 5 <= focal_35mm <= 1000 else None
+    focal = read_focal_length_px(path)
+    focal = None if focal is None else focal * share
     return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, (size, focal, *maker), focal)
 
 
-def _read_camera_tags(image: Image) -> tuple[int, float, tuple[str, str]]:
-    """Return orientation, focal length for 35 mm, make and model; those that EXIF does not state are 1, 0 and empty."""
-    orientation, focal, maker = 1, 0.0, ("", "")
+def _read_camera_tags(image: Image) -> tuple[int, tuple[str, str]]:
+    """Return orientation, and make and model; those that EXIF does not state are 1 and empty."""
+    orientation, maker = 1, ("", "")
     with suppress(Exception):  # damaged EXIF
         exif = image.getexif()
         maker = (str(exif.get(_MAKE_TAG)), str(exif.get(_MODEL_TAG)))
         if image.format != "TIFF":  # Pillow rotates TIFF
             orientation = int(exif.get(_ORIENTATION_TAG, 1))
-        focal = float(exif.get_ifd(_EXIF_TAG).get(_FOCAL_35MM_TAG) or 0)
-    return orientation, focal, maker
+    return orientation, maker
 
 
 def _run_process(folder: Path, totals: dict[str, int]) -> None:

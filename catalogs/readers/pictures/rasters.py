@@ -144,7 +144,7 @@ def read_raster_crs(raster: DatasetReader, path: Path, crs: str | None = None) -
 
 
 def _read_projection_file(path: Path) -> str | None:
-    """Return the text of NAME.prj beside a raster, of which GDAL reads older forms only; None without one."""
+    """Return the text of a raster's .prj file, because GDAL reads only its older forms; None without the file."""
     beside = path.with_suffix(".prj")
     if not beside.is_file():
         return None

@@ -15,7 +15,7 @@ MIN_LENGTH_SHARE = 0.03
 MAX_SLOPE_DEG = 35.0
 # Fewer lines say nothing.
 MIN_LINES = 20
-# Pixels of the working picture around what is hidden, whose outline is no line of the facade.
+# Margin around hidden pixels, in pixels of the working picture: their outline is not a line of the facade.
 HIDDEN_RIM_PX = 7
 
 

@@ -19,7 +19,7 @@ MIN_UPRIGHT_EVIDENCE = 0.03
 MIN_UPRIGHT_GAIN = 0.04
 # Longest side of the picture in which night is looked for before a photo is rectified.
 DAYLIGHT_SIDE_PX = 640
-# Median brightness at most of what is above a facade at night, of 255, in a photo as taken: the sky.
+# Largest median brightness of the sky at night, of 255, in a photo as taken.
 MAX_NIGHT_SKY = 115
 # In a rectified photo neighbours may be all that is above it, so it must be as dark as this,
 MAX_RECTIFIED_NIGHT_SKY = 70

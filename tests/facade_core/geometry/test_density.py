@@ -110,7 +110,7 @@ CAMERAS = (Pose(6, -8, 2.5, 0.0), Pose(46, -8, 2.5, 0.0))
 COARSE, FINE = (256, 512), (4096, 8192)
 
 
-def pictured(plan: Plan, sizes: dict[int, tuple[int, int]]) -> Plan:
+def plan_with_cameras(plan: Plan, sizes: dict[int, tuple[int, int]]) -> Plan:
     """The plan with cameras by number, and the size of the panorama of each; charts keep their places."""
     before = PreviousChartPlacements(plan.ids, plan.scene.placement)
     return replace_panoramas(plan, [CAMERAS[n] for n in sizes], list(sizes.values()), before)
@@ -120,12 +120,12 @@ def test_a_facade_has_what_its_sharpest_picture_holds_up_to_twice_the_density_of
     plan = plan_of([house("a", 0, 0), house("b", 40, 0)], 8.0)
     front = int(np.flatnonzero((plan.scene.charts.building == 0) & (plan.scene.charts.normals()[:, 1] < -0.9))[0])
     assert plan.scene.placement.texels_per_metre[front] == 8
-    assert (pictured(plan, {0: COARSE}).scene.placement.texels_per_metre == plan.street_density).all()
-    shown = pictured(plan, {0: (1024, 2048)})
+    assert (plan_with_cameras(plan, {0: COARSE}).scene.placement.texels_per_metre == plan.street_density).all()
+    shown = plan_with_cameras(plan, {0: (1024, 2048)})
     held = float(shown.sightings.pixels_per_metre[shown.facades.chart[shown.sightings.facade] == front][0])
     for wanted, expected in ((8.9, 8.0), (9.1, 10.0), (12.3, 12.0), (30.0, 16.0)):
         width = 2 * round(1024 * wanted / held)
-        raised = pictured(plan, {0: (width // 2, width)})
+        raised = plan_with_cameras(plan, {0: (width // 2, width)})
         assert raised.scene.placement.texels_per_metre[front] == expected
         assert densities(raised, "b", ChartKind.WALL)[0, -1] == 8
         assert (raised.street_density == plan.street_density).all()
@@ -134,21 +134,25 @@ def test_a_facade_has_what_its_sharpest_picture_holds_up_to_twice_the_density_of
 
 def test_a_picture_moves_no_other_chart_and_what_it_raised_comes_down_without_it() -> None:
     plan = plan_of([house("a", 0, 0), house("b", 40, 0)], 8.0)
-    one = pictured(plan, {0: FINE})
+    one = plan_with_cameras(plan, {0: FINE})
     changed = np.flatnonzero(one.ids != plan.ids)
     assert len(changed)
     assert set(changed.tolist()) <= set(one.facades.chart[one.sightings.facade].tolist())
     rest = np.setdiff1d(np.arange(len(plan.ids)), changed)
-    for both in (pictured(one, {0: FINE, 1: FINE}), pictured(one, {1: FINE}), pictured(one, {})):
+    for both in (
+        plan_with_cameras(one, {0: FINE, 1: FINE}),
+        plan_with_cameras(one, {1: FINE}),
+        plan_with_cameras(one, {}),
+    ):
         same = both.ids == one.ids
         assert same[plan.scene.charts.kind != ChartKind.WALL].all()
         for name in ("page", "x", "y", "width", "height"):
             values = [getattr(of.scene.placement, name) for of in (plan, one, both)]
             assert (values[0][rest] == values[1][rest]).all()
             assert (values[1][same] == values[2][same]).all()
-    again = pictured(pictured(one, {0: FINE, 1: FINE}), {0: FINE})
+    again = plan_with_cameras(plan_with_cameras(one, {0: FINE, 1: FINE}), {0: FINE})
     assert (again.ids == one.ids).all()
-    assert (pictured(one, {}).ids == plan.ids).all()
+    assert (plan_with_cameras(one, {}).ids == plan.ids).all()
 
 
 def test_pictures_at_most_double_the_texels_of_a_building_and_the_sharpest_go_first() -> None:
@@ -169,9 +173,9 @@ def test_pictures_at_most_double_the_texels_of_a_building_and_the_sharpest_go_fi
 def test_streets_keep_the_density_of_what_they_write_and_small_walls_keep_theirs() -> None:
     plan = plan_of([house("a", 0, 0)], 8.0)
     written = replace(plan, writable=np.ones_like(plan.writable))
-    assert (pictured(written, {0: FINE}).ids == plan.ids).all()
+    assert (plan_with_cameras(written, {0: FINE}).ids == plan.ids).all()
     small = plan_of([house("a", 0, 0)], 4.0)  # 48 x 36 texels share a chunk with others of the house
-    assert (pictured(small, {0: FINE}).ids == small.ids).all()
+    assert (plan_with_cameras(small, {0: FINE}).ids == small.ids).all()
 
 
 def texels(plan: Plan) -> np.ndarray:
