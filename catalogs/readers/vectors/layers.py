@@ -28,16 +28,12 @@ from catalogs.readers.vectors.absolute_heights import (
     note_roof_heights,
     subtract_ground_heights,
 )
-from catalogs.readers.vectors.columns import (
-    MIN_INEXACT_INTEGER,
-    assign_ids,
-    assumed_units,
-    match_known_columns,
-    tags_from_records,
-)
+from catalogs.readers.vectors.column_names import match_known_columns
+from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assumed_units, tags_from_records
 from catalogs.readers.vectors.cut_downloads import note_cut_download
 from catalogs.readers.vectors.height_like_columns import find_height_like_columns, is_height_like_name
 from catalogs.readers.vectors.height_units import column_units
+from catalogs.readers.vectors.ids import assign_ids
 from catalogs.readers.vectors.likely_feet import find_likely_feet
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_names, decode_shapefile_table

@@ -10,7 +10,7 @@ import shapely
 from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import Remark
 from catalogs.readers.faces import MAX_COORDINATE
-from catalogs.readers.vectors.columns import TAG_COLUMNS
+from catalogs.readers.vectors.column_names import TAG_COLUMNS
 from catalogs.readers.vectors.height_units import ColumnUnits
 from catalogs.readers.vectors.lengths import parse_floor_count
 from facade_core.core.arrays import ObjectArray

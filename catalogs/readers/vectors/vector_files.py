@@ -20,7 +20,7 @@ from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
-from catalogs.readers.vectors.columns import CLASS_COLUMNS
+from catalogs.readers.vectors.column_names import CLASS_COLUMNS
 from catalogs.readers.vectors.ground_classes import normalize_word, osm_ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_matching_layers
 from catalogs.readers.vectors.lengths import parse_length
