@@ -16,7 +16,8 @@ from catalogs.block.camera_heights import correct_camera_heights
 from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.geoid import resolve_geoid_separation
-from catalogs.block.geometry import NamedFiles, buildings_extent_with_margin, read_geometry
+from catalogs.block.geometry import buildings_extent_with_margin, read_geometry
+from catalogs.block.geometry_sources import NamedFiles
 from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
 from catalogs.block.part import CityPart
 from catalogs.block.passages import note_closed_passages

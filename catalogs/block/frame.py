@@ -1,0 +1,75 @@
+"""Metric frame of a block: the one that its file gives, else one that fits its buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from catalogs.block.block_file import BlockFileErrorContext
+from catalogs.block.keys import BlockFileSettings
+from catalogs.buildings.axis_mistakes import has_swapped_corners
+from catalogs.buildings.extents import Bounds, BuildingSource
+from catalogs.crs import (
+    LONLAT,
+    check_block_crs,
+    choose_block_crs,
+    note_outside_area_of_use,
+    parse_crs,
+    parse_metric_crs,
+    project_lonlat_box,
+)
+from catalogs.features import Footprints
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+    from shapely import Polygon
+
+
+def choose_frame(
+    keys: BlockFileSettings, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFileErrorContext
+) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
+    """Return the metric frame, the area in it, and notes about the choice."""
+    west, south, east, north = keys.area or bounds or (0.0, 0.0, 0.0, 0.0)
+    middle = (((west + east) / 2 + 180.0) % 360.0 - 180.0, (south + north) / 2)
+    notes: tuple[str, ...] = ()
+    if keys.crs:
+        frame = file.call_reader("crs", parse_metric_crs, keys.crs)
+        file.call_reader("crs", check_block_crs, frame, *middle)
+    else:
+        stated = sources[0].crs
+        assert stated is not None, "sources have frames once they are read"
+        if stated == LONLAT and isinstance(sources[0], Footprints) and not keys.area:
+            _check_corners(sources[0], middle, file)
+        frame = file.call_reader("crs", choose_block_crs, stated, *middle)
+        notes = _frame_notes(frame, keys.buildings.crs, *(middle if stated == LONLAT else ()))
+        if (given := parse_crs(stated)) != frame:
+            notes += note_outside_area_of_use(given, *middle)
+    notes += note_outside_area_of_use(frame, *middle)
+    return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
+
+
+def _check_corners(source: Footprints, middle: tuple[float, float], file: BlockFileErrorContext) -> None:
+    """Raise BlockFileError where buildings have right angles only once longitude and latitude are swapped."""
+    if has_swapped_corners([footprint.outline for footprint in source.items]):
+        raise file.make_error(
+            "buildings.path",
+            f"longitude and latitude look swapped (longitude {middle[0]:.4f}, latitude {middle[1]:.4f}): the corners of the "
+            "buildings are right angles the other way round only; write longitude first, or give crs and area if this is right",
+        )
+
+
+def _frame_notes(frame: CRS, given: str | None, *middle: float) -> tuple[str, ...]:
+    """Return a note about a chosen frame; none if it is the frame given for the buildings.
+
+    middle: longitude and latitude of the block where its source counts in degrees, whose order it may have swapped.
+    """
+    shown = f"{frame.to_string()} ({frame.name})"
+    if given is None:
+        place = f", as the buildings lie at longitude {middle[0]:.4f}, latitude {middle[1]:.4f}" if middle else ""
+        return (f"crs not given: {shown} chosen{place}",)
+    stated = parse_crs(given)
+    return (
+        ()
+        if stated == frame
+        else (f"the block counts in {shown}, as {stated.to_string()} does not count in metres there",)
+    )
