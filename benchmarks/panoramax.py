@@ -27,7 +27,7 @@ import numpy as np
 
 from catalogs.block.reader import read_block
 from catalogs.imagery.services import stac_service
-from catalogs.readers.pictures.poses import degrees_from_dms
+from catalogs.readers.pictures.source_poses import degrees_from_dms
 from tasks.fetching import fetch_block_panoramas, fetch_box_panoramas
 
 STRASBOURG = (7.0, 48.0, 8.0, 49.0)

@@ -27,8 +27,8 @@ from benchmarks.imagery import pose_errors
 from benchmarks.mesh_texturing.cases import Case, photograph_perspective, refine_in_bundles
 from benchmarks.mesh_texturing.comparison import chart_sampler, compare_views, measure_likeness
 from benchmarks.mesh_texturing.ours import texture_as_a_run
+from catalogs.readers.pictures.camera_angles import camera_angles
 from catalogs.readers.pictures.cameras.placement import place_by_gps
-from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.types import Pose
 from facade_core.geometry.ground.terrain import Terrain
 from tasks.engine.compute.worker_setup import limit_threads

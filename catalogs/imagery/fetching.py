@@ -16,8 +16,8 @@ from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchedPicture, FetchLog
 from catalogs.imagery.http_client import RequestRejectedError, ServiceUnavailableError
 from catalogs.imagery.remote_panorama import RemotePanorama, panorama_fault
 from catalogs.readers.pictures.decoding import open_picture
+from catalogs.readers.pictures.embedded_poses import check_equirectangular
 from catalogs.readers.pictures.folders import check_picture
-from catalogs.readers.pictures.panoramas import check_equirectangular
 from facade_core.core.errors import ImageError, InputError
 
 # Concurrent downloads from one service.

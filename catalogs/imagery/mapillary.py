@@ -20,7 +20,7 @@ from catalogs.imagery.remote_panorama import (
     resolve_licence,
 )
 from catalogs.reader_errors import short_message
-from catalogs.readers.pictures.poses import camera_angles_from_rotation
+from catalogs.readers.pictures.camera_angles import camera_angles_from_rotation
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 

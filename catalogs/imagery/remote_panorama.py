@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from catalogs.crs import LONLAT
 from catalogs.features import Fault
 from catalogs.reader_errors import to_single_line
-from catalogs.readers.pictures.poses import SourcePose, find_implausible_value, parse_iso_date
+from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value, parse_iso_date
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.

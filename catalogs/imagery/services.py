@@ -21,7 +21,7 @@ from catalogs.imagery.mapillary import search_mapillary
 from catalogs.imagery.remote_panorama import PanoramaQuery, RemotePanorama
 from catalogs.imagery.stac import search_stac
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
-from catalogs.readers.pictures.poses import SourcePose
+from catalogs.readers.pictures.source_poses import SourcePose
 from facade_core.core.errors import InputError
 
 # Federated search over the instances of Panoramax.

@@ -24,7 +24,7 @@ from catalogs.imagery.remote_panorama import (
     resolve_licence,
 )
 from catalogs.reader_errors import fault_reason, is_system_error, short_message
-from catalogs.readers.pictures.poses import parse_iso_date
+from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 

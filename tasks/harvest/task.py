@@ -12,7 +12,7 @@ import numpy as np
 
 from catalogs.published.folders import write_atomically
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX
-from catalogs.readers.pictures.panoramas import read_panorama_view
+from catalogs.readers.pictures.embedded_poses import read_panorama_view
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import FacadeError
 from facade_core.core.name_hash import hash_name

@@ -16,11 +16,12 @@ from catalogs.block.reader import read_block
 from catalogs.block.yaml_edits import format_imagery_entry
 from catalogs.features import Fault
 from catalogs.published.folders import write_atomically
+from catalogs.readers.pictures.camera_angles import camera_angles
 from catalogs.readers.pictures.cameras.placement import MIN_GPS_PICTURES, MIN_GPS_SPAN_M, place_by_gps
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose
-from catalogs.readers.pictures.poses import PosesFile, camera_angles, read_poses_file
+from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.types import Lens

@@ -12,9 +12,11 @@ import numpy as np
 from catalogs.block.reader import Block, read_block
 from catalogs.features import Fault, Remark, feature_ids_by_reason, format_reason_notes
 from catalogs.reader_errors import is_system_error
+from catalogs.readers.pictures.embedded_poses import read_exif_pose
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.panoramas import project_pose, read_exif_pose
-from catalogs.readers.pictures.poses import PosesFile, SourcePose, read_poses_file
+from catalogs.readers.pictures.panoramas import project_pose
+from catalogs.readers.pictures.poses import PosesFile, read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.geometry.ground.terrain import Terrain, build_terrain

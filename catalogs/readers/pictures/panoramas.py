@@ -7,53 +7,34 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, SupportsFloat
+from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
 from catalogs.printable_text import format_unit_reason
 from catalogs.reader_errors import fault_reason, to_single_line
-from catalogs.readers.pictures.capture_dates import exif_capture_date
-from catalogs.readers.pictures.decoding import open_picture
+from catalogs.readers.pictures.embedded_poses import read_panorama_metadata
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.poses import (
-    PosesFile,
-    SourcePose,
-    TagValue,
-    degrees_from_dms,
-    find_implausible_value,
-    read_poses_file,
-)
-from facade_core.core.errors import ImageError, InputError
+from catalogs.readers.pictures.poses import PosesFile, read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose, find_implausible_value
+from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
 if TYPE_CHECKING:
-    from PIL.Image import Image
     from pyproj import CRS, Transformer
 
 # Panoramas farther from the buildings, in metres, show none at a useful size.
 MAX_DISTANCE_M = 1000.0
-# A full panorama is twice as wide as high; stitchers round sides to multiples of up to 32 pixels.
-ASPECT_TOLERANCE = 0.02
-_GPS_IFD = 0x8825
-_ORIENTATION_TAG = 0x0112
 # Nearby pictures with a larger gap may show two states of a street.
 NEARBY_M = 30.0  # m
 MAX_AGE_GAP_DAYS = 400  # days
-# Largest plausible side of a full panorama, pixels.
-_MAX_FULL_SIDE_PX = 1e6
-_FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
     "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
 _SWAPPED_REASON = "panoramas skipped whose longitude and latitude look swapped; write each under its own name"
 _SWAPPED_PLANE_REASON = "panoramas skipped whose x and y look swapped; x is east and y north"
 _DEGREES_REASON = "panoramas skipped whose x and y look like degrees; call them lon and lat"
-_ZERO_HEADING_REASON = (
-    "panoramas whose GPano heading is 0, a usual default, and whose EXIF states another: 0 taken; give a poses file if the "
-    "other is right"
-)
 _ZONE_STEP = 1e6  # m; number of a zone in front of an easting
 _ZONE_REASON = "panoramas skipped whose x begins with the number of a zone; take it off, or state the crs that has it"
 _FOREIGN_POSE_REASON = "panoramas without a heading in {file}, place and heading taken from the pictures themselves"
@@ -127,7 +108,7 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", reason))
             continue
         try:
-            view, source, magnetic, taken = _read_metadata(path)
+            view, source, magnetic, taken = read_panorama_metadata(path)
             source = _stated_pose(sources, path) or source
             if source is None or source.heading is None:
                 raise ValueError(_missing_pose_reason(source, poses, _find_entry(sources, path)))
@@ -289,158 +270,3 @@ def project_pose(
     north = math.degrees(math.atan2(east * step, up * step)) if math.isfinite(x_off + y_off) else 0.0
     heading = (float(source.heading or 0.0) + north) % 360.0
     return Pose(float(x), float(y), source.z, heading, source.pitch, source.roll, view)
-
-
-def check_equirectangular(path: Path) -> None:
-    """Raise ValueError or ImageError where a picture is no equirectangular panorama."""
-    _read_metadata(path)
-
-
-def read_panorama_view(path: Path) -> tuple[float, float, float, float] | None:
-    """Return the part of the full panorama that a picture of unknown kind shows; None for a photo.
-
-    A picture without GPano tags counts as a panorama by its proportions alone, and may still be a photo.
-
-    Returns
-    -------
-    (left, top, width, height) as shares.
-
-    Raises
-    ------
-    ImageError
-        Where its tags state another projection, or an impossible part.
-    """
-    with open_picture(path) as image:
-        pano, (width, height) = _gpano_fields(image), image.size
-        turned = _is_rotated(image)
-    if "ProjectionType" not in pano and (turned or abs(width / height / 2 - 1) > ASPECT_TOLERANCE):
-        return None
-    try:
-        return _read_metadata(path)[0]
-    except ValueError as error:
-        raise ImageError(f"{path.name} {error}") from error
-
-
-def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool, str | None]:
-    """Return the view, the pose, whether the heading is from magnetic north, and the date of a picture.
-
-    ValueError with the remedy where the picture is no equirectangular panorama.
-    """
-    with open_picture(path) as image:
-        pano, gps = _gpano_fields(image), read_exif_gps(image)
-        width, height = image.size
-        turned, taken = _is_rotated(image), exif_capture_date(image)
-    view = _gpano_view(pano)
-    projection = str(pano.get("ProjectionType", "equirectangular"))
-    if projection.lower() != "equirectangular":
-        raise ValueError(f"is a {projection} panorama; give equirectangular ones, or remove it")
-    if turned:
-        raise ValueError("is turned by its EXIF, and a panorama's sky is its first row; save it upright, or remove it")
-    full_width, full_height = width / view[2], height / view[3]
-    if abs(full_width / full_height / 2 - 1) > ASPECT_TOLERANCE:
-        whole = "" if view == _FULL_VIEW else f", {full_width:.0f} x {full_height:.0f} uncropped"
-        raise ValueError(
-            f"is {width} x {height} pixels{whole}, and an equirectangular panorama is twice as wide as high; "
-            "give the whole one or its GPano tags, or remove it"
-        )
-    return view, *embedded_pose(pano, gps), taken
-
-
-def read_exif_pose(path: Path) -> SourcePose | None:
-    """Return the EXIF position of a picture, with the heading if stated.
-
-    None without a position. Headings from magnetic north are taken as true.
-    """
-    with open_picture(path) as image:
-        return embedded_pose({}, read_exif_gps(image))[0]
-
-
-def embedded_pose(pano: Mapping[str, str], gps: Mapping[str, TagValue]) -> tuple[SourcePose | None, bool]:
-    """Return the pose that GPano and GPS tags state, and whether its heading is from magnetic north."""
-    try:
-        lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
-        lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
-    except (KeyError, TypeError, ValueError, ArithmeticError):
-        return None, False
-    if not math.isfinite(lon + lat):
-        return None, False
-    heading, direction = _finite_number(pano.get("PoseHeadingDegrees")), _finite_number(gps.get("GPSImgDirection"))
-    if heading is not None:
-        pitch, roll = (_finite_number(pano.get(f"Pose{angle}Degrees")) or 0.0 for angle in ("Pitch", "Roll"))
-        doubts = (_ZERO_HEADING_REASON,) if heading == 0 and direction else ()
-        return SourcePose(LONLAT, lon, lat, None, heading, pitch, roll, remarks=doubts), False
-    reference = gps.get("GPSImgDirectionRef") or "T"
-    magnetic = str(reference.decode("ascii", "ignore") if isinstance(reference, bytes) else reference)[:1] in "Mm"
-    return SourcePose(LONLAT, lon, lat, None, direction), magnetic
-
-
-def _finite_number(value: object) -> float | None:
-    if not isinstance(value, str | bytes | SupportsFloat):
-        return None
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ArithmeticError):
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
-    """Return the part (left, top, width, height) of the full panorama as shares; all without GPano.
-
-    ValueError where the part is impossible.
-    """
-    full = [_finite_number(pano.get(f"FullPano{side}Pixels")) for side in ("Width", "Height")]
-    part = [_finite_number(pano.get(f"CroppedAreaImage{side}Pixels")) for side in ("Width", "Height")]
-    corner = [_finite_number(pano.get(f"CroppedArea{side}Pixels")) or 0.0 for side in ("Left", "Top")]
-    if any(value is None or value == 0 for value in (*full, *part)):
-        return _FULL_VIEW
-    shares = []
-    for whole, length, start in zip(full, part, corner, strict=True):
-        assert whole
-        assert length
-        # writers round, and some start a picture at any column of the circle
-        if not (1 <= length <= 1.01 * whole <= _MAX_FULL_SIDE_PX and -whole <= start <= whole):
-            raise ValueError(
-                f"states by GPano a part of {length:g} pixels at {start:g} of {whole:g}, which is none; mend or remove its XMP"
-            )
-        shares.append((start / whole, min(length / whole, 1.0)))
-    (left, width), (top, height) = shares
-    return (left, top, width, height)
-
-
-def _is_rotated(image: Image) -> bool:
-    try:
-        return image.getexif().get(_ORIENTATION_TAG, 1) in range(2, 9)
-    except Exception:  # damaged EXIF means no rotation
-        return False
-
-
-def read_exif_gps(image: Image) -> dict[str, TagValue]:
-    """Return the EXIF GPS tags by name; none where the EXIF is damaged."""
-    from PIL.ExifTags import GPSTAGS
-
-    try:
-        tags = image.getexif().get_ifd(_GPS_IFD)
-        return {GPSTAGS.get(number, str(number)): value for number, value in tags.items()}
-    except Exception:  # damaged metadata raises errors of any class
-        return {}
-
-
-def _gpano_fields(image: Image) -> dict[str, str]:
-    """Return the GPano fields of the XMP as text by name; none where the XMP is damaged."""
-    try:
-        waiting: list[object] = [image.getxmp()]
-    except Exception:  # damaged metadata raises errors of any class
-        return {}
-    fields: dict[str, str] = {}
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, list):
-            waiting += node
-        elif isinstance(node, dict):
-            for name, value in node.items():
-                text = value.get("text") if isinstance(value, dict) else value
-                if isinstance(text, str):
-                    fields.setdefault(name, text.strip())
-                waiting.append(value)
-    return fields

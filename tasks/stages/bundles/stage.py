@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
-from catalogs.readers.pictures.poses import parse_iso_date
+from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES

@@ -7,7 +7,7 @@ from datetime import date
 from typing import NamedTuple
 
 from catalogs.block.reader import Block
-from catalogs.readers.pictures.poses import parse_iso_date
+from catalogs.readers.pictures.source_poses import parse_iso_date
 from facade_core.plan.plan import Plan
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.

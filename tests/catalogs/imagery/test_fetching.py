@@ -116,7 +116,8 @@ def test_a_checksum_that_differs_is_told(served: Imagery, tmp_path: Path) -> Non
 
 
 def stac_pose():
-    from catalogs.readers.pictures.poses import LONLAT, SourcePose
+    from catalogs.readers.pictures.poses import LONLAT
+    from catalogs.readers.pictures.source_poses import SourcePose
 
     return SourcePose(LONLAT, 7.5, 48.5, None, 0.0)
 

@@ -22,7 +22,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     rotation_from_omega_phi_kappa,
 )
 from catalogs.readers.pictures.pose_fields import find_likely_units, read_field
-from catalogs.readers.pictures.poses import PoseRecord, csv_records
+from catalogs.readers.pictures.pose_records import PoseRecord, csv_records
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.types import Lens

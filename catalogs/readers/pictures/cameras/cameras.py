@@ -15,6 +15,7 @@ from catalogs.crs import EARTH_RADIUS_M, LONLAT, has_east_north_axes, parse_crs
 from catalogs.features import Fault, Remark
 from catalogs.reader_errors import fault_reason, is_system_error, short_message, to_single_line
 from catalogs.readers.json_text import parse_json
+from catalogs.readers.pictures.camera_angles import camera_angles
 from catalogs.readers.pictures.cameras.camera_file import CameraFile, SourceCamera, picture_name
 from catalogs.readers.pictures.cameras.camera_tables import read_camera_table
 from catalogs.readers.pictures.cameras.colmap import read_colmap
@@ -25,17 +26,16 @@ from catalogs.readers.pictures.cameras.placement import Placement, place_by_cont
 from catalogs.readers.pictures.cameras.upright import upright_camera
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
+from catalogs.readers.pictures.embedded_poses import embedded_pose, read_exif_gps
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import (
     MAX_DISTANCE_M,
     PosedPanorama,
     PosedPanoramas,
     distance_outside,
-    embedded_pose,
     outdated_remarks,
-    read_exif_gps,
 )
-from catalogs.readers.pictures.poses import camera_angles, degrees_from_dms
+from catalogs.readers.pictures.source_poses import degrees_from_dms
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.regular_files import read_regular

@@ -13,7 +13,7 @@ from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message
 from catalogs.readers.pictures.cameras.camera_file import SourceCamera, check_position, picture_name
 from catalogs.readers.pictures.pose_fields import read_field
-from catalogs.readers.pictures.poses import csv_records
+from catalogs.readers.pictures.pose_records import csv_records
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject

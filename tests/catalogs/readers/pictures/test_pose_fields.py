@@ -9,7 +9,8 @@ import pytest
 
 from catalogs.features import feature_ids_by_reason, format_reason_notes
 from catalogs.readers.pictures.pose_fields import parse_capture_day
-from catalogs.readers.pictures.poses import PosesFile, SourcePose, read_poses_file
+from catalogs.readers.pictures.poses import PosesFile, read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose
 from facade_core.core.errors import InputError
 
 HEIGHTS = (

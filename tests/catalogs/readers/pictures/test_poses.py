@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, read_poses_file
+from catalogs.readers.pictures.poses import LONLAT, read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose
 
 FRAME = "EPSG:3067"
 HERE = (24.94, 60.17, 12.0)  # longitude, latitude, altitude

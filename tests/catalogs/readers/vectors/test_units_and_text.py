@@ -17,7 +17,8 @@ from shapely import LineString, Polygon
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.elevation import read_elevation
-from catalogs.readers.pictures.poses import SourcePose, read_poses_file
+from catalogs.readers.pictures.poses import read_poses_file
+from catalogs.readers.pictures.source_poses import SourcePose
 from catalogs.readers.source_keys import SourceKeys
 from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError

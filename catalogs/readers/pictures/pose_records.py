@@ -1,0 +1,163 @@
+"""Records of camera poses in tables and JSON, with the names of their pictures."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator
+from itertools import chain
+from pathlib import Path
+from typing import TypeAlias
+
+from catalogs.printable_text import short_repr
+from catalogs.readers.pictures.camera_angles import (
+    camera_angles,
+    camera_angles_from_rotation,
+    parse_vector,
+    rotation_matrix,
+)
+from catalogs.readers.pictures.pose_fields import FIELD_NAMES, field_name, find_field, squeeze
+from catalogs.readers.pictures.source_poses import MAX_MAGNITUDES, finite_number
+from facade_core.core.json_types import JsonObject
+
+_DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$")
+# Members of JSON that hold the list of pictures, of KartaView and others one in another.
+_LIST_KEYS = ("data", "features", "result", "osv", "photos", "images", "currentPageItems")
+_MAX_LIST_DEPTH = 3
+# Members of a record that hold its place.
+_PLACE_KEYS = ("location", "position", "latLng", "gps")
+# Entry of a poses file, or the error for which it cannot be used.
+PoseRecord: TypeAlias = JsonObject | Exception
+
+
+def csv_records(text: str) -> Iterator[tuple[str, PoseRecord]]:
+    """Yield the rows of a table with the names of their pictures; a row that is unusable as an error."""
+    lines = text.splitlines()
+    while lines and (not lines[0].strip() or (lines[0].startswith(("#", "sep=")) and not _is_header(lines[0]))):
+        del lines[0]
+    header = lines[0].removeprefix("#") if lines else ""
+    separator = max(",;\t", key=header.count)
+    if separator not in header:
+        separator, header = "\t", "\t".join(header.split())
+        lines = ["\t".join(line.split()) for line in lines]
+    elif separator == "," and "\t" in "".join(lines[1:2]) and "," not in "".join(lines[1:2]):  # as Metashape writes
+        separator, header = "\t", "\t".join(cell.strip() for cell in header.split(","))
+    for row in csv.DictReader([header, *lines[1:]], delimiter=separator):
+        record = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(key, str)}
+        if separator != ",":
+            record = {key: _DECIMAL_COMMA.sub(r"\1.\2", value) for key, value in record.items()}
+        if not any(record.values()) or next(iter(record.values())).startswith("#"):
+            continue
+        name = _picture_name(record)
+        is_longer = any(map(str.strip, row.get(None) or ()))
+        yield (
+            name,
+            ValueError("it has more cells than the header; quote those with a separator") if is_longer else record,
+        )
+
+
+def _is_header(line: str) -> bool:
+    """Return True for a line that names fields; the header of some programs begins with # as comments do."""
+    known = {squeeze(name) for names in FIELD_NAMES.values() for name in names}
+    return sum(squeeze(field_name(cell)) in known for cell in re.split(r"[,;\t]", line.removeprefix("#"))) > 1
+
+
+def json_records(content: JsonObject | list[JsonObject]) -> tuple[object, list[tuple[str, PoseRecord]]]:
+    """Return the frame that JSON of poses states, and its records with the names of their pictures."""
+    if isinstance(content, dict) and "camera_positions" in content:
+        positions = content["camera_positions"].items()
+        return content.get("crs"), [
+            (name, {**dict(zip("xyz", p, strict=False)), "heading": 0.0}) for name, p in positions
+        ]
+    if isinstance(content, dict) and "poses" in content:
+        poses = content["poses"]
+        named = poses.items() if isinstance(poses, dict) else ((_picture_name(record), record) for record in poses)
+        return content.get("crs"), list(named)
+    crs = _geojson_crs(content) if isinstance(content, dict) else None
+    content = _find_records(content) or [content] if isinstance(content, dict) else content
+    assert isinstance(content, list)
+    if content and all("shots" in part for part in content):
+        return None, list(chain.from_iterable(map(_reconstruction_shots, content)))
+    return crs, [(_picture_name(record), record) for record in (_flatten_record(one, crs) for one in content)]
+
+
+def _find_records(content: JsonObject, depth: int = 0) -> list[JsonObject] | None:
+    """Return the list of pictures of an object, or of the objects in it."""
+    for key in _LIST_KEYS:
+        value = content.get(key)
+        if isinstance(value, list):
+            return value
+        if (
+            isinstance(value, dict)
+            and depth < _MAX_LIST_DEPTH
+            and (found := _find_records(value, depth + 1)) is not None
+        ):
+            return found
+    return None
+
+
+def _geojson_crs(content: JsonObject) -> str | None:
+    """Return the frame that GeoJSON of before 2016 states; None for longitude and latitude."""
+    stated = content.get("crs")
+    name = (stated.get("properties") or {}).get("name") if isinstance(stated, dict) else None
+    return name if isinstance(name, str) and "CRS84" not in name and not name.endswith("4326") else None
+
+
+def _picture_name(record: JsonObject) -> str:
+    name = find_field(record, "file")
+    if name is None:
+        raise ValueError("an entry does not name its picture")
+    return str(record[name]).replace("\\", "/").rpartition("/")[2]  # folders of any machine
+
+
+def _flatten_record(record: JsonObject, crs: str | None = None) -> JsonObject:
+    """Return a GeoJSON feature or Mapillary record with coordinates and properties as plain fields.
+
+    crs : frame of the coordinates, None for longitude and latitude.
+    """
+    flat = {**record, **(record.get("properties") or {})}
+    for key in _PLACE_KEYS:
+        flat = {**nested, **flat} if isinstance(nested := flat.get(key), dict) else flat
+    if isinstance(flat.get("MAPCompassHeading"), dict):  # of mapillary_tools
+        flat["heading"] = flat.pop("MAPCompassHeading").get("TrueHeading")
+    place = flat.get("computed_geometry") or flat.get("geometry")
+    if place:
+        names = ("lon", "lat") if crs is None else ("x", "y")
+        flat |= dict(zip((*names, "altitude of the point"), place["coordinates"], strict=False))
+    if flat.get("computed_rotation"):
+        flat |= dict(
+            zip(("heading", "pitch", "roll"), camera_angles_from_rotation(flat["computed_rotation"]), strict=True)
+        )
+    return flat
+
+
+def _reconstruction_shots(reconstruction: JsonObject) -> Iterable[tuple[str, PoseRecord]]:
+    """Yield the equirectangular shots of an OpenSfM reconstruction (east, north, up around reference_lla)."""
+    from pyproj import Transformer
+
+    reference = reconstruction["reference_lla"]
+    found = [finite_number(reference.get(key), key) for key in ("longitude", "latitude")]
+    if None in found:
+        raise ValueError("its reference_lla states no longitude or no latitude")
+    place = [value or 0.0 for value in (*found, finite_number(reference.get("altitude"), "altitude"))]
+    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MAX_MAGNITUDES["z"]):
+        raise ValueError(f"its reference_lla {short_repr(place)} is no place on earth")
+    to_lonlat = Transformer.from_pipeline(
+        "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
+        f" +lon_0={place[0]} +lat_0={place[1]} +h_0={place[2]}"
+        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    )
+    for name, shot in reconstruction["shots"].items():
+        try:
+            camera = reconstruction["cameras"][shot["camera"]]
+            if camera.get("projection_type") not in ("equirectangular", "spherical"):
+                continue
+            rotation = rotation_matrix(shot["rotation"])
+            centre = -rotation.T @ parse_vector(shot["translation"])
+            lon, lat, _ = to_lonlat.transform(centre[0], centre[1], centre[2])
+            heading, pitch, roll = camera_angles(rotation)
+        except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
+            yield Path(name).name, error
+        else:
+            # no height: its datum is that of GPS, not that of the block
+            yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)

@@ -1,0 +1,86 @@
+"""Camera poses as their sources state them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from datetime import date
+from typing import SupportsFloat, TypeAlias
+
+from catalogs.printable_text import short_repr
+
+# Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
+MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
+# Value of an EXIF tag.
+TagValue: TypeAlias = str | bytes | SupportsFloat | tuple[SupportsFloat, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SourcePose:
+    """Camera pose in the coordinate system of its source.
+
+    Attributes
+    ----------
+    crs : of x and y; None for the frame of the block.
+    x : east, or longitude.
+    y : north, or latitude.
+    z : metres, None where it is unknown.
+    heading : degrees clockwise from true north for a geographic crs, else from its grid north; None where it is unknown.
+    pitch : degrees up.
+    roll : degrees clockwise.
+    captured : date as "2024-05-17", or None.
+    remarks : reasons of remarks on it, such as what stands in place of an empty field.
+    """
+
+    crs: str | None
+    x: float
+    y: float
+    z: float | None = None
+    heading: float | None = None
+    pitch: float = 0.0
+    roll: float = 0.0
+    captured: str | None = None
+    remarks: tuple[str, ...] = field(default=(), compare=False)
+
+
+def find_implausible_value(pose: SourcePose) -> str | None:
+    """Return a value of a pose that no camera can have; None where all are plausible."""
+    for key, most in MAX_MAGNITUDES.items():
+        value = getattr(pose, key)
+        if value is not None and not abs(value) <= most:
+            return f"{key} is {value:g}, and at most {most:g} either way can be"
+    return None
+
+
+def finite_number(value: object, key: str) -> float | None:
+    """Return a field as a number, None without one; ValueError for anything else."""
+    if value is None:
+        return None
+    try:
+        number = float(value) if isinstance(value, str | SupportsFloat) and not isinstance(value, bool) else math.nan
+    except (ValueError, TypeError, ArithmeticError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{key} is {short_repr(value)}, not a finite number")
+    return number
+
+
+def degrees_from_dms(value: TagValue | list[SupportsFloat], reference: TagValue | None) -> float:
+    """Return the degrees of an EXIF coordinate, negative for S and W.
+
+    The value is a number, or degrees, minutes and seconds.
+    """
+    parts = value if isinstance(value, list | tuple) else [value]
+    total: float = sum(float(part) / 60**power for power, part in enumerate(parts))
+    letter = (reference.decode("ascii", "ignore") if isinstance(reference, bytes) else str(reference or "")).strip(
+        "\0 "
+    )
+    return -total if letter.upper()[:1] in ("S", "W") else total
+
+
+def parse_iso_date(time: object) -> str | None:
+    """Return the date of a time such as "2024-05-17T10:15:00Z"; None without one."""
+    try:
+        return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
+    except ValueError:
+        return None
