@@ -7,11 +7,12 @@ import pytest
 
 from facade_core.core.types import Element
 from facade_core.facade.variation.encoding import encode
+from facade_core.facade.variation.enlargement import enlarge_facade
 from facade_core.facade.variation.exchange import find_arched_heads
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.photo_exchange import permute_photo_elements
 from facade_core.facade.variation.rendering import element_boxes
-from facade_core.facade.variation.sampling import permute_within_types
+from facade_core.facade.variation.sampling import assign_elements_by_type, permute_within_types
 from facade_core.facade.variation.variations import find_variations
 from facade_core.synth.facade import paint_facade
 
@@ -60,6 +61,21 @@ def test_round_heads_of_a_mixed_row_change_places_among_themselves() -> None:
     for e, round_head in zip(elements, arched, strict=True):
         head = made[int(e.y0) + 1 : int(e.y0) + 5, int(e.x0) + 1 : int(e.x0) + 4].mean()
         assert (head > 170) == round_head
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_round_heads_of_an_enlarged_facade_stand_in_copies_of_their_places(seed: int) -> None:
+    image, elements, _ = paint_mixed_rows()
+    hierarchy = encode(image, elements)
+    boxes = element_boxes(hierarchy.groups)
+    kind = find_arched_heads(image, boxes).astype(int) + 2 * np.unique(boxes[:, 3], return_inverse=True)[1]
+    rng = np.random.default_rng(seed)
+    larger = enlarge_facade(hierarchy.wall, hierarchy.groups, hierarchy.cells, 5, 12, rng)
+    classes = hierarchy.exchange_classes(len(hierarchy.levels) - 1)
+    shown = assign_elements_by_type(classes, larger.places, larger.boxes, rng)
+    assert len(shown) == 5 * 12
+    assert (shown != larger.places).sum() > 15
+    assert (kind[shown] == kind[larger.places]).all()
 
 
 @pytest.mark.parametrize("seed", [0, 11])
