@@ -74,7 +74,7 @@ def correct_camera_heights(
         return _with_heights(panoramas, stated, unknown, every, _ignored(above, _UNKNOWN_GROUND))
     is_above_ground = not is_usual and _is_usual(z)
     if 2 * wrong.sum() <= len(z) and not is_above_ground:
-        doubt = _describe_doubt(above, z, camera_height)
+        doubt = _describe_doubt(above, z, camera_height, has_raster=elevation is not None)
         kept, notes = _with_heights(panoramas, stated, z, every & ~wrong & bool(doubt), doubt)
         found, more = _with_heights(kept, stated, unknown, wrong, _ignored(above[wrong]))
         return found, notes + more
@@ -124,14 +124,15 @@ def _is_usual(above: Float64Array) -> bool:
     return low - 1e-6 <= float(np.median(above)) <= high + 1e-6
 
 
-def _describe_doubt(above: Float64Array, z: Float64Array, camera_height: float) -> str:
+def _describe_doubt(above: Float64Array, z: Float64Array, camera_height: float, *, has_raster: bool) -> str:
     """Return the note on plausible heights whose datum is in doubt, empty where it is not."""
     median, stated = float(np.median(above)), float(np.median(z))
     low, high = USUAL_HEIGHT_RANGE_M
     if not _is_usual(above):
+        sunken = "; if the buildings begin below the ground, give terrain: {path: ...}"
         return (
             f"camera heights kept, {median:.1f} m above the ground (most cameras are {low:g} to {high:g} m); if they are of "
-            "another datum, mend z, or leave it out"
+            f"another datum, mend z, or leave it out{'' if has_raster or median < high else sunken}"
         )
     is_nearer = abs(stated - camera_height) < abs(median - camera_height)
     if is_nearer and abs(stated - median) >= MIN_DOUBT_M:
