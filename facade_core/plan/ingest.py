@@ -205,6 +205,19 @@ def build_plan(
         Where the block has no geometry.
     """
     layout = build_scene_layout(inputs, settings, previous=previous, core=core)
+    return complete_plan(layout, inputs, settings, previous=previous, parallel_map=parallel_map, core=core)
+
+
+def complete_plan(
+    layout: SceneLayout,
+    inputs: BlockInputs,
+    settings: IngestSettings,
+    *,
+    previous: PreviousChartPlacements | None = None,
+    parallel_map: ParallelMap = map_in_this_process,
+    core: CoreRegion | None = None,
+) -> Plan:
+    """Complete the plan of a scene: facades, views, waves of streets and sightings; parameters as of `build_plan`."""
     scene, streets, ground, cameras = layout.scene, layout.streets, layout.ground, layout.viewpoints
     buildings, charts, mesh, ids, owned = inputs.buildings, scene.charts, scene.mesh, layout.ids, layout.in_core
     around = streets if settings.walls == "exemplar" else ()

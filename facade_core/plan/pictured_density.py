@@ -20,12 +20,16 @@ MIN_SHOWN_SHARE = 0.5
 MAX_ADDED_TEXELS = 1.0
 
 
-def pictured_density(plan: Plan) -> Float64Array:
+def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64Array:
     """Compute the texel density of charts: by the streets, raised on facades to the resolution of their best picture.
 
     The facades of a building share a budget, in the order of resolution times shown share, so that a picture of one
     building changes no other. Facades that round a bend share one density. Raised facades have chunks of their own at
     either density, so that no other chart is moved.
+
+    Parameters
+    ----------
+    photos : (facades,) pixels per metre of the photo of each facade, which is taken before its panoramas; 0 without one.
 
     Returns
     -------
@@ -35,6 +39,8 @@ def pictured_density(plan: Plan) -> Float64Array:
     density, chart = plan.street_density.copy(), plan.facades.chart
     step = DENSITY_STEP * spec.texels_per_metre
     resolution, benefit = _best_pictures(plan)
+    if photos is not None:
+        resolution, benefit = (np.where(photos > 0, photos, of_panoramas) for of_panoramas in (resolution, benefit))
     side = charts.size[chart].max(axis=1, initial=0.0)
     most = np.minimum(
         min(MAX_DENSITY_FACTOR * spec.texels_per_metre, MAX_PICTURED_DENSITY),

@@ -1,15 +1,17 @@
-"""Units of a block's plan, counted without casting a ray."""
+"""Units of a block's plan, counted without the rays of viewpoints."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
-import numpy as np
-
+from facade_core.core.arrays import Float64Array
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.facades import free_wall_mask
-from facade_core.plan.ingest import BlockInputs, IngestSettings, build_scene_layout
+from facade_core.plan.ingest import BlockInputs, IngestSettings, build_scene_layout, complete_plan
+from facade_core.plan.plan import Plan
+from facade_core.plan.posed_pictures import place_pictured_facades
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,18 @@ class PlannedUnits:
     texels: int
 
 
-def count_units(inputs: BlockInputs, settings: IngestSettings, core: CoreRegion | None = None) -> PlannedUnits:
-    """Count the units of a block by its charts; parameters as of `facade_core.plan.ingest.build_plan`.
+def count_units(
+    inputs: BlockInputs,
+    settings: IngestSettings,
+    core: CoreRegion | None = None,
+    photo_resolution: Callable[[Plan], Float64Array] | None = None,
+) -> PlannedUnits:
+    """Count the units of a block by its charts, and texels with its pictures.
+
+    Parameters
+    ----------
+    inputs, settings, core : as of `facade_core.plan.ingest.build_plan`.
+    photo_resolution : returns the pixels per metre of the photo of each facade of a plan, 0 without one.
 
     Raises
     ------
@@ -39,12 +51,14 @@ def count_units(inputs: BlockInputs, settings: IngestSettings, core: CoreRegion 
         Where the block has no geometry.
     """
     layout = build_scene_layout(inputs, settings, core=core)
-    charts, placement, own = layout.scene.charts, layout.scene.placement, layout.in_core
+    charts, own = layout.scene.charts, layout.in_core
+    without_views = complete_plan(replace(layout, viewpoints=[]), inputs, settings, core=core)
+    plan = place_pictured_facades(without_views, photos=photo_resolution and photo_resolution(without_views))
     free = free_wall_mask(layout.scene, inputs.buildings, layout.free_share)
     walked = [core is None or layout.streets[camera.street].id in core.streets for camera in layout.viewpoints]
     return PlannedUnits(
         facades=int((free & own).sum()),
         viewpoints=sum(walked),
         ground=int(((charts.kind == ChartKind.GROUND) & own).sum()),
-        texels=int((placement.width.astype(np.int64) * placement.height)[own].sum()),
+        texels=int(plan.texel_counts()[own].sum()),
     )

@@ -1,4 +1,4 @@
-"""Posed pictures of a plan: the facades that they show, and the density of facades that they show sharply."""
+"""Posed pictures of a plan: the facades that they show, and the density of facades that pictures show sharply."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.core.arrays import Float64Array
 from facade_core.core.types import Pose
 from facade_core.geometry.chart_packing import PreviousChartPlacements, pack_charts
 from facade_core.geometry.walls import WallRole
@@ -36,8 +37,20 @@ def replace_panoramas(
     previous : earlier placement; charts of the same size keep their places in the atlas.
     """
     sightings = _find_sightings(plan, poses, sizes)
-    plan = replace(plan, poses=tuple(poses), sightings=sightings)
-    density = pictured_density(plan)
+    return place_pictured_facades(replace(plan, poses=tuple(poses), sightings=sightings), previous)
+
+
+def place_pictured_facades(
+    plan: Plan, previous: PreviousChartPlacements | None = None, photos: Float64Array | None = None
+) -> Plan:
+    """Return the plan with facades at the density that their pictures support.
+
+    Parameters
+    ----------
+    previous : earlier placement; charts of the same size keep their places in the atlas.
+    photos : (facades,) pixels per metre of the photo of each facade, 0 without one.
+    """
+    density = pictured_density(plan, photos)
     scene, spec = plan.scene, plan.scene.spec
     if np.array_equal(density, scene.placement.texels_per_metre):
         return plan

@@ -84,7 +84,7 @@ def block_counts_from_map(block: Block) -> BlockCounts:
 
 
 def block_counts_from_plan(block: Block) -> dict[str, float]:
-    """Count the facades, viewpoints, ground tiles, texels and panorama pixels of a block by its plan, without rays."""
+    """Count the facades, viewpoints, ground tiles, texels and panorama pixels of a block by its plan, without views."""
     planned, width = count_planned_units(block), block.texture.panorama_width
     return {
         "facades": planned.facades,

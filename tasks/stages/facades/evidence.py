@@ -29,7 +29,7 @@ from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_input_errors
-from tasks.stages.facades.photos import PhotoCropQuality, read_facade_photo
+from tasks.stages.facades.photos import CroppedPhoto, PhotoCropQuality, read_facade_photo
 from tasks.stages.shared.images import (
     capture_date,
     max_picture_pixels,
@@ -76,6 +76,7 @@ class FacadeEvidence:
     before : change since an earlier capture; None with one capture.
     pictures : path and pose of panoramas.
     picture : (h, w) int8 number of the panorama of each texel, -1 without; None of other pictures.
+    photo : facade of a photo in all its pixels; None of other pictures.
     """
 
     image: UInt8Array
@@ -92,6 +93,7 @@ class FacadeEvidence:
     before: ChangeSinceCapture | None = None
     pictures: tuple[tuple[Path, Pose], ...] = ()
     picture: AnyArray | None = None
+    photo: CroppedPhoto | None = None
 
 
 class ChangeSinceCapture(NamedTuple):
@@ -149,6 +151,7 @@ def read_evidence(
             captured=capture_date(imagery.photo),
             seen=photo.seen,
             fit=photo.fit,
+            photo=photo.whole,
         )
     if source == "panoramas":
         return _fuse_panoramas(plan, chart, size, imagery, refused, parser)

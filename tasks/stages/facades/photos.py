@@ -57,6 +57,7 @@ class FacadePhoto(NamedTuple):
     outside : (h, w) bool, shown beside the facade.
     seen : faces, plates and text.
     fit : fit to the wall.
+    whole : its facade, in all the pixels of the photo.
     """
 
     image: UInt8Array
@@ -64,6 +65,7 @@ class FacadePhoto(NamedTuple):
     outside: BoolArray
     seen: FacesPlatesAndText
     fit: PhotoCropQuality
+    whole: CroppedPhoto
 
 
 class CroppedPhoto(NamedTuple):
@@ -98,16 +100,8 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     """
     import cv2
 
-    cut = crop_facade_photo(path, rectified, size[1] / size[0], parser)
-    if not (rectified or cut.has_facade):
-        raise ImageError(f"{path.name}: no facade is found in it; {REMEDY}")
+    cut = crop_photo_to_wall(path, rectified, size[1] / size[0], parser)
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
-    if not rectified and not 1 / MAX_STRETCH <= across / down <= MAX_STRETCH:
-        facade = cut.image.shape[1] / cut.image.shape[0]
-        raise ImageError(
-            f"{path.name}: its facade is {facade:.2g} times as wide as high, its wall {size[1] / size[0]:.2g}: "
-            "it shows another one; give a photo of this wall"
-        )
     hidden, outside = (
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for mask in (cut.hidden, cut.outside)
@@ -117,7 +111,26 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
         raise ImageError(f"{path.name}: it is mirrored: its signs read from right to left; flip it")
     seen = found.rescale(across, down)
     fit = PhotoCropQuality(cut.kept, cut.has_facade, across / down, cut.notes)
-    return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
+    return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit, cut)
+
+
+def crop_photo_to_wall(path: Path, rectified: bool, aspect: float, parser: Path | None = None) -> CroppedPhoto:
+    """Crop a photo to the facade of its wall; parameters as of `crop_facade_photo`.
+
+    Raises
+    ------
+    ImageError : it cannot be read or rectified, or does not show this wall.
+    """
+    cut = crop_facade_photo(path, rectified, aspect, parser)
+    if not (rectified or cut.has_facade):
+        raise ImageError(f"{path.name}: no facade is found in it; {REMEDY}")
+    facade = cut.image.shape[1] / cut.image.shape[0]
+    if not rectified and not 1 / MAX_STRETCH <= aspect / facade <= MAX_STRETCH:
+        raise ImageError(
+            f"{path.name}: its facade is {facade:.2g} times as wide as high, its wall {aspect:.2g}: "
+            "it shows another one; give a photo of this wall"
+        )
+    return cut
 
 
 def crop_facade_photo(

@@ -1,26 +1,28 @@
-"""Detail of posed pictures on a facade that is finer than the raster in which it is parsed and completed."""
+"""Detail of pictures on a facade that is finer than the raster in which it is parsed and completed."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import Float32Array, UInt8Array
+from facade_core.core.resizing import resize_image
 from facade_core.facade.facade import Facade
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image, picture_detail, sharpen_facade
 from facade_core.geometry.charts import raster_sizes
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.plan.plan import Plan
 from tasks.stages.facades.evidence import FacadeEvidence, read_sharp_panorama
+from tasks.stages.facades.photos import CroppedPhoto
 
 
 def working_size(plan: Plan, chart: int, source: str) -> tuple[int, int]:
     """Return the height and width of the raster in which a facade is parsed and completed from a source.
 
-    That of panoramas has the density by the streets: what is hidden, and how it is completed, does not depend on how sharp
-    the pictures are.
+    That of photos and panoramas has the density by the streets: what is hidden, and how it is completed, does not depend on
+    how sharp the pictures are.
     """
     placement = plan.scene.placement
-    if source == "panoramas" and plan.street_density[chart] != placement.texels_per_metre[chart]:
+    if source in ("photo", "panoramas") and plan.street_density[chart] != placement.texels_per_metre[chart]:
         width, height = raster_sizes(plan.scene.charts.size[[chart]], plan.street_density[[chart]])[0].tolist()
         return height, width
     return int(placement.height[chart]), int(placement.width[chart])
@@ -44,14 +46,36 @@ def sharpen_from_pictures(
     placement, coarse = plan.scene.placement, (facade.labels.shape[0], facade.labels.shape[1])
     size = (int(placement.height[chart]), int(placement.width[chart]))
     confidence = np.rint(255 * evidence.confidence).astype(np.uint8)
-    if size != coarse and evidence.picture is not None:
+    if size != coarse and not (evidence.photo is None and evidence.picture is None):
         scale = float(placement.texels_per_metre[chart] / plan.street_density[chart])
-        source = enlarge_classes(evidence.picture + 1, size, scale)
-        detail = np.ones((*size, 3), np.float32)
-        for number, (path, pose) in enumerate(evidence.pictures, 1):
-            own = source == number
-            if own.any():
-                view = rectify_chart_from_panorama(plan.scene, chart, read_sharp_panorama(path, pose), pose, size)
-                detail[own] = picture_detail(view.rgb, view.seen, coarse)[own]
+        if evidence.photo is not None:
+            detail = _photo_detail(evidence.photo, size, coarse, scale)
+        else:
+            detail = _panorama_detail(plan, chart, evidence, size, coarse, scale)
         facade, confidence = sharpen_facade(facade, detail, scale), enlarge_image(confidence, size, scale)
     return facade, np.where(facade.occluded, 0, confidence).astype(np.uint8)
+
+
+def _photo_detail(photo: CroppedPhoto, size: tuple[int, int], coarse: tuple[int, int], scale: float) -> Float32Array:
+    """Compute the detail of a photo at a size (height, width), (h, w, 3) float32."""
+    height, width = shape = (round(coarse[0] * scale), round(coarse[1] * scale))
+    hidden = resize_image(photo.hidden.astype(np.uint8), shape) > 0
+    detail = np.ones((*np.maximum(size, shape), 3), np.float32)
+    detail[:height, :width] = picture_detail(resize_image(photo.image, shape), ~hidden, coarse)
+    return detail[: size[0], : size[1]]
+
+
+def _panorama_detail(
+    plan: Plan, chart: int, evidence: FacadeEvidence, size: tuple[int, int], coarse: tuple[int, int], scale: float
+) -> Float32Array:
+    """Compute the detail of the panorama that each texel is from at a size (height, width), (h, w, 3) float32."""
+    detail = np.ones((*size, 3), np.float32)
+    if evidence.picture is None:
+        return detail
+    source = enlarge_classes(evidence.picture + 1, size, scale)
+    for number, (path, pose) in enumerate(evidence.pictures, 1):
+        own = source == number
+        if own.any():
+            view = rectify_chart_from_panorama(plan.scene, chart, read_sharp_panorama(path, pose), pose, size)
+            detail[own] = picture_detail(view.rgb, view.seen, coarse)[own]
+    return detail

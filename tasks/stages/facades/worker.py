@@ -66,7 +66,7 @@ _COUNT_NAMES = {"window": "windows", "door": "doors", "balcony": "balconies", "s
 _ESTIMATED = ("window_to_wall", "windows", "floors")
 
 
-class _TexturedFacade(NamedTuple):
+class TexturedFacade(NamedTuple):
     """A textured facade.
 
     Attributes
@@ -106,7 +106,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     records: dict[int, Record] = {}
     left: list[tuple[Unit, list[Exception]]] = []
 
-    def done(unit: Unit, make: Callable[[], _TexturedFacade | None], refused: list[Exception]) -> bool:
+    def done(unit: Unit, make: Callable[[], TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
         about: dict[str, object] = {"worker": current_worker_name(), "started": start}
@@ -130,7 +130,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
 
     for unit in units:
         refused: list[Exception] = []
-        if not done(unit, partial(_texture_from_pictures, run, plan, unit, refused), refused):
+        if not done(unit, partial(texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
     level_exposures(group, plan, records, {unit.index: unit.arguments[2] for unit in units})
     wall_colour = cache(partial(photo_wall_colour, group, plan))
@@ -157,7 +157,7 @@ def _write_facade(
     plan: Plan,
     group: StoreGroup,
     unit: Unit,
-    made: _TexturedFacade,
+    made: TexturedFacade,
     seconds: dict[str, float],
 ) -> dict[str, object]:
     """Write a facade; returns the fields of its record.
@@ -232,7 +232,7 @@ def _join_errors(errors: Sequence[Exception]) -> Exception:
     return joined
 
 
-def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _TexturedFacade | None:
+def texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> TexturedFacade | None:
     """Texture a facade from the best of its pictures; None if none shows enough. Errors are appended to `refused`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
@@ -273,7 +273,7 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
                 result, confidence = sharpen_from_pictures(plan, chart, result, evidence)
                 result = _apply_correction(result, imagery)
                 names = _read_shop_names(result, evidence, source, density)
-                return _TexturedFacade(
+                return TexturedFacade(
                     depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
                 )
     return None
@@ -287,7 +287,7 @@ def _texture_from_exemplar(
     wall_colour: Callable[[tuple[int, ...]], Float64Array | None],
     own_style: Callable[[tuple[int, ...]], PicturedStyle | None],
     beside: tuple[int, ...],
-) -> _TexturedFacade:
+) -> TexturedFacade:
     """Texture a facade in the style of its building's best pictured facade, else of its exemplar, or leave it to the street.
 
     Parameters
@@ -304,9 +304,9 @@ def _texture_from_exemplar(
     own = own_style(beside) if imagery.exemplar is not None and not imagery.is_exemplar_stated else None
     result = build_unit_from_exemplar(run, plan, group, unit, size, wall_colour(beside), own)
     if result is None:
-        return _TexturedFacade(depth, None, "translator", nothing)
+        return TexturedFacade(depth, None, "translator", nothing)
     source = imagery.exemplar[1] if own is None else own.source
-    return _TexturedFacade(depth, _apply_correction(result, imagery), source, nothing)
+    return TexturedFacade(depth, _apply_correction(result, imagery), source, nothing)
 
 
 def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:

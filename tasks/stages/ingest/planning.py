@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from catalogs.block.digest import plan_input_digest
@@ -15,6 +15,7 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.planned_units import PlannedUnits, count_units
 from facade_core.plan.posed_pictures import replace_panoramas
 from tasks.engine.stage_code import stage_code_digest
+from tasks.stages.ingest.photo_resolution import read_photo_resolution
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
 
@@ -39,8 +40,10 @@ def make_plan(
 
 
 def count_planned_units(block: Block) -> PlannedUnits:
-    """Count the units of a block's plan without casting a ray."""
-    return count_units(_plan_inputs(replace(block, panoramas=())), _plan_settings(block), _core_region(block))
+    """Count the units of a block's plan without the rays of viewpoints; photos as taken are not opened."""
+    return count_units(
+        _plan_inputs(block), _plan_settings(block), _core_region(block), partial(read_photo_resolution, block)
+    )
 
 
 def _plan_inputs(block: Block) -> BlockInputs:
