@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.atlas.store import open_repository
+from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.store import open_repository, open_root
+from facade_core.core.resizing import resize_image
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.facade import paint_facade
 from tests.pipeline.stages import BUILDINGS, STREETS, charts_of, digests_of, redone, started, texture, write_block
@@ -31,6 +33,15 @@ def densities(out: Path) -> dict[str, float]:
     return dict(zip(plan.facades.id, plan.scene.placement.texels_per_metre[plan.facades.chart].tolist(), strict=True))
 
 
+def image_of_facade(out: Path, facade: str) -> np.ndarray:
+    """Colour of a facade, (h, w, 3) uint8."""
+    session = open_repository(out / "store").readonly_session("main")
+    plan, group = read_plan(session), open_root(session)
+    placement, chart = plan.scene.placement, int(plan.facades.chart[plan.facades.id.index(facade)])
+    flat = read_rasters(group["atlas/colour"], placement, TexelLayout.of_charts(placement, [chart]))
+    return flat.reshape(placement.height[chart], placement.width[chart], 3)
+
+
 @pytest.mark.long
 def test_a_sharp_photo_makes_its_facade_finer_and_does_nothing_else_again(tmp_path: Path) -> None:
     folder, out = tmp_path / "in", tmp_path / "out"
@@ -51,8 +62,14 @@ def test_a_sharp_photo_makes_its_facade_finer_and_does_nothing_else_again(tmp_pa
     assert not redone(before, out)
 
     write_photo_of_wall(folder, "a-0", 16)
+    coarse = image_of_facade(out, "a-0")
     textured = texture(block_file, out)
     assert densities(out) == first | {"a-0": 16}
+    fine = image_of_facade(out, "a-0")
+    photo = np.asarray(Image.open(folder / "photos" / "a-0.png"))
+    enlarged = resize_image(coarse, fine.shape[:2])
+    errors = [np.abs(image.astype(float) - resize_image(photo, fine.shape[:2])).mean() for image in (enlarged, fine)]
+    assert errors[1] < 0.8 * errors[0]
     again = redone(before, out)
     assert {unit for stage, unit in again if stage == "facades"} == {
         unit for stage, unit in before if stage == "facades" and unit.startswith("a-")

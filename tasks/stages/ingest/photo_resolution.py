@@ -12,6 +12,7 @@ from catalogs.features import safe_file_stem
 from facade_core.core.arrays import Float64Array
 from facade_core.geometry.charts import raster_sizes
 from facade_core.plan.identity import ParallelMap
+from facade_core.plan.pictured_density import can_be_raised
 from facade_core.plan.plan import Plan
 from tasks.stages.ingest.photo_crops import count_crop_pixels
 from tasks.stages.shared.memory import bounded_pixel_count
@@ -34,7 +35,9 @@ def read_photo_resolution(block: Block, plan: Plan) -> Float64Array:
 def measure_photo_resolution(
     block: Block, plan: Plan, known: Mapping[str, int], parallel_map: ParallelMap
 ) -> tuple[Float64Array, dict[str, int]]:
-    """Measure the pixels per metre that the photo of each facade has on its wall; those as taken are cropped to it.
+    """Measure the pixels per metre that photos have on the walls of facades that they may raise.
+
+    Photos as taken are opened and cropped to their walls.
 
     Parameters
     ----------
@@ -47,7 +50,8 @@ def measure_photo_resolution(
     """
     if block.photos_rectified or not block.photos:
         return read_photo_resolution(block, plan), {}
-    photos, chart = _photo_by_facade(block, plan), plan.facades.chart
+    chart, raisable = plan.facades.chart, can_be_raised(plan)
+    photos = {facade: photo for facade, photo in _photo_by_facade(block, plan).items() if raisable[facade]}
     texels = raster_sizes(plan.scene.charts.size[chart], plan.street_density[chart]).tolist()
     cases = [(photo, texels[facade][0] / texels[facade][1]) for facade, photo in photos.items()]
     counts, crops = count_crop_pixels(cases, block.models.parser, known, parallel_map)

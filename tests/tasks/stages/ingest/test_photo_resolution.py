@@ -14,6 +14,7 @@ from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.facade import paint_facade
+from tasks.city.block_counts import block_counts_from_plan
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest import photo_crops
 from tasks.stages.ingest.task import ingest_block
@@ -61,8 +62,11 @@ def test_a_rectified_photo_is_its_wall_by_its_header(tmp_path: Path) -> None:
     (folder / "photos").mkdir(parents=True)
     for facade, per_metre in (("a-0", 12.2), ("c-0", 7.0)):
         Image.new("RGB", (round(16 * per_metre), round(14 * per_metre))).save(folder / "photos" / f"{facade}.png")
-    found = densities(ingested(write_houses(folder, rectified=True), tmp_path / "out"))
+    block_file = write_houses(folder, rectified=True)
+    plan = ingested(block_file, tmp_path / "out")
+    found = densities(plan)
     assert found["a-0"] == 12
+    assert block_counts_from_plan(read_block(block_file))["megatexels"] == plan.texel_counts().sum() / 1e6
     assert {density for name, density in found.items() if name != "a-0"} <= {TEXELS, TEXELS / 2}
 
 
