@@ -4,8 +4,8 @@ Needs pycolmap (`make sfm-setup`), and no data. Pictures as of `benchmarks.mesh_
 of both sides of a street with cars and trees before the houses. Each states a place that is off by 3 m on either axis. placed:
 share of the pictures that have a pose, the median of draws of that noise; groups: pictures that overlap; errors against the
 truth over all draws, metres and degrees: placed by GPS alone, and aligned to the walls; of the first draw also after the
-refinement of a run. With --texture, of the first draw, PSNR in dB and SSIM as of `benchmarks.mesh_texturing`, textured by a run
-from true, aligned and refined poses of the placed pictures.
+refinement of a run. With --texture, of the first draw, what `benchmarks.mesh_texturing` says of the placed pictures at true,
+aligned and refined poses: PSNR in dB and SSIM against a panorama held out, textured as a run does, by PyMeshLab and plainly.
 """
 
 from __future__ import annotations
@@ -25,39 +25,39 @@ import numpy as np
 
 from benchmarks.imagery import pose_errors
 from benchmarks.mesh_texturing.cases import Case, photograph_perspective, refine_in_bundles
-from benchmarks.mesh_texturing.comparison import chart_sampler, compare_views, measure_likeness
-from benchmarks.mesh_texturing.ours import texture_as_a_run
-from catalogs.readers.pictures.camera_angles import camera_angles
+from benchmarks.mesh_texturing.methods import measure_cases
 from catalogs.readers.pictures.cameras.placement import place_by_gps
 from facade_core.core.types import Pose
 from facade_core.geometry.ground.terrain import Terrain
 from tasks.engine.compute.worker_setup import limit_threads
-from tasks.matching.photo_cameras import HAND_HEIGHT_M, PhotoCamera, place_groups
+from tasks.matching.photo_cameras import HAND_HEIGHT_M, PhotoCamera, camera_pose, place_groups
 from tasks.matching.structure_from_motion import PhotoGroup, reconstruct_photos
 
-# Error of the stated places on either axis, metres, and how often it is drawn.
-GPS_NOISE_M, DRAWS = 3.0, 10
+# Error of the stated places on either axis, metres.
+GPS_NOISE_M = 3.0
 HAND_HEIGHTS_M = (1.45, 1.75)
 GROUND = Terrain(0.0, 0.0, 1.0, np.zeros((1, 1)))
 
 
-def measure(*, seed: int, buildings: int, pictures: int, width: int, texture: bool) -> dict[str, Any]:
+def measure(
+    *, seed: int, buildings: int, pictures: int, width: int, draws: int, texture: bool, views: Path | None
+) -> dict[str, Any]:
     """Photograph a street, find the poses, and compare them with the truth."""
     street, case, _ = photograph_perspective(
         seed=seed, buildings=buildings, pictures=pictures, width=width, heights=HAND_HEIGHTS_M
     )
-    noise = np.random.default_rng([seed, 1]).normal(0, GPS_NOISE_M, (DRAWS, pictures, 2))
-    draws = np.array([(pose.x, pose.y) for pose in case.poses]) + noise
+    noise = np.random.default_rng([seed, 1]).normal(0, GPS_NOISE_M, (draws, pictures, 2))
+    drawn = np.array([(pose.x, pose.y) for pose in case.poses]) + noise
     with tempfile.TemporaryDirectory(prefix="photo-poses-") as folder:
         files = [Path(folder) / f"{number:04}.png" for number in range(pictures)]
         for file, image in zip(files, case.images, strict=True):
             cv2.imwrite(str(file), image[..., ::-1])
         begun = time.perf_counter()
-        groups, _ = reconstruct_photos(files, draws[0])
+        groups, _ = reconstruct_photos(files, drawn[0])
         seconds = time.perf_counter() - begun
-        placed = [place_groups(case.scene, GROUND, groups, files, places) for places in draws]
+        placed = [place_groups(case.scene, GROUND, groups, files, places) for places in drawn]
         pairs = [_pairs(case, files, found.cameras) for found in placed]
-        by_gps = [_pairs(case, files, _place_by_gps(groups, files, places)) for places in draws]
+        by_gps = [_pairs(case, files, _place_by_gps(groups, files, places)) for places in drawn]
         told: dict[str, Any] = {
             "benchmark": "photo_poses",
             "pictures": pictures,
@@ -79,15 +79,19 @@ def measure(*, seed: int, buildings: int, pictures: int, width: int, texture: bo
         ways = {"true": case.poses, "walls": aligned, "refined": refined}
         told["first"] = {name: pose_errors(poses, case.poses) for name, poses in ways.items() if name != "true"}
         if texture:
-            used = [files[number] for number in chosen]
-            told["textured"] = {name: _likeness(replace(case, poses=tuple(each)), used) for name, each in ways.items()}
+            told["textured"] = {
+                name: measure_cases([replace(case, poses=tuple(each))], pictures=views and views / name)
+                for name, each in ways.items()
+            }
     return told
 
 
 def _pairs(case: Case, files: Sequence[Path], cameras: Mapping[str, PhotoCamera]) -> list[tuple[Pose, Pose]]:
     """Return the found and the true pose of each picture that has a camera."""
     return [
-        (_pose(cameras[file.name]), true) for file, true in zip(files, case.poses, strict=True) if file.name in cameras
+        (camera_pose(*cameras[file.name]), true)
+        for file, true in zip(files, case.poses, strict=True)
+        if file.name in cameras
     ]
 
 
@@ -108,16 +112,6 @@ def _place_by_gps(groups: Sequence[PhotoGroup], files: Sequence[Path], places: n
     return cameras
 
 
-def _pose(camera: PhotoCamera) -> Pose:
-    x, y, z = camera.centre.tolist()
-    return Pose(x, y, z, *camera_angles(camera.rotation), lens=camera.lens)
-
-
-def _likeness(case: Case, files: list[Path]) -> dict[str, Any]:
-    rasters = texture_as_a_run(case, files)
-    return measure_likeness(compare_views(case, {"ours": chart_sampler(case, rasters)}))
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -125,7 +119,9 @@ def main() -> None:
     parser.add_argument("--buildings", type=int, default=6, help="houses on the street, an even number")
     parser.add_argument("--pictures", type=int, default=60)
     parser.add_argument("--width", type=int, default=640, help="pixels of a picture")
+    parser.add_argument("--draws", type=int, default=10, help="how often the errors of places are drawn")
     parser.add_argument("--texture", action="store_true", help="texture the street from the poses, which takes minutes")
+    parser.add_argument("--views", type=Path, help="with --texture, folder for views: truth, ours, plain, meshlab")
     options = parser.parse_args()
     limit_threads()
     print(json.dumps(measure(**vars(options)), indent=1))

@@ -24,13 +24,14 @@ from catalogs.readers.pictures.panoramas import project_pose
 from catalogs.readers.pictures.poses import PosesFile, read_poses_file
 from facade_core.core.arrays import BoolArray, Float64Array
 from facade_core.core.errors import FacadeError, InputError
-from facade_core.core.types import Lens
+from facade_core.core.types import Lens, Pose
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
+from facade_core.imagery.poses.group_outlines import align_to_outlines
 from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, PlacedPoints, align_to_model
 from tasks.engine.outcome import error_reason
 from tasks.matching.photo_matches import FULL_PANORAMA, poses_notes, read_place
-from tasks.matching.structure_from_motion import PhotoGroup, reconstruct_photos, require_pycolmap
+from tasks.matching.structure_from_motion import PhotoGroup, read_small_copy, reconstruct_photos, require_pycolmap
 from tasks.stages.ingest.planning import make_plan
 
 # Largest error of the heading of photos that GPS alone places, degrees.
@@ -57,6 +58,12 @@ class PhotoCamera(NamedTuple):
     centre: Float64Array
     rotation: Float64Array
     lens: Lens
+
+
+def camera_pose(centre: Float64Array, rotation: Float64Array, lens: Lens) -> Pose:
+    """Return the pose of a camera with fields as of `PhotoCamera`."""
+    x, y, z = centre.tolist()
+    return Pose(x, y, z, *camera_angles(rotation), lens=lens)
 
 
 class PosedPhotos(NamedTuple):
@@ -167,7 +174,9 @@ def _place_group(
     height = terrain.interpolate(centres[:, :2]) + HAND_HEIGHT_M
     lift = np.array([0.0, 0.0, float(np.median(height - centres[:, 2]))])
     centres, points, rotations = centres + lift, points + lift, group.rotations @ gps.rotation.T
-    aligned = align_to_model(scene, PlacedPoints(centres, points, group.camera, places, height))
+    aligned = align_to_model(
+        scene, PlacedPoints(centres, points, group.camera, places, height, upright[:, 0] @ gps.rotation.T)
+    )
     if aligned is None:
         turn = float(np.degrees(GPS_SIGMA_M / np.linalg.norm(places[known] - places[known].mean(axis=0))))
         if turn > MAX_GPS_TURN_DEG:
@@ -179,6 +188,16 @@ def _place_group(
     else:
         centres, rotations = aligned.apply(centres), rotations @ aligned.rotation.T
         how = f"aligned to walls, on which {100 * aligned.on_wall_share:.0f} % of its points are"
+        outlines = align_to_outlines(
+            scene,
+            [camera_pose(*each) for each in zip(centres, rotations, group.lenses, strict=True)],
+            lambda number: read_small_copy(group.paths[number], group.lenses[number].size),
+            places,
+            height,
+        )
+        if outlines is not None:
+            centres, rotations = outlines.centres, rotations @ outlines.rotation.T
+            how += f", then to outlines, which fit {outlines.given_fit:.2f} before and {outlines.fit:.2f} after"
     off = float(np.median(np.linalg.norm(centres[known, :2] - places[known], axis=1)))
     cameras = {
         path.name: PhotoCamera(centre, rotation, lens)

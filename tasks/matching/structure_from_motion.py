@@ -18,7 +18,7 @@ import numpy as np
 from catalogs.features import Fault
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.pictures.decoding import open_picture
-from facade_core.core.arrays import Float64Array, Int32Array
+from facade_core.core.arrays import Float64Array, Int32Array, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.types import Lens
 from facade_core.imagery.poses.photo_pairs import choose_pairs
@@ -143,18 +143,28 @@ def _copy_photos(photos: Sequence[Path], folder: Path) -> tuple[list[_SmallCopy]
 
 
 def _copy_photo(path: Path, folder: Path, name: str) -> _SmallCopy:
-    from PIL.Image import Resampling
-
     with open_picture(path) as image:
         stored, (orientation, maker) = image.size, _read_camera_tags(image)
         share = min(1.0, MAX_SIDE_PX / max(stored))
         size = (max(1, round(stored[0] * share)), max(1, round(stored[1] * share)))
-        image.draft("L", size)
-        grey = image.point(lambda value: value / 256) if image.mode.startswith("I") else image  # of 16 bits
-        grey.convert("L").resize(size, Resampling.BOX).save(folder / name, compress_level=1)
+        _shrink(image, "L", size).save(folder / name, compress_level=1)
     focal = read_focal_length_px(path)
     focal = None if focal is None else focal * share
     return _SmallCopy(path, name, size, orientation if 1 <= orientation <= 8 else 1, (size, focal, *maker), focal)
+
+
+def read_small_copy(path: Path, size: tuple[int, int]) -> UInt8Array:
+    """Read a photo as stored, (h, w, 3) uint8, at a width and height."""
+    with open_picture(path) as image:
+        return np.asarray(_shrink(image, "RGB", size), np.uint8)
+
+
+def _shrink(image: Image, mode: str, size: tuple[int, int]) -> Image:
+    from PIL.Image import Resampling
+
+    image.draft(mode, size)
+    shallow = image.point(lambda value: value / 256) if image.mode.startswith("I") else image  # of 16 bits
+    return shallow.convert(mode).resize(size, Resampling.BOX)
 
 
 def _read_camera_tags(image: Image) -> tuple[int, tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 from collections.abc import Callable
 from pathlib import Path
@@ -57,13 +58,18 @@ def _dms(degrees: float) -> tuple[float, float, float]:
 class Truth:
     """Photos along a street: their cameras, and the group that structure from motion would find."""
 
-    def __init__(self, folder: Path, count: int = 24) -> None:
+    def __init__(self, folder: Path, count: int = 24, *, one_way: bool = False) -> None:
         rng = np.random.default_rng(0)
         folder.mkdir()
         x = np.linspace(2, 42, count)
         self.centres = np.stack([EAST + x, NORTH + rng.uniform(-3, 3, count), np.full(count, 1.6)], axis=1)
         headings = np.where(np.arange(count) % 2, 0.0, 180.0) + rng.uniform(-30, 30, count)
-        self.rotations = np.array([rotation_from_heading(h, rng.uniform(-3, 10), rng.normal()) for h in headings])
+        pitches = rng.uniform(-3, 10, count)
+        if one_way:
+            headings, pitches = rng.uniform(-4, 4, count), rng.uniform(17, 20, count)
+        self.rotations = np.array(
+            [rotation_from_heading(*angles, rng.normal()) for angles in zip(headings, pitches, strict=True)]
+        )
         self.orientations = [(1, 6, 3, 8)[number % 4] for number in range(count)]
         for number, (east, north, _) in enumerate(self.centres.tolist()):
             noise_x, noise_y = rng.normal(0, 2, 2)
@@ -72,6 +78,8 @@ class Truth:
         points = []
         for west, south, width, depth, height in HOUSES.values():
             front = south if south > 0 else south + depth
+            if one_way and south < 0:
+                continue
             u, v = rng.uniform(0, 1, (2, 300))
             points.append(np.stack([EAST + west + u * width, np.full(300, NORTH + front), v * height], axis=1))
         self.points = np.concatenate(points)
@@ -131,6 +139,22 @@ def test_posed_photos_are_read_as_cameras_where_they_were_taken(
     again = match(block, photos, "--cameras", table)
     assert again.exit_code == 2
     assert "is there; remove it, or name another with --cameras" in again.output
+
+
+def test_photos_that_all_look_up_one_way_are_levelled_by_the_walls(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their own axes tell the pitch that they have in common from the vertical by little."""
+    block = write_block(tmp_path / "in", buildings=HOUSES, streets={"1": [(0, 0), (44, 0)]})
+    truth = Truth(tmp_path / "photos", one_way=True)
+    found_groups(monkeypatch, lambda paths: [truth.group(paths)])
+    ended = match(block, tmp_path / "photos", "--cameras", block.parent / "cameras.csv")
+    assert "24 placed, 0 not" in ended.output
+    rows = list(csv.DictReader((block.parent / "cameras.csv").open()))
+    read = [rotation_from_heading(*(float(row[key]) for key in ("heading", "pitch", "roll"))) for row in rows]
+    quarters = [np.linalg.matrix_power(QUARTER.T, ORIENTATIONS[o]) for o in truth.orientations]
+    turns = [a @ (q @ b).T for a, q, b in zip(read, quarters, truth.rotations, strict=True)]
+    assert np.median([np.degrees(np.arccos(np.clip((np.trace(t) - 1) / 2, -1, 1))) for t in turns]) < 0.7
 
 
 def test_photos_of_no_group_and_of_a_short_group_have_a_reason(

@@ -19,11 +19,13 @@ ROUND_SCALES_M = (3.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.3, 0.3, 0.2, 0.2)
 MAX_POINTS = 4000
 # So many points count as independent of each other: those of one facade share its errors.
 INDEPENDENT_POINTS = 80.0
-# Expected errors: of GPS and of the model, metres; of the vertical that the pictures agree on, degrees; of the mean height
-# of cameras, metres. GPS farther off than so many of its errors counts less.
+# Expected errors: of GPS and of the model, metres; of the vertical that pictures of all headings agree on, and of pictures of
+# one heading about their right axis, degrees; of the mean height of cameras, metres. GPS farther off than so many of its errors
+# counts less.
 GPS_SIGMA_M = 3.0
 MODEL_SIGMA_M = 0.2
 LEVEL_SIGMA_DEG = 1.5
+PITCH_SIGMA_DEG = 20.0
 HEIGHT_SIGMA_M = 0.3
 GPS_OUTLIER_SIGMAS = 3.0
 # An alignment may raise the sum of squares of GPS, in its errors, by so much over the best fit to GPS: four unknowns explain
@@ -73,6 +75,7 @@ class PlacedPoints:
     camera : (m,) a camera that shows the point.
     gps : (n, 2) measured places of the cameras, NaN where unknown.
     height : (n,) expected heights of the cameras, metres in the frame of the block.
+    right : (n, 3) right axes of the pictures as shown, by which they are level.
     """
 
     centres: Float64Array
@@ -80,6 +83,7 @@ class PlacedPoints:
     camera: Int32Array
     gps: Float64Array
     height: Float64Array
+    right: Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +112,9 @@ def align_to_model(scene: Scene, placed: PlacedPoints) -> ModelAlignment | None:
     if len(placed.points) < MIN_POINTS:
         return None
     step = -(-len(placed.points) // MAX_POINTS)
-    chosen = PlacedPoints(placed.centres, placed.points[::step], placed.camera[::step], placed.gps, placed.height)
+    chosen = PlacedPoints(
+        placed.centres, placed.points[::step], placed.camera[::step], placed.gps, placed.height, placed.right
+    )
     model = _Model(scene.charts, NearestSurface(scene.mesh))
     best: tuple[float, Float64Array] | None = None
     for turn in START_TURNS_DEG:
@@ -175,10 +181,20 @@ def _priors(placed: PlacedPoints, change: Float64Array) -> tuple[Float64Array, F
     derivatives.append(slopes[:, 2].mean(axis=0, keepdims=True) / HEIGHT_SIGMA_M)
     # the surfaces alone would shrink the points into one of them
     span = float(np.linalg.norm(placed.centres[known, :2] - placed.centres[known, :2].mean(axis=0)))
-    sigma = np.array([np.radians(LEVEL_SIGMA_DEG)] * 2 + [GPS_SIGMA_M / max(span, GPS_SIGMA_M)])
-    rows.append(change[[0, 1, 6]] / sigma)
-    derivatives.append(np.eye(7)[[0, 1, 6]] / sigma[:, None])
+    sigma = GPS_SIGMA_M / max(span, GPS_SIGMA_M)
+    rows.append(change[[6]] / sigma)
+    derivatives.append(np.eye(7)[[6]] / sigma)
+    level = _level_precision(placed)
+    rows.append(level @ change[:2])
+    derivatives.append(level @ np.eye(7)[:2])
     return np.concatenate(rows), np.concatenate(derivatives)
+
+
+def _level_precision(placed: PlacedPoints) -> Float64Array:
+    """Return the root (2, 2) of the precision of the tilt: pictures of one heading do not tell their common pitch."""
+    tilt = placed.right[:, [1, 0]] * [1.0, -1.0]  # of right axes, by a turn about east and north
+    precision = 2 * tilt.T @ tilt / len(tilt) / np.radians(LEVEL_SIGMA_DEG) ** 2
+    return np.asarray(np.linalg.cholesky(precision + np.eye(2) / np.radians(PITCH_SIGMA_DEG) ** 2).T)
 
 
 def _slopes(offset: Float64Array) -> Float64Array:

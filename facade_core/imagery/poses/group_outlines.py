@@ -1,0 +1,204 @@
+"""Alignment of overlapping photos as one to the outlines of a model: corners and eaves that one photo shows too few of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from facade_core.core.arrays import Float64Array, UInt8Array
+from facade_core.core.types import Pose
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose
+from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, HEIGHT_SIGMA_M, MAX_GPS_SIGMAS
+from facade_core.imagery.poses.outlines import (
+    Gradients,
+    OutlineSamples,
+    image_gradients,
+    outline_fit,
+    sample_visible_outlines,
+)
+
+# Photos that are compared; more take longer and say no more.
+MAX_PHOTOS = 60
+# Search along the line of the cameras and across it, in metres, and of the logarithm of the scale: range to each side and step.
+SEARCH_ALONG_M = (4.0, 0.5)
+SEARCH_ACROSS_M = (1.0, 0.5)
+SEARCH_LOG_SCALE = (0.15, 0.03)
+# Best changes of the search from which refinements start: outlines fit by chance in several places.
+MAX_STARTS = 6
+# Pixels of a full turn and blur in pixels, of the search, the refinements, and the last refinement.
+SEARCH_RESOLUTION = (384, 2.0)
+COARSE_RESOLUTION = (768, 2.0)
+FINE_RESOLUTION = (1536, 2.0)
+# Unknowns of a change: along, across and up in metres, turn in degrees, logarithm of the scale.
+CHANGES = 5
+# First steps of a refinement.
+FIRST_STEPS = np.array([0.125, 0.125, 0.1, 0.2, 0.01])
+# Cost, as a loss of fit, of one squared standard error of a place by GPS, of the mean height, and of the heading.
+PRIOR_COST = 0.005
+HEADING_SIGMA_DEG = 0.25
+# An alignment is accepted if the outlines fit at least this, the cost falls by this, and GPS is not much worse.
+MIN_FIT = 0.3
+MIN_COST_DECREASE = 0.005
+MAX_GPS_INCREASE = 12.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlineAlignment:
+    """Photos aligned to outlines.
+
+    Attributes
+    ----------
+    centres : (n, 3) cameras, metres.
+    rotation : (3, 3) by which the cameras turned, in the frame of the block.
+    given_fit : fit of the outlines before, 0 to 1.
+    fit : the same after.
+    """
+
+    centres: Float64Array
+    rotation: Float64Array
+    given_fit: float
+    fit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Cameras, axes (3, 3) along their line, across it and up, and their places as `align_to_outlines` is given them."""
+
+    centres: Float64Array
+    axes: Float64Array
+    gps: Float64Array
+    height: Float64Array
+
+    def move(self, change: Float64Array) -> Float64Array:
+        """Return the centres (n, 3) after a change (CHANGES,); it turns clockwise from above."""
+        middle = self.centres.mean(axis=0)
+        turned = (self.centres - middle) @ _rotation_about_z(-float(change[3])).T
+        return np.asarray(middle + change[:3] @ self.axes + np.exp(change[4]) * turned)
+
+    def prior(self, change: Float64Array) -> float:
+        """Return the squares of the errors of the mean height and the heading, in their standard errors."""
+        up = (self.move(change)[:, 2] - self.height).mean()
+        return float((up / HEIGHT_SIGMA_M) ** 2 + (change[3] / HEADING_SIGMA_DEG) ** 2)
+
+    def gps_misfit(self, change: Float64Array) -> float:
+        """Return the sum of squares of GPS in its standard errors; an outlier counts MAX_GPS_SIGMAS."""
+        off = self.move(change)[:, :2] - self.gps
+        squares = (off[np.isfinite(off).all(axis=1)] ** 2).sum(axis=1) / GPS_SIGMA_M**2
+        return float(np.minimum(squares, MAX_GPS_SIGMAS**2).sum())
+
+
+def align_to_outlines(
+    scene: Scene,
+    poses: Sequence[Pose],
+    read: Callable[[int], UInt8Array],
+    gps: Float64Array,
+    height: Float64Array,
+) -> OutlineAlignment | None:
+    """Align photos of known relative poses to the outlines of the buildings that they show together.
+
+    A shift, a turn about the vertical and a scale of all cameras, by a grid and simplexes: walls determine neither the place
+    along a plain row of houses nor the scale of photos of one side, and GPS to a metre only.
+
+    Parameters
+    ----------
+    scene : scene that contains the model.
+    poses : n poses with lenses, aligned to its walls.
+    read : returns the picture (h, w, 3) uint8 of a pose; of any scale.
+    gps : (n, 2) measured places, NaN where unknown.
+    height : (n,) expected heights of the cameras, metres in the frame of the block.
+
+    Returns
+    -------
+    The alignment; None where the outlines do not fit clearly better than before.
+    """
+    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MAX_PHOTOS)).round().astype(int)).tolist()
+    centres = np.array([camera_position(pose) for pose in poses])
+    line = np.linalg.svd(centres[:, :2] - centres[:, :2].mean(axis=0), full_matrices=False)[2][0]
+    axes = np.array([[*line, 0.0], [-line[1], line[0], 0.0], [0.0, 0.0, 1.0]])
+    given = _Group(centres, axes, gps, height)
+    search, coarse = (
+        _Comparison(scene, given, poses, read, chosen, resolution)
+        for resolution in (SEARCH_RESOLUTION, COARSE_RESOLUTION)
+    )
+    no_change = np.zeros(CHANGES)
+    largest = given.gps_misfit(no_change) + MAX_GPS_INCREASE
+    grid = [one for one in _search_grid() if given.gps_misfit(one) <= largest]
+    order = np.argsort([search.cost(one) for one in grid], kind="stable")
+    change = min((coarse.refine(grid[i], FIRST_STEPS) for i in order[:MAX_STARTS].tolist()), key=coarse.cost)
+    is_better = coarse.cost(no_change) - coarse.cost(change) >= MIN_COST_DECREASE
+    if not is_better or coarse.fit(change) < MIN_FIT or given.gps_misfit(change) > largest:
+        return None
+    turn = _rotation_about_z(-float(change[3]))
+    moved = _Group(given.move(change), axes, gps, height)
+    nearer = [_move_pose(pose, turn, centre) for pose, centre in zip(poses, moved.centres, strict=True)]
+    last = _Comparison(scene, moved, nearer, read, chosen, FINE_RESOLUTION).refine(no_change, FIRST_STEPS / 2)
+    rotation = _rotation_about_z(-float(last[3])) @ turn
+    return OutlineAlignment(moved.move(last), rotation, coarse.fit(no_change), coarse.fit(change))
+
+
+def _search_grid() -> Float64Array:
+    """Return the changes (k, 5) that are tried; the given place is the first of equals."""
+    along, across, scale = (
+        np.arange(-round(reach / step), round(reach / step) + 1) * step
+        for reach, step in (SEARCH_ALONG_M, SEARCH_ACROSS_M, SEARCH_LOG_SCALE)
+    )
+    grid = np.stack(np.meshgrid(along, across, 0.0, 0.0, scale, indexing="ij"), axis=-1).reshape(-1, CHANGES)
+    return np.asarray(grid[np.argsort((grid**2).sum(axis=1), kind="stable")])
+
+
+class _Comparison:
+    """Outlines of a model against the edges of some photos of a group."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        group: _Group,
+        poses: Sequence[Pose],
+        read: Callable[[int], UInt8Array],
+        chosen: Sequence[int],
+        resolution: tuple[int, float],
+    ) -> None:
+        self.group = group
+        self.gps_before = group.gps_misfit(np.zeros(CHANGES))
+        self.shown: list[tuple[int, Pose, OutlineSamples, Gradients]] = []
+        for number in chosen:
+            outline = sample_visible_outlines(scene, poses[number])
+            if outline.weight.sum() > 0:
+                picture = image_gradients(read(number), poses[number], *resolution)
+                self.shown.append((number, poses[number], outline, picture))
+
+    def fit(self, change: Float64Array) -> float:
+        """Return the fit of all outlines after a change, 0 to 1."""
+        offsets = self.group.move(change) - self.group.centres
+        total = weights = 0.0
+        for number, pose, outline, picture in self.shown:
+            weight = float(outline.weight.sum())
+            total += weight * outline_fit(outline, picture, pose, offsets[number], float(change[3]))
+            weights += weight
+        return total / weights if weights else 0.0
+
+    def cost(self, change: Float64Array) -> float:
+        """Return what a search minimises."""
+        prior = self.group.gps_misfit(change) - self.gps_before + self.group.prior(change)
+        return PRIOR_COST * prior - self.fit(change)
+
+    def refine(self, start: Float64Array, steps: Float64Array) -> Float64Array:
+        """Return the change of least cost near one."""
+        from scipy.optimize import minimize
+
+        corners = start + np.vstack([np.zeros(CHANGES), np.diag(steps)])
+        options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 300}
+        return np.asarray(minimize(self.cost, start, method="Nelder-Mead", options=options).x)
+
+
+def _move_pose(pose: Pose, turn: Float64Array, centre: Float64Array) -> Pose:
+    x, y, z = centre.tolist()
+    return replace(rotate_pose(pose, turn), x=x, y=y, z=z)
+
+
+def _rotation_about_z(degrees: float) -> Float64Array:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
