@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.imagery.rectify.line_segments import detect_segments_in_grey
 
 # Level lines of a facade slope less than this once it is rectified; more are of another wall, a tree or a street.
 MAX_LEVEL_SLOPE_DEG = 3.5
@@ -36,10 +37,7 @@ def measure_level_slope(image: UInt8Array, hidden: BoolArray) -> float:
     shrink = min(1.0, WORKING_SIDE_PX / max(hidden.shape))
     size = (max(1, round(hidden.shape[1] * shrink)), max(1, round(hidden.shape[0] * shrink)))
     grey = cv2.resize(cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
-    found = cv2.createLineSegmentDetector().detect(grey)[0]
-    if found is None:
-        return 0.0
-    ends = np.asarray(found, np.float64).reshape(-1, 2, 2)
+    ends = detect_segments_in_grey(grey)
     beside = cv2.resize(hidden.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
     beside = cv2.dilate(beside, np.ones((HIDDEN_RIM_PX, HIDDEN_RIM_PX), np.uint8))
     x, y = np.clip(ends.mean(axis=1).astype(np.int64), 0, np.array(size) - 1).T

@@ -11,6 +11,7 @@ from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Arra
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.corner import find_corner
 from facade_core.imagery.rectify.extent import facade_extent
+from facade_core.imagery.rectify.line_segments import detect_segments_in_grey
 from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
 from facade_core.parsing.validation import check_image
 
@@ -111,12 +112,7 @@ def _detect_segments(photo: UInt8Array, half: float, centre: Float64Array) -> tu
     size = tuple(max(1, round(side * scale)) for side in photo.shape[1::-1])
     small = cv2.resize(photo, size, interpolation=cv2.INTER_AREA) if scale < 1 else photo
     grey = cv2.cvtColor(np.ascontiguousarray(small[..., :3]), cv2.COLOR_RGB2GRAY)
-    if grey.max() == grey.min():
-        return np.empty((0, 2, 2)), 1.0
-    found = cv2.createLineSegmentDetector().detect(grey)[0]
-    if found is None:
-        return np.empty((0, 2, 2)), 1.0
-    ends = np.asarray(found, np.float64).reshape(-1, 2, 2)
+    ends = detect_segments_in_grey(grey)
     if photo.shape[2] == 4:
         # The outline of a cut-out is no line of the facade.
         hidden = cv2.dilate((small[..., 3] < 128).astype(np.uint8), np.ones((7, 7), np.uint8)).astype(np.bool_)
