@@ -82,11 +82,21 @@ def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None
     The camera; None if no two vanishing points are found.
     """
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    expected = (
-        (np.log(EXPECTED_FOCAL_MM / HALF_DIAGONAL_MM), FOCAL_LOG_SIGMA)
-        if focal is None
-        else (np.log(focal), GIVEN_FOCAL_LOG_SIGMA)
-    )
+    if focal is not None:
+        return _find_camera(segments, lengths, pixel, focal, (float(np.log(focal)), GIVEN_FOCAL_LOG_SIGMA))
+    expected = float(np.log(EXPECTED_FOCAL_MM / HALF_DIAGONAL_MM))
+    found = _find_camera(segments, lengths, pixel, None, (expected, FOCAL_LOG_SIGMA))
+    # A facade seen from its front determines no focal length, and the centre of a photo that was cropped misleads about it.
+    return found or _find_camera(segments, lengths, pixel, None, (expected, GIVEN_FOCAL_LOG_SIGMA))
+
+
+def _find_camera(
+    segments: Float64Array, lengths: Float64Array, pixel: float, focal: float | None, expected: tuple[float, float]
+) -> FacadeCamera | None:
+    """Camera with which most of the segments' length (n,) agrees; None without one.
+
+    expected : logarithm of the focal length and its standard error.
+    """
     best, best_score = None, 0.0
     for start in _search_cameras(segments, lengths, focal):
         camera = _refine_camera(segments, lengths, pixel, start, expected, ROUND_TOLERANCES_DEG[0])

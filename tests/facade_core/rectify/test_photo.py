@@ -90,6 +90,12 @@ def test_an_undetermined_focal_length_stays_where_it_is_expected() -> None:
     assert found.focal == pytest.approx(31 / 43.26 * np.hypot(HEIGHT, WIDTH), rel=0.15)
 
 
+def test_a_cropped_photo_from_the_front_determines_no_focal_length_and_is_rectified() -> None:
+    plane = plane_to_photo(2, 34, -3)
+    found = rectify(np.ascontiguousarray(photo_of(painted(), plane)[:, :700]))
+    assert errors(found, plane)[0] < 3
+
+
 def test_the_image_is_the_photo_warped_and_black_outside() -> None:
     photo = photo_of(painted(), plane_to_photo(-40, 20, 3, distance=10.0))
     found = rectify(photo)
