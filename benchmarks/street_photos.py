@@ -4,7 +4,8 @@ Of each photo: the photo with the outline of the facade that was found in it, th
 the facade, black where something stands before it), what the run says of it, and the verdict by eye out of street_photos.json:
 good, small flaws, visible flaws, unusable, refused. taken: photos as taken, of RueMonge, the Swiss street photos and
 labelmefacade; rectified: rectified photos with trees and cars, of Art-Deco and ECP. Thresholds were chosen on the photos of
-the half `tuned`; those of the half `judged` were judged once. The sheet in docs/look is drawn with --licensed.
+the halves `tuned` and `tuned_2`; those of `judged` and `judged_2` were judged once. before and after: the change of ADR 0122,
+of the second halves that of ADR 0153. The sheet in docs/look is drawn with --licensed, of both judged halves.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from facade_core.parsing.segmenter import parse
 from tasks.stages.facades.photos import crop_facade_photo
 from tasks.stages.shared.images import read_bounded_picture
 
+HALVES = ("tuned", "judged", "tuned_2", "judged_2")
 VERDICTS = ("good", "small flaws", "visible flaws", "unusable", "refused")
 # Folders of sets whose licence permits a copy of their pictures.
 LICENSED = ("facades/ecp/", "streetphotos/swiss/")
 CHOSEN = Path(__file__).with_suffix(".json")
-ROW_PX, WIDEST_PX, TEXT_PX, GAP_PX = 260, 280, 30, 6
+ROW_PX, WIDEST_PX, TEXT_PX, GAP_PX = 210, 230, 30, 6
 
 
 class PhotoCase(NamedTuple):
@@ -82,7 +84,7 @@ def draw_case(data: Path, case: PhotoCase) -> np.ndarray:
         left = place * (WIDEST_PX + GAP_PX)
         row[TEXT_PX : TEXT_PX + size[1], left : left + size[0]] = small
     head = f"{Path(case.path).stem[:28]}: {case.before} -> {case.after}"
-    for line, text in enumerate((head, said[:120])):
+    for line, text in enumerate((head, said[:110])):
         cv2.putText(row, text, (0, 11 + 14 * line), cv2.FONT_HERSHEY_SIMPLEX, 0.38, (0, 0, 0), 1, cv2.LINE_AA)
     return row
 
@@ -94,11 +96,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Draw photos with outline, rectified facade and parse.")
     default = Path(os.environ.get("STREETLOOM_DATA", "../shared/data"))
     parser.add_argument("--data", type=Path, default=default, help="folder with facades/ and streetphotos/")
-    parser.add_argument("--half", choices=("tuned", "judged"), default="judged")
+    parser.add_argument("--half", nargs="+", choices=HALVES, default=["judged"])
     parser.add_argument("--out", type=Path, help="picture file of the sheet; none is drawn without it")
     parser.add_argument("--licensed", action="store_true", help="draw only photos of sets whose licence permits a copy")
     options = parser.parse_args(arguments)
-    cases = read_cases(options.half)
+    cases = [case for half in options.half for case in read_cases(half)]
     if options.out is not None:
         drawn = [case for case in cases if not options.licensed or case.path.startswith(LICENSED)]
         rows = [draw_case(options.data, case) for case in drawn]
@@ -107,9 +109,9 @@ def main(arguments: list[str] | None = None) -> None:
         sheet = np.full((height, sum(column.shape[1] for column in pairs), 3), 255, np.uint8)
         for place, column in enumerate(pairs):
             sheet[: len(column), place * column.shape[1] : (place + 1) * column.shape[1]] = column
-        Image.fromarray(sheet).save(options.out, quality=80)
+        Image.fromarray(sheet).save(options.out, quality=52)
     counts = {verdict: count_verdicts(cases, verdict) for verdict in ("before", "after")}
-    print(json.dumps({"benchmark": "street_photos", "half": options.half} | counts))
+    print(json.dumps({"benchmark": "street_photos", "half": " ".join(options.half)} | counts))
 
 
 if __name__ == "__main__":

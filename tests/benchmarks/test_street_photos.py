@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from benchmarks.street_photos import ROW_PX, TEXT_PX, VERDICTS, PhotoCase, count_verdicts, draw_case, read_cases
+from benchmarks.street_photos import HALVES, ROW_PX, TEXT_PX, VERDICTS, PhotoCase, count_verdicts, draw_case, read_cases
 from facade_core.synth.facade import paint_facade
 
 
-def test_both_halves_have_a_verdict_for_every_photo_and_share_none() -> None:
-    tuned, judged = read_cases("tuned"), read_cases("judged")
-    assert not {case.path for case in tuned} & {case.path for case in judged}
-    for case in (*tuned, *judged):
+def test_all_halves_have_a_verdict_for_every_photo_and_share_none() -> None:
+    halves = {name: read_cases(name) for name in HALVES}
+    paths = [case.path for cases in halves.values() for case in cases]
+    assert len(paths) == len(set(paths))
+    for case in (case for cases in halves.values() for case in cases):
         assert {case.before, case.after} <= set(VERDICTS), case.path
-    for half in (tuned, judged):
-        assert [case.rectified for case in half].count(False) == 12
-        assert [case.rectified for case in half].count(True) == 12
+    for name, cases in halves.items():
+        rectified = [case.rectified for case in cases]
+        assert (rectified.count(False), rectified.count(True)) == (12, 0 if name.endswith("_2") else 12)
 
 
 def test_verdicts_are_counted_by_kind() -> None:

@@ -44,7 +44,7 @@ def crop_to_building(
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]
     gaps = measure_gaps(image[part], labels[part], (outside | hidden)[part])
-    left, right = choose_sides(gaps, (y1 - y0, x1 - x0), centre - x0, aspect)
+    left, right = choose_sides(gaps, (y1 - y0, x1 - x0), centre - x0, aspect, 1 - hidden[part].mean(axis=0))
     sides = [name for name, cut in (("left", left > 0), ("right", right < x1 - x0)) if cut]
     if sides:
         # the neighbours may have had the more sky or street

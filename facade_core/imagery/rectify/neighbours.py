@@ -28,15 +28,19 @@ LEDGE_BLUR_SHARE = 0.004
 MIN_KNOWN_SHARE = 0.3
 # Weight of a line down a gap against the rows of ledges, where the party wall is in the gap.
 LINE_WEIGHT = 0.3
+# Columns of a facade have edges in at most this share of their rows; trees and scaffolds have more, which look like lines.
+MAX_EDGE_SHARE = 0.6
 # Change of the logarithm of the brightness that counts as an edge.
 EDGE_STEP = 0.06
-# Logistic regression of GapEvidence.features, over painted pairs of held-in facades.
+# Logistic regression of GapEvidence.features, over painted pairs of held-in facades; the constant is of street photos.
 WEIGHTS = np.array([6.0, 2.0, 20.0, 12.0])
-BIAS = -20.8
+BIAS = -20.0
 # Facades narrower than this share of their height are none.
 MIN_FACADE_ASPECT = 0.25
 # Columns farther from the photo's middle than this share of its width count nothing.
 MAX_CENTRE_DISTANCE = 0.75
+# A part of a picture of which less is seen is not taken for the facade.
+MIN_SEEN_SHARE = 0.5
 # Weight of the share that a facade has of the columns around the photo's middle.
 CENTRE_WEIGHT = 1.5
 # Standard deviation of the logarithm of width over height.
@@ -78,30 +82,47 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
     window = (classes == FacadeClass.WINDOW) & known
     ledges = np.where(known, cv2.Sobel(bright, -1, 0, 1, ksize=3) / 4, 0.0)
     ledges = np.clip(ledges, -0.5, 0.5)
-    upright = np.where(known & ~window, np.abs(cv2.Sobel(bright, -1, 1, 0, ksize=3)) / 4, 0.0)
+    upright = np.where(known & ~window, np.abs(cv2.Sobel(bright, -1, 1, 0, ksize=3)) / 4, 0.0) > EDGE_STEP
     rows = np.maximum(known.sum(axis=0), 1)
+    edges = upright.sum(axis=0) / np.maximum((known & ~window).sum(axis=0), 1)
     bare = (window.sum(axis=0) / rows <= MAX_WINDOW_SHARE) & (rows > 0.3 * WORKING_ROWS)
+    runs = [run for run in _runs(bare) if _are_wide(_strips(*run, size[0]))]
+    reach = round(STRIP_SHARE * WORKING_ROWS / 2)
     found = []
-    for start, stop in _runs(bare):
-        sides = _strips(start, stop, size[0])
-        if min(side.stop - side.start for side in sides) < MIN_STRIP_SHARE * WORKING_ROWS:
-            continue
-        profiles = [_ledge_profile(ledges, known, side) for side in sides]
-        shares = [window[:, side].sum(axis=1) / np.maximum(known[:, side].sum(axis=1), 1) for side in sides]
-        common = np.logical_and(*(known[:, side].mean(axis=1) > MIN_KNOWN_SHARE for side in sides))
-        lines = (upright[:, start:stop] > EDGE_STEP).sum(axis=0) / rows[start:stop]
+    for place, (start, stop) in enumerate(runs):
+        near = _strips(start, stop, size[0])
+        profiles = [_ledge_profile(ledges, known, side) for side in near]
+        lines = upright[:, start:stop].sum(axis=0) / rows[start:stop]
         lines = uniform_filter1d(lines, 3, mode="constant")  # a line leans by a little
         # left of the party wall the gap continues what is left of it, and right of it what is right
         gain = ledges[:, start:stop].T @ (_normalise(profiles[0]) - _normalise(profiles[1]))
         column = int((np.cumsum(gain) / np.abs(gain).sum().clip(1e-9) + LINE_WEIGHT * lines).argmax())
-        features = [
-            1 - _correlation(*(profile[common] for profile in profiles)),
-            1 - _correlation(*(share[common] for share in shares)),
-            float(lines[max(0, column - 2) : column + 3].max()),
-            (stop - start) / WORKING_ROWS,
-        ]
+        pairs = [near]
+        # one column of windows is no house: what is beyond it may continue the facade
+        if place > 0:
+            pairs.append((_strips(*runs[place - 1], size[0])[0], near[1]))
+        if place + 1 < len(runs):
+            pairs.append((near[0], _strips(*runs[place + 1], size[0])[1]))
+        mismatches = [_measure_mismatch(ledges, window, known, pair) for pair in pairs]
+        around = slice(max(0, start + column - reach), start + column + reach + 1)
+        clutter = max(0.0, float(np.median(edges[around])) - MAX_EDGE_SHARE)
+        line = float(lines[max(0, column - 2) : column + 3].max()) - clutter
+        features = [*min(mismatches, key=lambda mismatch: mismatch @ WEIGHTS[:2]), line, (stop - start) / WORKING_ROWS]
         found.append(GapEvidence(round((start + column + 0.5) / scale), np.array(features)))
     return found
+
+
+def _are_wide(sides: tuple[slice, slice]) -> bool:
+    """Return whether strips are wide enough to compare."""
+    return all(side.stop - side.start >= MIN_STRIP_SHARE * WORKING_ROWS for side in sides)
+
+
+def _measure_mismatch(ledges: AnyArray, window: BoolArray, known: BoolArray, pair: tuple[slice, slice]) -> Float64Array:
+    """Mismatch (2,) of the rows of ledges and of windows between two strips."""
+    common = np.logical_and(*(known[:, side].mean(axis=1) > MIN_KNOWN_SHARE for side in pair))
+    profiles = [_ledge_profile(ledges, known, side)[common] for side in pair]
+    shares = [(window[:, side].sum(axis=1) / np.maximum(known[:, side].sum(axis=1), 1))[common] for side in pair]
+    return np.array([1 - _correlation(*profiles), 1 - _correlation(*shares)])
 
 
 def _runs(mask: BoolArray) -> list[tuple[int, int]]:
@@ -137,13 +158,13 @@ def _correlation(a: AnyArray, b: AnyArray) -> float:
 
 
 def choose_sides(
-    gaps: list[GapEvidence], size: tuple[int, int], centre: float, aspect: float | None
+    gaps: list[GapEvidence], size: tuple[int, int], centre: float, aspect: float | None, seen: Float64Array
 ) -> tuple[int, int]:
     """Choose the columns of the facade that a photo is meant for: the most probable pair of sides.
 
     The sides are gaps or ends of the picture. Gaps within the facade are no party walls, and its sides are; the
     facade is wide, near what the photo was pointed at, and of the wall's proportions if these are known; if not, it has
-    at least two columns of windows.
+    at least two columns of windows. A part of the picture that is mostly not seen is no facade.
 
     Parameters
     ----------
@@ -151,6 +172,7 @@ def choose_sides(
     size : height and width of the picture.
     centre : column that the photo was pointed at.
     aspect : width over height of the wall; None if unknown.
+    seen : (width,) share of the rows of each column that the photo shows.
 
     Returns
     -------
@@ -163,13 +185,17 @@ def choose_sides(
     place = np.arange(width)
     weight = np.maximum(0.0, 1 - np.abs(place - centre) / (MAX_CENTRE_DISTANCE * width))
     total = np.concatenate([[0.0], np.cumsum(weight / weight.sum())])
+    area = np.concatenate([[0.0], np.cumsum(seen)])
     best, chosen = -np.inf, (0, width)
     for k, (left, left_cost) in enumerate(sides):
         for right, right_cost in sides[k + 1 :]:
             if right - left < MIN_FACADE_ASPECT * height:
                 continue
             within = (columns > left) & (columns < right)
-            if aspect is None and not within.any() and (left, right) != (0, width):
+            is_part = (left, right) != (0, width)
+            if is_part and area[right] - area[left] < MIN_SEEN_SHARE * (right - left):
+                continue
+            if aspect is None and not within.any() and is_part:
                 continue
             score = CENTRE_WEIGHT * float(np.log(max(total[right] - total[left], 1e-3)))
             score -= left_cost + right_cost + np.logaddexp(0, odds[within]).sum()

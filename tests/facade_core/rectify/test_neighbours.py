@@ -37,7 +37,7 @@ def paint(width: float, height: float, seed: int, floors: int = 5, columns: int 
 
 def find_sides(image: np.ndarray, labels: np.ndarray, aspect: float | None = None) -> tuple[int, int]:
     gaps = measure_gaps(image, labels, labels == 6)
-    return choose_sides(gaps, labels.shape, labels.shape[1] / 2, aspect)
+    return choose_sides(gaps, labels.shape, labels.shape[1] / 2, aspect, np.ones(labels.shape[1]))
 
 
 def test_a_facade_between_neighbours_is_told_from_them() -> None:
@@ -56,23 +56,66 @@ def gap(column: int, party_wall: bool) -> GapEvidence:
     return GapEvidence(column, np.array([1.0, 0.8, 0.85, 0.1] if party_wall else [0.3, 0.1, 0.5, 0.08]))
 
 
+def choose(
+    gaps: list[GapEvidence], size: tuple[int, int], centre: float, aspect: float | None = None
+) -> tuple[int, int]:
+    """Sides in a picture that is wholly seen."""
+    return choose_sides(gaps, size, centre, aspect, np.ones(size[1]))
+
+
 def test_what_the_photo_was_pointed_at_is_taken() -> None:
     gaps = [gap(150, False), gap(300, True), gap(500, False), gap(700, True)]
-    assert choose_sides(gaps, (600, 1000), 500.0, None) == (300, 700)
-    assert choose_sides(gaps, (600, 1000), 100.0, None) == (0, 300)
-    assert choose_sides([], (600, 1000), 500.0, None) == (0, 1000)
+    assert choose(gaps, (600, 1000), 500.0) == (300, 700)
+    assert choose(gaps, (600, 1000), 100.0) == (0, 300)
+    assert choose([], (600, 1000), 500.0) == (0, 1000)
+
+
+def test_a_part_that_is_mostly_not_seen_is_no_facade() -> None:
+    gaps = [gap(150, False), gap(400, True), gap(700, False)]
+    seen = np.ones(1000)
+    assert choose_sides(gaps, (1000, 1000), 900.0, None, seen) == (400, 1000)
+    seen[400:] = 0.4
+    assert choose_sides(gaps, (1000, 1000), 900.0, None, seen) != (400, 1000)
+
+
+def test_what_continues_beyond_one_column_of_windows_is_one_facade() -> None:
+    side = paint(6, 14.6, 3, columns=2)
+    image, labels, (left, right) = paint_row(side, paint(4, 14.6, 8, columns=1), side)
+    bay = np.s_[60:, left + 2 : right - 2]
+    image[bay], labels[bay] = image[bay][::-1].copy(), labels[bay][::-1].copy()
+    mismatches = {
+        near: gap.features[0]
+        for gap in measure_gaps(image, labels, labels == 6)
+        for near in (left, right)
+        if abs(gap.column - near) <= 6
+    }
+    assert len(mismatches) == 2
+    assert max(mismatches.values()) < 0.1
+
+
+def test_edges_in_a_tree_are_no_line() -> None:
+    image, labels, (party_wall,) = paint_row(paint(6, 14.6, 3, columns=2), paint(6, 15.8, 7, columns=2))
+    leaves = np.s_[:, party_wall - 60 : party_wall + 60]
+    in_tree = image.copy()
+    in_tree[leaves] = np.random.default_rng(0).integers(20, 200, (HEIGHT, 120, 3))
+    lines = [
+        {gap.column: gap.features[2] for gap in measure_gaps(picture, labels, labels == 6)}
+        for picture in (image, in_tree)
+    ]
+    assert max(lines[0].values()) > 0.6
+    assert max(line for column, line in lines[1].items() if abs(column - party_wall) < 60) < 0.75
 
 
 def test_a_single_column_of_windows_is_a_facade_only_if_the_wall_is_as_narrow() -> None:
     gaps = [gap(400, True)]
-    assert choose_sides(gaps, (1000, 1000), 800.0, None) == (0, 1000)
-    assert choose_sides(gaps, (1000, 1000), 800.0, 0.6) == (400, 1000)
+    assert choose(gaps, (1000, 1000), 800.0) == (0, 1000)
+    assert choose(gaps, (1000, 1000), 800.0, 0.6) == (400, 1000)
 
 
 def test_the_proportions_of_the_wall_decide_in_doubt() -> None:
     doubtful = GapEvidence(600, np.array([0.8, 0.3, 0.73, 0.1]))
-    assert choose_sides([doubtful], (600, 1000), 500.0, 1.0) == (0, 600)
-    assert choose_sides([doubtful], (600, 1000), 500.0, 1000 / 600) == (0, 1000)
+    assert choose([doubtful], (600, 1000), 500.0, 1.0) == (0, 600)
+    assert choose([doubtful], (600, 1000), 500.0, 1000 / 600) == (0, 1000)
 
 
 @pytest.mark.parametrize("shape", [(40, 3), (3, 40), (500, 20)])
