@@ -1,12 +1,12 @@
 """Density of facades by their pictures: `python -m benchmarks.texel_density --data DIR` prints one JSON object.
 
 Facades that a picture raises, textured at the density by the streets and at that of their picture: of walls of both Amsterdam
-blocks, and of single facades from photos (CMP facades that are as high as wide, rectified and as a camera to the left of
-the front that looks up takes them, with PIXELS_PER_METRE on the wall). Pairs are before and after; the facade of before is
-enlarged to the finer raster. gradient, laplacian: means of grey over photographed texels, third the picture. psnr (dB), ssim:
-against the picture itself, rectified directly to the finer raster, a factor a channel aside: what is sharper and not in the
-picture lowers them. seconds: of a processor, a facade. megatexels: of the atlas. --sheets FOLDER keeps before, after and
-picture of each, side by side.
+blocks, and of single facades from photos: CMP facades that are as high as wide, rectified with PIXELS_PER_METRE, and taken by
+a camera to the left of the front that looks up, with TAKEN_PER_METRE on average (`pixels_per_metre`: the true and the measured
+ones). Pairs are before and after; the facade of before is enlarged to the finer raster. gradient, laplacian: means of grey
+over photographed texels, third the picture. psnr (dB), ssim: against the picture itself, rectified directly to the fine raster,
+a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas.
+--sheets FOLDER keeps before, after and picture of each, side by side.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
+from facade_core.plan.identity import map_in_this_process
 from facade_core.plan.plan import FacadeSightings, Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.plan.posed_pictures import place_pictured_facades
@@ -46,6 +47,7 @@ from tasks.stages.facades.evidence import FacadeEvidence, read_evidence, read_sh
 from tasks.stages.facades.picture_detail import working_size
 from tasks.stages.facades.stage import list_facade_units
 from tasks.stages.facades.worker import texture_from_pictures
+from tasks.stages.ingest.photo_resolution import measure_photo_resolution
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.shared.images import read_bounded_picture
@@ -54,21 +56,23 @@ BLOCKS = ("amsterdam-dam", "amsterdam-ij")
 # Stages that a block's facades from panoramas depend on.
 POSE_STAGES = ("poses", "bundles")
 # Photos of single facades: how many of each kind, pixels per metre of wall, and texels per metre of their block.
-PHOTOS, PIXELS_PER_METRE, TEXELS_PER_METRE = 4, 35.0, 20.0
+PHOTOS, PIXELS_PER_METRE, TEXELS_PER_METRE = 3, 35.0, 20.0
 # Corners of a facade in a photo as taken, clockwise from the upper left, as shares of the facade's width and height.
 TAKEN_CORNERS = ((0.17, 0.12), (0.95, 0.2), (0.93, 0.92), (0.08, 1.02))
 TAKEN_SIZE = 1.1
+TAKEN_PER_METRE = PIXELS_PER_METRE * cv2.contourArea(np.array(TAKEN_CORNERS, np.float32)) ** 0.5
 STREET_OFFSET_M, HOUSE_DEPTH_M, GAP_M = 8.0, 10.0, 60.0
 MEASURES = ("gradient", "laplacian", "psnr", "ssim")
 SHEET_HEIGHT = 700
 
 
 class Prepared(NamedTuple):
-    """A block whose panoramas have their poses, with the units of its facades."""
+    """A block whose panoramas have their poses, with the units of its facades, and pixels per metre of their photos."""
 
     run: Run
     plan: Plan
     units: list[Unit]
+    photo_resolution: np.ndarray
 
 
 def prepare(block: Block, out: Path) -> Prepared:
@@ -81,13 +85,14 @@ def prepare(block: Block, out: Path) -> Prepared:
             if pending.pieces and kind.function is not None:
                 process_batch.fn(run, kind.stage, "1", kind.function, pending.pieces, SerialCompute())
     session = open_repository(run.store).readonly_session(BRANCH)
-    plan = read_plan(session)
-    return Prepared(run, plan, list_facade_units(run, block, plan, open_root(session)))
+    plan, group = read_plan(session), open_root(session)
+    resolution, _ = measure_photo_resolution(block, plan, group.attrs["photo_crops"], map_in_this_process)
+    return Prepared(run, plan, list_facade_units(run, block, plan, group), resolution)
 
 
 def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any]:
     """Measure the raised facades of a block, before and after."""
-    run, plan, units = prepare(block, out)
+    run, plan, units, photo_resolution = prepare(block, out)
     before = place_pictured_facades(replace(plan, sightings=FacadeSightings.empty()))
     densities = [one.scene.placement.texels_per_metre for one in (before, plan)]
     walls = {}
@@ -98,6 +103,10 @@ def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any
             found = _measure_facade(run, (before, plan), unit, sheets)
             if found is not None:
                 walls[unit.name] = {"texels_per_metre": texels_per_metre} | found
+                if block.photos:
+                    true = PIXELS_PER_METRE if block.photos_rectified else TAKEN_PER_METRE
+                    measured = float(photo_resolution[unit.index])
+                    walls[unit.name]["pixels_per_metre"] = [round(true, 1), round(measured, 1)]
     return {
         "megatexels": [round(float(one.texel_counts().sum()) / 1e6, 2) for one in (before, plan)],
         "by_facade": walls,
@@ -171,7 +180,7 @@ def _compare(images: list[np.ndarray], picture: np.ndarray, mask: np.ndarray) ->
 
 
 def _write_sheet(path: Path, images: list[np.ndarray]) -> None:
-    """Write images (h, w, 3) of one size side by side, at their own size where they are not large."""
+    """Write the lower left of images (h, w, 3) of one size side by side."""
     path.parent.mkdir(parents=True, exist_ok=True)
     rows = min(images[0].shape[0], SHEET_HEIGHT)
     cut = [image[image.shape[0] - rows :, :SHEET_HEIGHT] for image in images]
@@ -240,12 +249,14 @@ def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
 
 def average(facades: list[dict[str, Any]]) -> dict[str, Any]:
     """Average the measures of facades, and add up their seconds."""
+    if not facades:
+        return {"facades": 0}
     means = {
         name: [round(statistics.mean(values), 3) for values in zip(*(one[name] for one in facades), strict=True)]
         for name in MEASURES
     }
     seconds = [round(sum(values), 1) for values in zip(*(one["seconds"] for one in facades), strict=True)]
-    return {"facades": len(facades), **means, "seconds": seconds} if facades else {"facades": 0}
+    return {"facades": len(facades), **means, "seconds": seconds}
 
 
 def main() -> None:
