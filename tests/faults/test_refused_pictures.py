@@ -68,7 +68,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
         unit: Any = Value(index=0, arguments=(imagery, (), ()))
-        made = facade._texture_from_pictures(run, plan, unit, refused)
+        made = facade.texture_from_pictures(run, plan, unit, refused)
         if made is None:
             made = facade._texture_from_exemplar(run, plan, group, unit, lambda _: None, lambda _: None, ())
         return made.depth, made.facade, made.source, refused
