@@ -2,7 +2,7 @@
 
 Facades that a picture raises, textured at the density by the streets and at that of their picture: of walls of both Amsterdam
 blocks, and of single facades from photos: CMP facades that are as high as wide, rectified with PIXELS_PER_METRE, and taken by
-a camera to the left of the front that looks up, with TAKEN_PER_METRE on average (`pixels_per_metre`: the true and the measured
+a camera to the left of the front that looks up, with TAKEN_PER_METRE on average (`pixels_per_metre`: the true and the estimated
 ones). Pairs are before and after; the facade of before is enlarged to the finer raster. gradient, laplacian: means of grey
 over photographed texels, third the picture. psnr (dB), ssim: against the picture itself, rectified directly to the fine raster,
 a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas.
@@ -33,7 +33,6 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
-from facade_core.plan.identity import map_in_this_process
 from facade_core.plan.plan import FacadeSightings, Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.plan.posed_pictures import place_pictured_facades
@@ -47,7 +46,7 @@ from tasks.stages.facades.evidence import FacadeEvidence, read_evidence, read_sh
 from tasks.stages.facades.picture_detail import working_size
 from tasks.stages.facades.stage import list_facade_units
 from tasks.stages.facades.worker import texture_from_pictures
-from tasks.stages.ingest.photo_resolution import measure_photo_resolution
+from tasks.stages.ingest.photo_resolution import photo_resolution
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.shared.images import read_bounded_picture
@@ -72,7 +71,7 @@ class Prepared(NamedTuple):
     run: Run
     plan: Plan
     units: list[Unit]
-    photo_resolution: np.ndarray
+    resolution: np.ndarray
 
 
 def prepare(block: Block, out: Path) -> Prepared:
@@ -86,13 +85,12 @@ def prepare(block: Block, out: Path) -> Prepared:
                 process_batch.fn(run, kind.stage, "1", kind.function, pending.pieces, SerialCompute())
     session = open_repository(run.store).readonly_session(BRANCH)
     plan, group = read_plan(session), open_root(session)
-    resolution, _ = measure_photo_resolution(block, plan, group.attrs["photo_crops"], map_in_this_process)
-    return Prepared(run, plan, list_facade_units(run, block, plan, group), resolution)
+    return Prepared(run, plan, list_facade_units(run, block, plan, group), photo_resolution(block, plan))
 
 
 def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any]:
     """Measure the raised facades of a block, before and after."""
-    run, plan, units, photo_resolution = prepare(block, out)
+    run, plan, units, resolution = prepare(block, out)
     before = place_pictured_facades(replace(plan, sightings=FacadeSightings.empty()))
     densities = [one.scene.placement.texels_per_metre for one in (before, plan)]
     walls = {}
@@ -105,8 +103,8 @@ def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any
                 walls[unit.name] = {"texels_per_metre": texels_per_metre} | found
                 if block.photos:
                     true = PIXELS_PER_METRE if block.photos_rectified else TAKEN_PER_METRE
-                    measured = float(photo_resolution[unit.index])
-                    walls[unit.name]["pixels_per_metre"] = [round(true, 1), round(measured, 1)]
+                    estimated = float(resolution[unit.index])
+                    walls[unit.name]["pixels_per_metre"] = [round(true, 1), round(estimated, 1)]
     return {
         "megatexels": [round(float(one.texel_counts().sum()) / 1e6, 2) for one in (before, plan)],
         "by_facade": walls,

@@ -25,6 +25,7 @@ from catalogs.block.paths import hide_variable_values, resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.terrain_checks import note_terrain_doubts
 from catalogs.block.yaml_files import read_yaml
+from catalogs.buildings.buried_feet import cut_buried_feet
 from catalogs.buildings.extents import Bounds
 from catalogs.crs import parse_crs
 from catalogs.features import Fault, feature_ids_by_reason, format_reason_notes
@@ -183,13 +184,14 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
     geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _read_terrain(files, frame, extent, file)
+    buildings, cut = cut_buried_feet(built.items, terrain)
     separation, geoid_notes = resolve_geoid_separation(keys.geoid_separation, frame.to_wkt(), extent)
     panoramas, broken_panoramas, far = _read_posed_pictures(
-        keys, files, frame, extent, partial(_correct_heights, keys, built.items, terrain), file
+        keys, files, frame, extent, partial(_correct_heights, keys, buildings, terrain), file
     )
     return Block(
         crs=frame,
-        buildings=built.items,
+        buildings=buildings,
         streets=geometry.streets,
         shops=geometry.shops,
         entrances=geometry.entrances,
@@ -203,6 +205,7 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         aerial=_read_aerial(keys, files, frame, built.items, file),
         notes=geometry.notes
         + built.notes
+        + cut
         + far
         + _flat_terrain_notes(built.items, terrain)
         + _unit_notes(files, file)

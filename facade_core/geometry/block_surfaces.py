@@ -152,9 +152,10 @@ def add_building_charts(
         Where the building has no usable surface.
     """
     outline = _valid_outline(building)
-    building = lift_to_ground(lower_to_ground(building, outline, terrain), outline, terrain)
-    shell = building.shell
-    if shell is None:
+    building = lower_to_ground(building, outline, terrain)
+    if building.shell is not None:
+        shell = lift_to_ground(building.shell, terrain.lowest_along(outline))
+    else:
         if not (np.isfinite(building.height) and building.height > building.raised):
             above_what = "where it begins" if building.raised else "0"
             raise GeometryError(f"its height is not above {above_what}; state one or drop it")

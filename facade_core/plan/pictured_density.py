@@ -46,7 +46,7 @@ def pictured_density(plan: Plan, photos: Float64Array | None = None) -> Float64A
         min(MAX_DENSITY_FACTOR * spec.texels_per_metre, MAX_PICTURED_DENSITY),
         (spec.page - 2 * spec.gutter) / np.maximum(side, 1e-9),
     )
-    wanted = np.where(can_be_raised(plan), np.minimum(np.rint(resolution / step) * step, most), 0.0)
+    wanted = np.where(_can_be_raised(plan), np.minimum(np.rint(resolution / step) * step, most), 0.0)
     np.minimum.at(wanted, facades.run, wanted.copy())
     np.minimum.at(benefit, facades.run, benefit.copy())
     area = charts.size.prod(axis=1)
@@ -76,7 +76,7 @@ def _best_pictures(plan: Plan) -> tuple[Float64Array, Float64Array]:
     return resolution, benefit
 
 
-def can_be_raised(plan: Plan) -> BoolArray:
+def _can_be_raised(plan: Plan) -> BoolArray:
     """Return the facades that streets do not write and that share no chunk with other charts, (facades,)."""
     chart, spec = plan.facades.chart, plan.scene.spec
     texels = raster_sizes(plan.scene.charts.size[chart], plan.street_density[chart])

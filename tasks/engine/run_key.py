@@ -27,8 +27,6 @@ def create_run(block: Block, out: Folder) -> Run:
     InputError : a model of the block cannot be used.
     """
     codes = [stage_code_digest("ingest")] + ([stage_code_digest("harvest.library")] if block.style else [])
-    if block.photos and not block.photos_rectified:  # ingest opens them
-        codes.append(stage_code_digest("stages.facades.photos"))
     key = hashlib.sha256("/".join([block.digest, *codes]).encode()).hexdigest()
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere

@@ -32,8 +32,7 @@ CODE_PACKAGES = ("facade_core", "catalogs", "tasks")
 NEURAL_TRANSLATOR = "facade_core.street.translator.neural_translator"
 # What finds models in packages that may be installed or not: both the presence and the content of these count.
 DETECTION_MODELS = "facade_core.imagery.detect.models"
-# What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys, and so
-# is the code that crops photos.
+# What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
 EXCLUDED_MODULES = frozenset(
     {
         "facade_core.core.errors",
@@ -46,7 +45,6 @@ EXCLUDED_MODULES = frozenset(
         "tasks.engine.store.disk_space",
         "tasks.engine.run",
         "tasks.engine.stage_code",
-        "tasks.stages.ingest.photo_crops",
         "tasks.stages.order",
         "tasks.engine.store.integrity",
     }

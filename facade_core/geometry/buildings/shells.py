@@ -9,7 +9,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.arrays import Float64Array
-from facade_core.core.types import Building
+from facade_core.core.types import Building, BuildingShell
 from facade_core.geometry.buildings.facets import UNDERSIDE_M, Facets
 from facade_core.geometry.buildings.neighbours import NEIGHBOUR_GAP_M
 from facade_core.geometry.charts import ChartKind, SurfaceTarget, chart_axes_right_down
@@ -28,31 +28,22 @@ MIN_VISIBLE_M = 2.5
 MAX_LOWERED_M = 1.0
 
 
-def lift_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain: Terrain) -> Building:
-    """Lift the part of a building below the lowest ground around it to that height; the roof stays, and shells stay closed.
+def lift_to_ground(shell: BuildingShell, lowest: float) -> BuildingShell:
+    """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
 
-    Some sources extend walls down to height 0, metres below the ground, and floors would be counted from there. Raised
-    buildings, those with passages, and shells with textures of their own stay unchanged.
+    Some models extend down to height 0, metres below their stated ground, and floors would be counted from there.
+    Shells with textures of their own stay unchanged.
 
     Parameters
     ----------
-    outline : footprint of the building.
-    terrain : ground heights.
+    lowest : height in metres of the lowest ground.
     """
-    shell = building.shell
-    lowest = terrain.lowest_along(outline)
-    if shell is None:
-        if building.base is None or building.raised or building.passages:
-            return building
-        depth = lowest - building.base
-        is_buried = depth >= MIN_BURIED_M and building.height - depth >= MIN_VISIBLE_M
-        return replace(building, base=lowest, height=building.height - depth) if is_buried else building
     deep, height = shell.vertices[:, 2] < lowest, shell.vertices[:, 2] - lowest
     if not len(height) or height.min() > -MIN_BURIED_M or height.max() < MIN_VISIBLE_M or (shell.texture >= 0).any():
-        return building
+        return shell
     vertices = shell.vertices.copy()
     vertices[deep, 2] = lowest
-    return replace(building, shell=replace(shell, vertices=vertices))
+    return replace(shell, vertices=vertices)
 
 
 def lower_to_ground(building: Building, outline: Polygon | MultiPolygon, terrain: Terrain) -> Building:

@@ -54,7 +54,7 @@ class OutlineAlignment:
     centres : (n, 3) cameras, metres.
     rotation : (3, 3) by which the cameras turned, in the frame of the block.
     given_fit : fit of the outlines before, 0 to 1.
-    fit : the same after.
+    fit : the same after, before the last refinement on finer pictures.
     """
 
     centres: Float64Array
@@ -135,6 +135,8 @@ def align_to_outlines(
     moved = _Group(given.move(change), axes, gps, height)
     nearer = [_move_pose(pose, turn, centre) for pose, centre in zip(poses, moved.centres, strict=True)]
     last = _Comparison(scene, moved, nearer, read, chosen, FINE_RESOLUTION).refine(no_change, FIRST_STEPS / 2)
+    if moved.gps_misfit(last) > largest:
+        last = no_change
     rotation = _rotation_about_z(-float(last[3])) @ turn
     return OutlineAlignment(moved.move(last), rotation, coarse.fit(no_change), coarse.fit(change))
 

@@ -15,7 +15,7 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.planned_units import PlannedUnits, count_units
 from facade_core.plan.posed_pictures import replace_panoramas
 from tasks.engine.stage_code import stage_code_digest
-from tasks.stages.ingest.photo_resolution import read_photo_resolution
+from tasks.stages.ingest.photo_resolution import photo_resolution
 from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import mark_aerial_roofs
 
@@ -40,9 +40,9 @@ def make_plan(
 
 
 def count_planned_units(block: Block) -> PlannedUnits:
-    """Count the units of a block's plan without the rays of viewpoints; photos as taken are not opened."""
+    """Count the units of a block's plan without the rays of viewpoints."""
     return count_units(
-        _plan_inputs(block), _plan_settings(block), _core_region(block), partial(read_photo_resolution, block)
+        _plan_inputs(block), _plan_settings(block), _core_region(block), partial(photo_resolution, block)
     )
 
 

@@ -39,7 +39,7 @@ from tasks.engine.store.carry_over import (
     unit_counts,
 )
 from tasks.engine.store.disk_space import require_disk_space, required_block_bytes
-from tasks.stages.ingest.photo_resolution import measure_photo_resolution
+from tasks.stages.ingest.photo_resolution import photo_resolution
 from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
 from tasks.stages.shared.facade_corrections import map_changed_facade_ids, match_corrections
 from tasks.stages.shared.picture_choice import choose_pictures
@@ -77,8 +77,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             if last and same
             else make_plan(block, last.places if last else None, each)
         )
-        resolution, crops = measure_photo_resolution(block, plan, root.attrs.get("photo_crops", {}), each)
-        plan = place_pictured_facades(plan, last.places if last else None, resolution)
+        plan = place_pictured_facades(plan, last.places if last else None, photo_resolution(block, plan))
         require_disk_space(
             run.local, required_block_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder)
         )
@@ -105,7 +104,6 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_this_process
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,
-            photo_crops=crops,
             corrected=sorted(block.corrections.select_kinds(BUILDING_CORRECTION_KINDS)),
             known_by_place={**block.corrections.new_ids, **map_changed_facade_ids(plan, block.corrections, block.crs)},
             ingested=time.time(),

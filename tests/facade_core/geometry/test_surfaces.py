@@ -218,22 +218,6 @@ def test_a_shell_begins_at_the_ground_that_it_states() -> None:
     assert surfaces([replace(BOX, shell=deeper, base=3.4)], [STREET])[1].vertices[:, 2].min() == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize(("ground", "foot"), [(3.5, 3.5), (0.4, 0.0), (10.0, 0.0)])
-@pytest.mark.parametrize("roof", [None, Roof("gabled", 3.0)])
-def test_an_extrusion_begins_at_ground_that_buries_its_foot(ground: float, foot: float, roof: Roof | None) -> None:
-    level = ElevationRaster(-100.0, 100.0, 10.0, np.full((21, 21), ground, np.float32))
-    box = replace(BOX, base=0.0, roof=roof)
-    charts, mesh = surfaces([box], [STREET], level)
-    sunken_charts, sunken = surfaces([box], [STREET])
-    own, whole = (
-        m.vertices[m.triangles[c.building[m.chart] == 0]] for c, m in ((charts, mesh), (sunken_charts, sunken))
-    )
-    assert own[..., 2].min() == pytest.approx(foot)
-    assert own[..., 2].max() == pytest.approx(whole[..., 2].max())
-    raised = replace(box, raised=1.0)
-    assert surfaces([raised], [STREET], level)[1].vertices[:, 2].min() == pytest.approx(min(1.0, ground))
-
-
 def test_a_shell_may_stand_in_two_parts() -> None:
     halves = [
         build_shell_with_roof(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0)
