@@ -121,6 +121,11 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
         }
 
 
+def test_ingest_depends_on_no_detector_and_no_parser() -> None:
+    reached = module.collect_modules([worker_module("ingest")], module.EXCLUDED_MODULES, ROOT)
+    assert not [name for name in reached if name.startswith(("facade_core.imagery.detect.", "facade_core.parsing."))]
+
+
 def test_two_processes_agree_and_every_library_is_known() -> None:
     told = "from tasks.engine.stage_code import *; from tasks.stages.order import CODE_STAGES; print(code_version(CODE_STAGES))"
     command = [sys.executable, "-c", told]
