@@ -56,9 +56,11 @@ def sharpen_facade(facade: Facade, detail: Float32Array, scale: float) -> Facade
     """
     height, width = size = (int(detail.shape[0]), int(detail.shape[1]))
     provenance = enlarge_classes(facade.provenance, size, scale)
-    share = _fade_in(provenance == Provenance.PHOTO)[..., None]
-    factor = 1 + share * (detail - 1)
-    image, evidence = (_apply(enlarge_image(raster, size, scale), factor) for raster in (facade.image, facade.evidence))
+    photo = provenance == Provenance.PHOTO
+    factor = 1 + _fade_in(photo)[..., None] * (detail - 1)
+    image = _apply(enlarge_image(facade.image, size, scale), factor)
+    # interpolation mixes what stands before the facade into photographed texels beside it
+    evidence = np.where(photo[..., None], image, enlarge_image(facade.evidence, size, scale))
 
     def scale_x(x: float) -> float:
         return min(x * scale, width)

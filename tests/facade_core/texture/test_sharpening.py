@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,15 @@ def coarse_facade(image: np.ndarray, light: float = 1.0) -> Facade:
         floors=2,
         seconds={},
     )
+
+
+def test_photographed_texels_are_the_evidence_beside_what_hides_the_facade(painted: np.ndarray) -> None:
+    coarse = coarse_facade(painted)
+    coarse = replace(coarse, evidence=np.where(coarse.occluded[..., None], 230, coarse.evidence).astype(np.uint8))
+    made = sharpen_facade(coarse, picture_detail(painted, np.ones(FINE, bool), COARSE), SCALE)
+    photo = made.provenance == Provenance.PHOTO
+    np.testing.assert_array_equal(made.image[photo], made.evidence[photo])
+    assert made.evidence[~photo].mean() > 220
 
 
 @pytest.mark.parametrize("light", [1.0, 0.6])
