@@ -5,7 +5,8 @@ blocks, and of single facades from photos: CMP facades that are as high as wide,
 a camera to the left of the front that looks up, with TAKEN_PER_METRE on average (`pixels_per_metre`: the true and the estimated
 ones). Pairs are before and after; the facade of before is enlarged to the finer raster. gradient, laplacian: means of grey
 over photographed texels, third the picture. psnr (dB), ssim: against the picture itself, rectified directly to the fine raster,
-a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas.
+a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas. refused:
+raised facades whose photo cannot be used, with the reason.
 --sheets FOLDER keeps before, after and picture of each, side by side.
 """
 
@@ -29,6 +30,7 @@ import yaml
 from catalogs.block.reader import Block, read_block
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.core.errors import ImageError
 from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image
@@ -93,12 +95,17 @@ def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any
     run, plan, units, resolution = prepare(block, out)
     before = place_pictured_facades(replace(plan, sightings=FacadeSightings.empty()))
     densities = [one.scene.placement.texels_per_metre for one in (before, plan)]
-    walls = {}
+    walls: dict[str, Any] = {}
+    refused: dict[str, str] = {}
     for unit in units:
         chart = int(plan.facades.chart[unit.index])
         texels_per_metre = [float(density[chart]) for density in densities]
         if texels_per_metre[0] != texels_per_metre[1]:
-            found = _measure_facade(run, (before, plan), unit, sheets)
+            try:
+                found = _measure_facade(run, (before, plan), unit, sheets)
+            except ImageError as error:
+                refused[unit.name] = str(error)
+                continue
             if found is not None:
                 walls[unit.name] = {"texels_per_metre": texels_per_metre} | found
                 if block.photos:
@@ -108,6 +115,7 @@ def measure_block(block: Block, out: Path, sheets: Path | None) -> dict[str, Any
     return {
         "megatexels": [round(float(one.texel_counts().sum()) / 1e6, 2) for one in (before, plan)],
         "by_facade": walls,
+        "refused": refused,
     }
 
 
