@@ -6,7 +6,8 @@ a camera to the left of the front that looks up, with TAKEN_PER_METRE on average
 ones). Pairs are before and after; the facade of before is enlarged to the finer raster. gradient, laplacian: means of grey
 over photographed texels, third the picture. psnr (dB), ssim: against the picture itself, rectified directly to the fine raster,
 a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas.
-refused: raised facades whose photo cannot be used, with the reason. --sheets FOLDER keeps before, after and picture of each, side by side.
+refused: raised facades whose photo cannot be used, with the reason. --sheets FOLDER keeps before, after and picture of each,
+side by side.
 """
 
 from __future__ import annotations
