@@ -49,16 +49,16 @@ def measure(count: int, buildings: int, *, is_refined: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="many-pictures-") as name:
         folder = Path(name)
         block = write_street_block(folder, street, poses)
-        told = _run_part("choose", block)
-        chosen = told.pop("names")
+        result = _run_part("choose", block)
+        chosen = result.pop("names")
         if not is_refined:
-            return told
+            return result
         for picture in chosen:
             image = render_street_panorama(street, poses[int(picture)], PAINTED_WIDTH, seed=int(picture))
             path = folder / "pictures" / f"{picture}.jpg"
             path.unlink()
             cv2.imwrite(str(path), cv2.resize(image, SIZE, interpolation=cv2.INTER_CUBIC)[..., ::-1])
-        return told | {"refined": _run_part("refine", block)}
+        return result | {"refined": _run_part("refine", block)}
 
 
 def place_cameras(street: SyntheticStreet, count: int) -> list[Pose]:
@@ -208,8 +208,8 @@ def main() -> None:
     if options.part:
         print(json.dumps({"choose": choose, "refine": refine}[options.part](options.block)))
         return
-    told = {str(count): measure(count, options.buildings, is_refined=options.refine) for count in options.counts}
-    print(json.dumps({"benchmark": "many_pictures", "buildings": options.buildings, "counts": told}, indent=1))
+    result = {str(count): measure(count, options.buildings, is_refined=options.refine) for count in options.counts}
+    print(json.dumps({"benchmark": "many_pictures", "buildings": options.buildings, "counts": result}, indent=1))
 
 
 if __name__ == "__main__":

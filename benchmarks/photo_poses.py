@@ -58,7 +58,7 @@ def measure(
         placed = [place_groups(case.scene, GROUND, groups, files, places) for places in drawn]
         pairs = [_pairs(case, files, found.cameras) for found in placed]
         by_gps = [_pairs(case, files, _place_by_gps(groups, files, places)) for places in drawn]
-        told: dict[str, Any] = {
+        result: dict[str, Any] = {
             "benchmark": "photo_poses",
             "pictures": pictures,
             "street_metres": round(street.length, 1),
@@ -77,13 +77,13 @@ def measure(
         aligned = [pose for pose, _ in pairs[0]]
         refined = refine_in_bundles(street, case.images, aligned)
         ways = {"true": case.poses, "walls": aligned, "refined": refined}
-        told["first"] = {name: pose_errors(poses, case.poses) for name, poses in ways.items() if name != "true"}
+        result["first"] = {name: pose_errors(poses, case.poses) for name, poses in ways.items() if name != "true"}
         if texture:
-            told["textured"] = {
+            result["textured"] = {
                 name: measure_cases([replace(case, poses=tuple(each))], pictures=views and views / name)
                 for name, each in ways.items()
             }
-    return told
+    return result
 
 
 def _pairs(case: Case, files: Sequence[Path], cameras: Mapping[str, PhotoCamera]) -> list[tuple[Pose, Pose]]:

@@ -77,11 +77,11 @@ def measure_cases(
         views += compared
         if pictures is not None:
             write_pictures(compared, pictures.with_name(f"{pictures.name}-{number}"))
-    told: dict[str, Any] = {"panoramas": len(cases[0].taken), "texels": cases[0].texels} | measure_likeness(views)
-    told["pose_errors"] = pose_errors(
+    result: dict[str, Any] = {"panoramas": len(cases[0].taken), "texels": cases[0].texels} | measure_likeness(views)
+    result["pose_errors"] = pose_errors(
         [pose for case in cases for pose in case.poses], [one.pose for case in cases for one in case.taken]
     )
-    told["cost"] = {
+    result["cost"] = {
         name: {
             "seconds": round(mean(each, "seconds"), 1),
             "processor_seconds": round(mean(each, "processor_seconds"), 1),
@@ -90,8 +90,8 @@ def measure_cases(
         for name, each in costs.items()
     }
     if faces:
-        told["faces that meshlab textures"] = round(float(np.mean(faces)), 3)
-    return told | ({"same_bytes": same} if twice else {}) | ({"skipped": skipped} if skipped else {})
+        result["faces that meshlab textures"] = round(float(np.mean(faces)), 3)
+    return result | ({"same_bytes": same} if twice else {}) | ({"skipped": skipped} if skipped else {})
 
 
 def _write_panoramas(case: Case, folder: Path) -> list[Path]:
