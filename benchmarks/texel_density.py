@@ -5,7 +5,7 @@ blocks, and of single facades from photos: CMP facades that are as high as wide,
 a camera to the left of the front that looks up, with TAKEN_PER_METRE on average (`pixels_per_metre`: the true and the estimated
 ones). Pairs are before and after; the facade of before is enlarged to the finer raster. gradient, laplacian: means of grey
 over photographed texels, third the picture. psnr (dB), ssim: against the picture itself, rectified directly to the fine raster,
-a factor a channel aside: what is sharper and not in the picture lowers them. seconds: of a processor. megatexels: of the atlas.
+after a factor for each channel; detail that the picture lacks lowers both. seconds: of a processor. megatexels: of the atlas.
 refused: raised facades whose photo cannot be used, with the reason. --sheets FOLDER keeps before, after and picture of each,
 side by side.
 """
@@ -271,7 +271,7 @@ def main() -> None:
     parser.add_argument(
         "--data", type=Path, required=True, help="folder with city/amsterdam, facades/cmp and facades/ecp"
     )
-    parser.add_argument("--sheets", type=Path, help="folder for pictures of what was compared")
+    parser.add_argument("--sheets", type=Path, help="folder for the compared pictures")
     options = parser.parse_args()
     data = options.data.resolve()
     os.environ["STREETLOOM_DATA"] = str(data)

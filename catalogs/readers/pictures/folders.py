@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from io import BufferedReader
 from pathlib import Path
 
-from catalogs.features import Fault
+from catalogs.features import Fault, safe_file_stem
 from catalogs.file_digest import file_digest
 from catalogs.reader_errors import to_single_line
 from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, is_unreadable_file, open_picture, unreadable_message
@@ -81,6 +82,11 @@ def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
         else:
             photos[path.stem] = path
     return photos, (*faults, *unread)
+
+
+def find_facade_photo(photos: Mapping[str, Path], facade: str) -> Path | None:
+    """Return the photo of a facade by its id, which may not be the name of a file; None without one."""
+    return photos.get(facade, photos.get(safe_file_stem(facade)))
 
 
 def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:

@@ -32,14 +32,14 @@ LINE_WEIGHT = 0.3
 MAX_EDGE_SHARE = 0.6
 # Change of the logarithm of the brightness that counts as an edge.
 EDGE_STEP = 0.06
-# Logistic regression of GapEvidence.features, over painted pairs of held-in facades; the constant is of street photos.
+# Logistic regression of GapEvidence.features, over painted pairs of held-in facades; the constant was fitted to street photos.
 WEIGHTS = np.array([6.0, 2.0, 20.0, 12.0])
 BIAS = -20.0
 # Facades narrower than this share of their height are none.
 MIN_FACADE_ASPECT = 0.25
 # Columns farther from the photo's middle than this share of its width count nothing.
 MAX_CENTRE_DISTANCE = 0.75
-# A part of a picture of which less is seen is not taken for the facade.
+# Smallest share of a crop that the photo shows.
 MIN_SEEN_SHARE = 0.5
 # Weight of the share that a facade has of the columns around the photo's middle.
 CENTRE_WEIGHT = 1.5
@@ -98,7 +98,7 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
         gain = ledges[:, start:stop].T @ (_normalise(profiles[0]) - _normalise(profiles[1]))
         column = int((np.cumsum(gain) / np.abs(gain).sum().clip(1e-9) + LINE_WEIGHT * lines).argmax())
         pairs = [near]
-        # one column of windows is no house: what is beyond it may continue the facade
+        # a single column of windows may be a bay, with the facade continuing beyond it
         if place > 0:
             pairs.append((_strips(*runs[place - 1], size[0])[0], near[1]))
         if place + 1 < len(runs):
@@ -118,7 +118,7 @@ def _are_wide(sides: tuple[slice, slice]) -> bool:
 
 
 def _measure_mismatch(ledges: AnyArray, window: BoolArray, known: BoolArray, pair: tuple[slice, slice]) -> Float64Array:
-    """Mismatch (2,) of the rows of ledges and of windows between two strips."""
+    """Return the mismatch (2,) of the rows of ledges and of windows between two strips."""
     common = np.logical_and(*(known[:, side].mean(axis=1) > MIN_KNOWN_SHARE for side in pair))
     profiles = [_ledge_profile(ledges, known, side)[common] for side in pair]
     shares = [(window[:, side].sum(axis=1) / np.maximum(known[:, side].sum(axis=1), 1))[common] for side in pair]

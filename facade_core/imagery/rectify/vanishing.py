@@ -93,7 +93,7 @@ def find_facade_camera(segments: Float64Array, pixel: float, focal: float | None
 def _find_camera(
     segments: Float64Array, lengths: Float64Array, pixel: float, focal: float | None, expected: tuple[float, float]
 ) -> FacadeCamera | None:
-    """Camera with which most of the segments' length (n,) agrees; None without one.
+    """Find the camera with which most of the segments' length (n,) agrees; None without one.
 
     expected : logarithm of the focal length and its standard error.
     """

@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
-from catalogs.features import safe_file_stem
+from catalogs.readers.pictures.folders import find_facade_photo
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_table
 from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files_except
@@ -142,7 +142,7 @@ def select_imagery_per_facade(run: Run, block: Block, plan: Plan, group: StoreGr
         corrected = corrections.get(i, AS_FOUND)
         found.append(
             FacadeImagery(
-                photo=block.photos.get(name, block.photos.get(safe_file_stem(name))),
+                photo=find_facade_photo(block.photos, name),
                 rectified=block.photos_rectified,
                 panoramas=newest,
                 earlier=earlier,

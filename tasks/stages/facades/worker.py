@@ -106,7 +106,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
     records: dict[int, Record] = {}
     left: list[tuple[Unit, list[Exception]]] = []
 
-    def done(unit: Unit, make: Callable[[], TexturedFacade | None], refused: list[Exception]) -> bool:
+    def make_and_record(unit: Unit, make: Callable[[], TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
         about: dict[str, object] = {"worker": current_worker_name(), "started": start}
@@ -130,7 +130,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
 
     for unit in units:
         refused: list[Exception] = []
-        if not done(unit, partial(texture_from_pictures, run, plan, unit, refused), refused):
+        if not make_and_record(unit, partial(texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
     level_exposures(group, plan, records, {unit.index: unit.arguments[2] for unit in units})
     wall_colour = cache(partial(photo_wall_colour, group, plan))
@@ -144,7 +144,7 @@ def process_facades(run: Run, fork: ForkSession, units: UnitGroup) -> tuple[Fork
         beside = [
             facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
         ]
-        done(
+        make_and_record(
             unit,
             partial(_texture_from_exemplar, run, plan, group, unit, wall_colour, own_style, tuple(beside)),
             refused,

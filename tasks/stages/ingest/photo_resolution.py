@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.features import safe_file_stem
+from catalogs.readers.pictures.folders import find_facade_photo
 from facade_core.core.arrays import Float64Array
 from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
@@ -32,7 +32,7 @@ def photo_resolution(block: Block, plan: Plan) -> Float64Array:
     share = 1.0 if block.photos_rectified else FACADE_SHARE
     pixels = np.zeros(len(plan.facades))
     for facade, id in enumerate(plan.facades.id):
-        photo = block.photos.get(id, block.photos.get(safe_file_stem(id)))
+        photo = find_facade_photo(block.photos, id)
         if photo is not None:
             pixels[facade] = share * _bounded_pixels(photo)
     resolution: Float64Array = np.sqrt(pixels / plan.scene.charts.size[plan.facades.chart].prod(axis=1))

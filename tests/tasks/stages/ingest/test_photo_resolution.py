@@ -31,7 +31,7 @@ def write_houses(folder: Path, *, rectified: bool) -> Path:
     )
 
 
-def ingested(block_file: Path, out: Path) -> Plan:
+def ingest_and_read_plan(block_file: Path, out: Path) -> Plan:
     out.mkdir(exist_ok=True)
     block = read_block(block_file)
     ingest_block.fn(create_run(block, out), block)
@@ -48,7 +48,7 @@ def test_a_rectified_photo_is_its_wall_by_its_header(tmp_path: Path) -> None:
     for facade, per_metre in (("a-0", 12.2), ("c-0", 7.0)):
         Image.new("RGB", (round(16 * per_metre), round(14 * per_metre))).save(folder / "photos" / f"{facade}.png")
     block_file = write_houses(folder, rectified=True)
-    plan = ingested(block_file, tmp_path / "out")
+    plan = ingest_and_read_plan(block_file, tmp_path / "out")
     found = densities(plan)
     assert found["a-0"] == 12
     assert block_counts_from_plan(read_block(block_file))["megatexels"] == plan.texel_counts().sum() / 1e6
@@ -62,13 +62,13 @@ def test_half_of_a_photo_as_taken_is_its_wall(tmp_path: Path) -> None:
         size = (round(16 * per_metre * 2**0.5), round(14 * per_metre * 2**0.5))
         Image.new("RGB", size).save(folder / "photos" / f"{facade}.png")
     block_file = write_houses(folder, rectified=False)
-    first = ingested(block_file, out)
+    first = ingest_and_read_plan(block_file, out)
     assert densities(first)["a-0"] == 12
     assert densities(first)["c-0"] == TEXELS
 
     (folder / "photos" / "a-0.png").write_bytes(b"no picture")
-    again = ingested(block_file, out)
+    again = ingest_and_read_plan(block_file, out)
     assert densities(again) == densities(first) | {"a-0": TEXELS}
     changed = np.flatnonzero(again.ids != first.ids)
     assert changed.tolist() == [first.facades.chart[first.facades.id.index("a-0")]]
-    assert (ingested(block_file, tmp_path / "fresh").ids == again.ids).all()
+    assert (ingest_and_read_plan(block_file, tmp_path / "fresh").ids == again.ids).all()
