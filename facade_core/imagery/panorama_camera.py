@@ -94,6 +94,12 @@ def rotate_pose(pose: Pose, turn: Float64Array) -> Pose:
     return replace(pose, heading=float(-heading % 360), pitch=float(pitch), roll=float(roll))
 
 
+def rotation_about_z(degrees: float) -> Float64Array:
+    """Return the rotation (3, 3) about the vertical, counter-clockwise from above."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+
+
 def camera_reach(pose: Pose, reach: float) -> float:
     """Return the distance in metres up to which a camera is used: `reach`, for an aerial picture as far as it is sharp."""
     if pose.lens is None or not pose.is_aerial:

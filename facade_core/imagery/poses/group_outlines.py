@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, rotate_pose
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z
 from facade_core.imagery.poses.model_alignment import GPS_SIGMA_M, HEIGHT_SIGMA_M, MAX_GPS_SIGMAS
 from facade_core.imagery.poses.outlines import (
     Gradients,
@@ -75,7 +75,7 @@ class _Group:
     def move(self, change: Float64Array) -> Float64Array:
         """Return the centres (n, 3) after a change (CHANGES,); it turns clockwise from above."""
         middle = self.centres.mean(axis=0)
-        turned = (self.centres - middle) @ _rotation_about_z(-float(change[3])).T
+        turned = (self.centres - middle) @ rotation_about_z(-float(change[3])).T
         return np.asarray(middle + change[:3] @ self.axes + np.exp(change[4]) * turned)
 
     def prior(self, change: Float64Array) -> float:
@@ -131,13 +131,13 @@ def align_to_outlines(
     is_better = coarse.cost(no_change) - coarse.cost(change) >= MIN_COST_DECREASE
     if not is_better or coarse.fit(change) < MIN_FIT or given.gps_misfit(change) > largest:
         return None
-    turn = _rotation_about_z(-float(change[3]))
+    turn = rotation_about_z(-float(change[3]))
     moved = _Group(given.move(change), axes, gps, height)
     nearer = [_move_pose(pose, turn, centre) for pose, centre in zip(poses, moved.centres, strict=True)]
     last = _Comparison(scene, moved, nearer, read, chosen, FINE_RESOLUTION).refine(no_change, FIRST_STEPS / 2)
     if moved.gps_misfit(last) > largest:
         last = no_change
-    rotation = _rotation_about_z(-float(last[3])) @ turn
+    rotation = rotation_about_z(-float(last[3])) @ turn
     return OutlineAlignment(moved.move(last), rotation, coarse.fit(no_change), coarse.fit(change))
 
 
@@ -199,8 +199,3 @@ class _Comparison:
 def _move_pose(pose: Pose, turn: Float64Array, centre: Float64Array) -> Pose:
     x, y, z = centre.tolist()
     return replace(rotate_pose(pose, turn), x=x, y=y, z=z)
-
-
-def _rotation_about_z(degrees: float) -> Float64Array:
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])

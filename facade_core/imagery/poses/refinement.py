@@ -10,7 +10,7 @@ from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.panorama_camera import camera_position, rotate_pose
+from facade_core.imagery.panorama_camera import camera_position, rotate_pose, rotation_about_z
 from facade_core.imagery.poses.outlines import (
     HORIZONTAL_COST,
     STATED_HEIGHT_COST,
@@ -157,7 +157,7 @@ def refine_pose(scene: Scene, image: UInt8Array, pose: Pose, *, height_is_assume
             if covariance is not None:  # the search bounds the error of the stated position
                 covariance = covariance + np.diag(np.append(best.offset, best.turn_deg) ** 2)
         else:
-            refined, rotation = search.pose_at(best.offset, best.turn_deg), _rotation_about_z(-best.turn_deg) @ rotation
+            refined, rotation = search.pose_at(best.offset, best.turn_deg), rotation_about_z(-best.turn_deg) @ rotation
             covariance = best.covariance + np.diag([0.0, 0.0, (HEIGHT_CHANGE_ERROR * best.offset[2]) ** 2, 0.0])
     has_lines = len(lines) > 0
     return RefinedPose(
@@ -213,7 +213,7 @@ class _Search:
     def pose_at(self, offset: Float64Array, turn_deg: float) -> Pose:
         """Return the pose translated by metres (3,) and turned clockwise from above."""
         x, y, z = camera_position(self.pose) + offset
-        return replace(rotate_pose(self.pose, _rotation_about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
+        return replace(rotate_pose(self.pose, rotation_about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
 
     def _search_from(self, offset: Float64Array, turn_deg: float) -> CameraPositionEstimate | None:
         pose = self.pose_at(offset, turn_deg)
@@ -259,8 +259,3 @@ def _line_rotation(lines: WallLines) -> tuple[Float64Array, str]:
 
 def _rotation_angle_deg(turn: Float64Array) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))
-
-
-def _rotation_about_z(degrees: float) -> Float64Array:
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
