@@ -12,7 +12,13 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.resizing import resize_image
 from facade_core.core.types import SHIPPED_MODELS, Parsing, TrainedModelFiles
 from facade_core.facade.exemplar import count_columns
-from facade_core.facade.exemplar_admission import CandidateAssessment, FacadePicture, assess_candidate
+from facade_core.facade.exemplar_admission import (
+    MIN_PIXELS_PER_METRE,
+    MIN_WIDTH_M,
+    CandidateAssessment,
+    FacadePicture,
+    assess_candidate,
+)
 from facade_core.facade.photo_facade import (
     NO_DOORS,
     ObservedPhoto,
@@ -87,20 +93,23 @@ def harvest_facade(
     ------
     ImageError : it was taken at night, or no facade can be rectified or parsed in it; the message says why.
     """
-    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure, model=models.parser)
     alpha = np.where(no_data_mask(photo[..., :3]), 0, photo[..., 3])
     rectified = rectify(np.dstack([photo[..., :3], alpha]), focal=focal)
     if rectified.residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"its lines are {rectified.residual:.1f} degrees off the axes")
+    # later than the cheaper check of lines, which most views without a facade fail
+    check_daylight(photo[..., :3], photo[..., 3] == 0, exposure, model=models.parser)
     middle = rectified.homography @ [photo.shape[1] / 2, photo.shape[0] / 2, 1]
     cut = crop_to_building(rectified.image, ~rectified.seen, middle[0] / middle[2], model=models.parser)
     if not cut.has_facade:
         raise ImageError("no facade is found in it")
     if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
         raise ImageError(f"its level lines still slope by {slope:.0f} degrees")
+    _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
     image, observed = _trim(image, observed)
+    _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
     if not any(each.label == "window" for each in observed.observed) or not count_floors(labels):
         raise ImageError("no windows are found in it")
@@ -129,6 +138,12 @@ def _complete(found: HarvestedFacade, observed: ObservedPhoto, models: TrainedMo
         count_columns(whole.elements),
         judgement,
     )
+
+
+def _require_size(mask: BoolArray) -> None:
+    """Raise ImageError for a picture so small that `assess_candidate` rejects it at any scale."""
+    if min(mask.shape) < MIN_WIDTH_M * MIN_PIXELS_PER_METRE:
+        raise ImageError(f"{mask.shape[1]} x {mask.shape[0]} pixels are too little of a facade")
 
 
 def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tuple[UInt8Array, BoolArray, BoolArray]:

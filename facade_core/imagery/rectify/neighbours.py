@@ -184,6 +184,8 @@ def choose_sides(
     sides = [(0, 0.0), *zip(columns.tolist(), np.logaddexp(0, -odds).tolist(), strict=True), (width, 0.0)]
     place = np.arange(width)
     weight = np.maximum(0.0, 1 - np.abs(place - centre) / (MAX_CENTRE_DISTANCE * width))
+    if not weight.any():  # it was pointed at a place far beside the picture
+        return 0, width
     total = np.concatenate([[0.0], np.cumsum(weight / weight.sum())])
     area = np.concatenate([[0.0], np.cumsum(seen)])
     best, chosen = -np.inf, (0, width)

@@ -70,6 +70,10 @@ def test_what_the_photo_was_pointed_at_is_taken() -> None:
     assert choose([], (600, 1000), 500.0) == (0, 1000)
 
 
+def test_nothing_is_cut_off_where_the_photo_was_pointed_beside_the_picture() -> None:
+    assert choose([gap(300, True), gap(700, True)], (600, 1000), 9000.0) == (0, 1000)
+
+
 def test_a_part_that_is_mostly_not_seen_is_no_facade() -> None:
     gaps = [gap(150, False), gap(400, True), gap(700, False)]
     seen = np.ones(1000)

@@ -16,6 +16,7 @@ from facade_core.core.errors import ImageError, InputError
 from facade_core.facade.exemplar_admission import CandidateAssessment
 from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
+from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box
 from facade_core.synth.exemplars import paint_exemplar
 from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
@@ -258,6 +259,16 @@ def test_the_facade_of_a_photo_is_cut_measured_and_judged() -> None:
     assert found.columns == 4
     assert 11.0 < found.labels.shape[0] * found.metres_per_pixel < 17.0
     assert (found.labels == 6).mean() == 0  # no sky is left
+
+
+def test_a_facade_of_a_few_pixels_is_refused_in_plain_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    def crop_to_strip(image: np.ndarray, hidden: np.ndarray, *_: object, **__: object) -> FacadeCrop:
+        return crop_to_box(image, hidden, np.zeros_like(hidden), (200, 100, 207, 224))
+
+    monkeypatch.setattr("facade_core.facade.harvesting.crop_to_building", crop_to_strip)
+    monkeypatch.setattr("facade_core.facade.harvesting.measure_level_slope", lambda *_: 0.0)
+    with pytest.raises(ImageError, match="7 x 124 pixels are too little of a facade"):
+        harvest_facade(street_photo(), None)
 
 
 def test_a_border_without_data_reaches_no_exemplar() -> None:
