@@ -62,7 +62,7 @@ def build_factored_walls(
     from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
     source = results.textured_mesh
-    planes = _planar_walls(results, buildings)
+    planes = planar_walls(results, buildings)
     libraries, library_index, notes = _build_libraries(results, list(planes))
     begin_stage("export", len(planes) + other_units)
     of_building = group_rows(source.charts.building[source.mesh.chart])
@@ -70,7 +70,7 @@ def build_factored_walls(
     for index, polygons in planes.items():
         building = int(results.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        decomposition = WallDecomposition(_read_facade(results, index), libraries[library_index[index]])
+        decomposition = WallDecomposition(read_facade(results, index), libraries[library_index[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             build_wall(
                 decomposition,
@@ -86,7 +86,7 @@ def build_factored_walls(
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
+def planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
@@ -116,20 +116,21 @@ def _build_libraries(
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
-    given = _original_exemplars(results)
+    given = original_exemplars(results)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
     library_index: dict[int, int] = {}
     coarse = 0
     placement = results.plan.scene.placement
-    begin_stage("libraries", len({_facade_source(results, index) for index in facades}))
+    begin_stage("libraries", len({facade_source(results, index) for index in facades}))
     for index in facades:
-        source = _facade_source(results, index)
+        source = facade_source(results, index)
         if source not in number:
             if source in exemplars:
                 k = exemplars[source]
                 image, labels = (results.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
-                fine = _read_original(given.get(source), image)
+                fine = read_original(given.get(source), image)
+                fine = fine if fine is not None and _is_as_stored(fine, image) else None
                 coarse += fine is None
                 density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
                 library = build_library(image, labels, elements(labels), density, fine, seed=k)
@@ -154,13 +155,14 @@ def _build_libraries(
     return libraries, library_index, notes
 
 
-def _facade_source(results: PublishedBlock, index: int) -> str:
+def facade_source(results: PublishedBlock, index: int) -> str:
+    """Return the exemplar, photo or panorama of a facade that has a layout."""
     record = results.records[index]
     assert record is not None  # it has a layout
     return str(record["source"])
 
 
-def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
+def original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     """Find the original exemplar files that still exist, by name."""
     path = read_run_block_file(results.snapshot.out)
     if path is None:
@@ -172,26 +174,27 @@ def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     return {exemplar.stem: exemplar for exemplar in (*list_harvested_exemplars(results.snapshot.out), *given)}
 
 
-def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
-    """Read an exemplar at full resolution; None if it differs from the stored picture or is not larger.
-
-    A stored picture differs if occluders or private areas were replaced in it.
-    """
-    from facade_core.core.resizing import resize_image
-
+def read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
+    """Read an exemplar at full resolution; None if it cannot be read or is not larger than the stored picture."""
     if path is None:
         return None
     try:
         fine = read_exemplar_picture(path).rgb
     except (FacadeError, OSError):
         return None
-    if fine.shape[0] <= image.shape[0]:
-        return None
+    return fine if fine.shape[0] > image.shape[0] else None
+
+
+def _is_as_stored(fine: UInt8Array, image: UInt8Array) -> bool:
+    """Return True if an original is the stored picture; not if occluders or private areas were replaced in that."""
+    from facade_core.core.resizing import resize_image
+
     off = np.abs(resize_image(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
-    return fine if float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE else None
+    return float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE
 
 
-def _read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
+def read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
+    """Read the texels and elements of a facade."""
     from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.factored.wall_decomposition import StoredFacadeWall
 
