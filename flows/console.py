@@ -3,56 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from catalogs.printable_text import escape_invisible, format_command, format_count
 from facade_core.core.json_types import JsonObject
-from tasks.engine.progress import StageProgress, add_listener
+from tasks.engine.progress import StageProgress
 
 console = Console(stderr=True)
-
-
-@contextmanager
-def show_progress(*, quiet: bool = False) -> Iterator[None]:
-    """Show the progress events of tasks until the block ends: a bar per stage in a terminal, else lines."""
-    if quiet:
-        yield
-        return
-    if not console.is_terminal:
-        stop = add_listener(ProgressLines(print_status))
-        try:
-            yield
-        finally:
-            stop()
-        return
-    bars: dict[str, TaskID] = {}
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description:<12}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("[red]{task.fields[failed]}"),
-        console=console,
-    ) as display:
-
-        def on_event(event: StageProgress) -> None:
-            if event.stage not in bars:
-                bars[event.stage] = display.add_task(event.stage, total=event.total, failed="")
-            failed = f"{event.failed} failed" if event.failed else ""
-            display.update(bars[event.stage], completed=event.finished, total=event.total, failed=failed)
-
-        stop = add_listener(on_event)
-        try:
-            yield
-        finally:
-            stop()
 
 
 def print_status(line: str) -> None:

@@ -1,4 +1,4 @@
-"""Lines on stderr for work without countable units: each step as it begins, and again while it lasts."""
+"""Progress on stderr: bars or lines of stages, and lines of steps without countable units, repeated while they last."""
 
 from __future__ import annotations
 
@@ -7,15 +7,63 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from flows.console import format_duration, print_status
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+from flows.console import ProgressLines, console, format_duration, print_status
+from tasks.engine.progress import StageProgress, add_listener
 
 # Longest silence in seconds.
 REPORT_INTERVAL_S = 20.0
 
 
 @contextmanager
+def show_progress(*, quiet: bool = False) -> Iterator[None]:
+    """Show the progress events of tasks until the block ends: a bar per stage in a terminal, else lines.
+
+    A line is repeated where none follows, as during a long unit.
+    """
+    if quiet:
+        yield
+        return
+    if not console.is_terminal:
+        with report_steps(repetition="{step} ({duration} ago)") as notify:
+            stop = add_listener(ProgressLines(notify))
+            try:
+                yield
+            finally:
+                stop()
+        return
+    bars: dict[str, TaskID] = {}
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description:<12}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("[red]{task.fields[failed]}"),
+        console=console,
+    ) as display:
+
+        def on_event(event: StageProgress) -> None:
+            if event.stage not in bars:
+                bars[event.stage] = display.add_task(event.stage, total=event.total, failed="")
+            failed = f"{event.failed} failed" if event.failed else ""
+            display.update(bars[event.stage], completed=event.finished, total=event.total, failed=failed)
+
+        stop = add_listener(on_event)
+        try:
+            yield
+        finally:
+            stop()
+
+
+@contextmanager
 def report_steps(
-    tell: Callable[[str], None] = print_status, interval: float = REPORT_INTERVAL_S, *, announce: bool = True
+    tell: Callable[[str], None] = print_status,
+    interval: float = REPORT_INTERVAL_S,
+    *,
+    announce: bool = True,
+    repetition: str = "{step}: {duration} so far",
 ) -> Iterator[Callable[[str], None]]:
     """Print each step, and how long it lasts after every `interval` seconds without a line.
 
@@ -24,12 +72,13 @@ def report_steps(
     tell : receives each line.
     interval : seconds.
     announce : False to print only steps that last longer than `interval`.
+    repetition : format of the line of a step that lasts.
 
     Yields
     ------
     notify : begins a step.
     """
-    steps = _Steps(tell, announce)
+    steps = _Steps(tell, announce, repetition)
     over = threading.Event()
 
     def repeat() -> None:
@@ -48,8 +97,9 @@ def report_steps(
 class _Steps:
     """Present step, and when it and the last line began."""
 
-    def __init__(self, tell: Callable[[str], None], announce: bool) -> None:
+    def __init__(self, tell: Callable[[str], None], announce: bool, repetition: str) -> None:
         self._tell, self._announce, self._lock = tell, announce, threading.Lock()
+        self._repetition = repetition
         self._step, self._begun = "", time.monotonic()
         self.told = self._begun
 
@@ -65,6 +115,7 @@ class _Steps:
         """Print the step again, with its seconds, unless a line was printed within `interval` seconds."""
         with self._lock:
             if self._step and time.monotonic() - self.told >= interval:
-                self._tell(f"{self._step}: {format_duration(time.monotonic() - self._begun)} so far")
+                duration = format_duration(time.monotonic() - self._begun)
+                self._tell(self._repetition.format(step=self._step, duration=duration))
             if time.monotonic() - self.told >= interval:
                 self.told = time.monotonic()

@@ -169,7 +169,8 @@ def _read_streets(
         lonlat = file.call_reader("streets.path", _lonlat_bounds, centrelines)
         _check_swapped_axes(lonlat, bounds_to_lonlat(frame.to_wkt(), extent), files, file)
     if not streets and not cut:
-        raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
+        far = note_local_coordinates(frame, extent)
+        raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file, far)
     if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
         span = ", ".join(f"{value:.4f}" for value in _lonlat_bounds(centrelines) or ())
         built_span = ", ".join(f"{value:.4f}" for value in bounds_to_lonlat(frame.to_wkt(), extent))
@@ -237,7 +238,7 @@ def _empty_error(
     file: BlockFileErrorContext,
     notes: Sequence[str] = (),
 ) -> BlockFileError:
-    """Return the error for a block without usable buildings or streets; `notes` name what was set aside."""
+    """Return the error for a block without usable buildings or streets; `notes` name the reason where known."""
     path = ", ".join(map(str, files[f"{key}.path"]))
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -252,6 +253,8 @@ def _empty_error(
         remedy = "choose an area within it" if bounds else "choose another area"
         if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
             remedy = f"{SWAPPED_AXES_NOTE}: write {[west, south, east, north]}"
+        elif key == "streets" and notes:
+            remedy = notes[0]
         return file.make_error("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
     reason = f" ({notes[0]})" if notes else ""
     return file.make_error(f"{key}.path", f"{path} has no {key} that can be used{reason}; give a file that does")

@@ -115,7 +115,7 @@ def fetch(name: str | None, out: Path) -> None:
       streetloom fetch delfshaven --out blocks
     """
     from catalogs.examples.sources import EXAMPLE_SOURCES
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.examples.fetch import fetch_block
 
     if name is None:

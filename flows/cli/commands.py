@@ -203,9 +203,9 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
 
     from flows.cli.first_run import note_first_run, note_large_block
     from flows.cli.interrupts import exit_on_signal
-    from flows.console import console, print_status, print_summary, show_progress
+    from flows.console import console, print_status, print_summary
     from flows.run_entry import open_run
-    from flows.step_reporter import report_steps
+    from flows.step_reporter import report_steps, show_progress
     from tasks.engine.store.disk_space import require_disk_space
 
     start = time.monotonic()

@@ -41,7 +41,7 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
       streetloom harvest panoramas/ street.jpg --out style/ --most 60 --licence CC-BY-SA-4.0
     """
     from flows.cli.interrupts import exit_on_signal
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.harvest.library import harvest_style_library
 
     exit_on_signal()

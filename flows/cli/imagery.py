@@ -74,7 +74,7 @@ def fetch_imagery(
     if to is None:
         raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
     from catalogs.imagery.services import resolve_service
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.fetching import fetch_box_panoramas
 
     assert bbox is not None
@@ -126,7 +126,7 @@ def match(
     """
     from catalogs.printable_text import format_unit_reason
     from facade_core.core.errors import InputError
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.matching.match_table import TABLE, read_match_table, write_match_table
     from tasks.matching.photo_import import import_photos, plan_photo_import
     from tasks.matching.photo_matches import MISSING_PLACE, match_photos, place_remedy
@@ -183,7 +183,7 @@ def match(
 def _match_cameras(block_file: Path, photos: Path, path: Path, poses: Path | None) -> None:
     """Write the poses of photos to a file of cameras, and print what could not be placed."""
     from catalogs.printable_text import format_unit_reason
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.matching.photo_cameras import format_cameras_entry, pose_block_photos, write_camera_table
 
     with show_progress(quiet=not sys.stderr.isatty()):
@@ -216,7 +216,7 @@ def fetch_block_imagery(
     source, to, poses, dates, most, licence : as of the command `fetch-imagery`.
     """
     from catalogs.imagery.services import resolve_service
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.fetching import fetch_block_panoramas
 
     with show_progress(quiet=not sys.stderr.isatty()):

@@ -206,7 +206,7 @@ def export(
       streetloom export out/helsinki --format 3dtiles --to tiles/           of the whole city, usable without it
       streetloom export out/helsinki --format gpkg --to helsinki.gpkg
     """
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.export.formats import export_run as write
 
     with show_progress(quiet=not sys.stderr.isatty()):

@@ -54,7 +54,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --corrections out/mine --corrections out/city --out ours/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.training.corrected_facades import load_corrected_facades
     from tasks.training.parser import fine_tune_benchmark_parser, fine_tune_on_corrections, train_shipped_parser
 
@@ -97,7 +97,7 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --out layout/
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.training.corrected_facades import layout_record, load_corrected_facades
     from tasks.training.layout import has_gpu, train_layout, train_network
 
@@ -122,7 +122,7 @@ def train_material_examples(data: Path, out: Path) -> None:
     Example:
       streetloom train materials --data ../shared/data --out materials/
     """
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.training.materials import learn_grain_examples
 
     with show_progress(quiet=False):
@@ -140,7 +140,7 @@ def train_window_types(data: Path, out: Path) -> None:
     Example:
       streetloom train windows --data ../shared/data --out windows/
     """
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.training.window_types import train_window_metric
 
     with show_progress(quiet=False):
@@ -208,7 +208,7 @@ def train_translation_network(
     from dataclasses import replace
 
     from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
-    from flows.console import show_progress
+    from flows.step_reporter import show_progress
     from tasks.training.translator import PanoramaSplitPrefixes, train_translator
 
     course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE

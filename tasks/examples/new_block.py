@@ -208,6 +208,8 @@ def write_new_block(
             options = {key: option for key, option in options.items() if option != "--exemplars"}
         if isinstance(area, SquareArea):
             options["area"] = "--around"
+        elif isinstance(area, float):  # a square of buildings: only streets can be elsewhere
+            options["area"] = options["streets"]
         return _write_block_file(path, map_files, area, photos, library, poses, seed, options, notify)
     except BaseException:
         if own:

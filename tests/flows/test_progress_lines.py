@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,11 +18,12 @@ from flows.city_options import CityOptions
 from flows.city_progress import CityProgress
 from flows.cli.city import _describe_estimate_use
 from flows.cli.first_run import note_first_run, note_large_block
-from flows.step_reporter import report_steps
+from flows.step_reporter import report_steps, show_progress
 from tasks.city.block_counts import BlockCounts
 from tasks.city.block_process import block_output_path
 from tasks.city.city_log import BlockResult, CityLog
 from tasks.city.cost import load_cost_model
+from tasks.engine.progress import begin_stage
 from tests.pipeline.stages import write_block
 
 
@@ -45,6 +47,22 @@ def test_a_step_is_told_as_it_begins_and_again_while_it_lasts() -> None:
         notify("reading the map")
         assert repeated.wait(20)
     assert lines[0].startswith("reading the map: "), "a short step is not told"
+
+
+def test_a_long_unit_is_reported_again_while_it_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    repeated = threading.Event()
+
+    def tell(line: str) -> None:
+        lines.append(line)
+        if "ago" in line:
+            repeated.set()
+
+    monkeypatch.setattr("flows.step_reporter.report_steps", partial(report_steps, tell, 0.05))
+    with show_progress():
+        begin_stage("ingest", 1)
+        assert repeated.wait(20)
+    assert lines[:2] == ["ingest: 1", "ingest: 1 (0 s ago)"]
 
 
 def city_log_with(names: str) -> CityLog:

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from facade_core.core.errors import InputError, MachineError
-from flows import console
+from flows import step_reporter
 from flows.cli.exit_codes import exit_code_and_message
 from flows.console import ProgressLines, print_summary
 from flows.log_file import MAX_KEPT_LOGS, find_error_log, log_to_run_folder
@@ -23,8 +23,8 @@ from tasks.engine.progress import begin_stage, report_progress
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     lines: list[str] = []
-    monkeypatch.setattr(console, "ProgressLines", lambda tell: ProgressLines(lines.append, clock=lambda: now[0]))
-    with console.show_progress():
+    monkeypatch.setattr(step_reporter, "ProgressLines", lambda tell: ProgressLines(lines.append, clock=lambda: now[0]))
+    with step_reporter.show_progress():
         begin_stage("facades", 200, 100)
         for unit in range(100):
             now[0] += 30.0

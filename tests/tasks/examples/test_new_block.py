@@ -153,6 +153,18 @@ def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_pa
     assert found.block.notes[0].endswith("as EPSG:4326 does not count in metres there")
 
 
+def test_a_local_model_far_from_its_streets_is_refused_with_its_offset(exemplars: Path, tmp_path: Path) -> None:
+    houses, roads = tmp_path / "local.gpkg", tmp_path / "roads.gpkg"
+    house, road = (
+        shapely.box(-10.0, 0.0, 10.0, 20.0),
+        shapely.LineString([(678_000.0, 5_403_700.0), (678_100.0, 5_403_700.0)]),
+    )
+    geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house], crs="EPSG:25832").to_file(houses)
+    geopandas.GeoDataFrame({"id": ["1"]}, geometry=[road], crs="EPSG:25832").to_file(roads)
+    with pytest.raises(InputError, match=r"^--streets: .* no streets inside area .* look local: .*buildings\.offset"):
+        write_new_block(tmp_path / "mine.yaml", MapFiles(houses, roads), 200.0, None, exemplars)
+
+
 def test_a_place_whose_coordinates_are_swapped_is_told_in_its_own_words(
     osm: MapFiles, exemplars: Path, tmp_path: Path
 ) -> None:
