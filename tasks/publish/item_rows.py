@@ -201,8 +201,7 @@ def facade_item_columns(
         "role": WALL_ROLES[int(facades.role[index])],
         "height_m": round(float(facades.height[index]), 3),
         "width_m": round(float(facades.width[index]), 3),
-        # only the map gives the floors of a wall without windows
-        "floors": record.get("floors") or levels,
+        "floors": _count_shown_floors(record, levels, int(facades.role[index])),
         "levels": levels,
         **{key: record.get(key) for key in _RECORD_COLUMNS},
         "masked": record.get("masked_share"),
@@ -214,6 +213,16 @@ def facade_item_columns(
         else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
+
+
+def _count_shown_floors(record: FacadeRecord, levels: int, role: int) -> int:
+    """Return the floors of a facade: of its picture, and of the map where that shows no windows.
+
+    A back from an exemplar is composed with the floors of the map. Its one door is too small a share of a wide wall to
+    mark the ground floor, which the count by rows of windows would then take for two.
+    """
+    is_composed_back = role != WallRole.STREET and "floors_low" not in record
+    return levels if is_composed_back else record.get("floors") or levels
 
 
 def _quality_flags(record: FacadeRecord, levels: int, height_source: str, role: int) -> str:

@@ -169,6 +169,15 @@ def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, qual
     assert facade_item_columns(facades, 0, record("a", "failed"), source)["quality"] is None
 
 
+def test_backs_from_an_exemplar_have_the_floors_that_they_are_composed_with() -> None:
+    sizes = {"height": np.array([12.0]), "width": np.array([30.0]), "floors": np.array([4])}
+    facades = cast(Any, SimpleNamespace(**sizes, role=np.array([WallRole.BACK])))
+    counted = record("a", elements=windows(4), floors=5)
+    assert facade_item_columns(facades, 0, counted, "height")["floors"] == 4
+    of_photo = counted | {"floors_low": 4, "floors_high": 6}
+    assert facade_item_columns(facades, 0, of_photo, "height")["floors"] == 5
+
+
 def test_each_quality_flag_has_a_remedy_on_the_page() -> None:
     (meaning,) = (column.meaning for column in COLUMNS if column.name == "quality")
     flags = meaning.removeprefix("good, or what to look at: ").split(", ")
