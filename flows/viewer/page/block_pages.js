@@ -18,7 +18,7 @@ export function reviewPage(block, correct) {
   const facades = new Map(block.facades.map((facade) => [facade.id, facade]));
   return [
     element("h2", {}, `${ids.length} of ${block.facades.length} facades to look at`),
-    ids.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.")
+    ids.length ? element("p", {}, "Each has a flag other than an assumed height in the column quality. A click shows the reason and the remedy.")
       : element("p", {}, "Nothing is amiss but assumed heights. To look at, or to correct, any other: choose it on the ", element("a", { href: "#/map" }, "Map"), "."),
     element("div", { class: "stages" }, ...ids.slice(0, LISTED).map((id) => facades.get(id)).map((facade) =>
       element("figure", {},

@@ -31,10 +31,10 @@ const UNKNOWN = "#b9bfc4";
 
 // What the words of `quality` mean, and what mends it.
 const suggested = ({ floors, levels, height_m }) =>
-  floors && levels && floors !== levels ? ` Its ${floors} floors suggest ${short((floors * height_m) / levels)} m.` : "";
+  floors && levels && floors !== levels ? ` Floors seen: ${floors}, which suggest a height of ${short((floors * height_m) / levels)} m.` : "";
 export const REMEDIES = {
   "height-assumed": (facade) => `The map states no height of its building: ${said(facade.height_m, "metres")} are assumed.${suggested(facade)} Give it in the map, or correct it with view --edit.`,
-  "floors-differ": (facade) => `${facade.floors} floors are seen, and ${facade.levels} are expected of its height or stated by the map.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
+  "floors-differ": (facade) => `Floors expected from its height or stated by the map: ${facade.levels}.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
   "mostly-hidden": () => "Most of it is hidden in its pictures, and was made anew. Add a photo from another place.",
   "hidden-ground-floor": () => "Its ground floor is hidden in its pictures, and repeats the storeys above. Add a photo that shows it.",
   "no-windows": () => "No window was found. If it has some, draw them with view --edit, or say that it is no facade.",
