@@ -91,10 +91,6 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
         found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
         assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == [], place
         assert opened.evaluate("document.documentElement.scrollWidth") <= 390, place
-    split = "e => e.map(td => td.getClientRects()[0].height).filter(height => height > 40)"
-    assert opened.eval_on_selector_all("progress", "e => e.length") > 5
-    cells = opened.eval_on_selector_all("table:has(progress) td:first-child", split)
-    assert cells == [], "names of stages are whole"
     opened.close()
 
 
