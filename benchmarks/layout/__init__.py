@@ -2,24 +2,23 @@
 
 Cases are made from every fifth layout of layouts/cmp.jsonl, those the model does not name as trained on: right or lower half
 hidden, a rectangle of 30-50 % hidden, or 25-35 % of the elements seen. F1 counts hidden elements found (one to one, same
-label, IoU 0.5 or 0.3) over all cases. spacing: how far the median column spacing of the windows is off (share);
-alignment: distance of a proposed window to the nearest true column (window widths, at most 1); count: |proposed - hidden|
-/ hidden; overlaps and outside are counts. The baselines run on the same cases; `policy search` is the paper's method alone.
-mean f1 is over cases; --other-kinds hides
-the middle, a corner, several holes, 70 % or trees; --layouts completes another set of the data.
---ablation leaves out each score, and the trees; --regularity has the facades in two halves, by the share of the cells of all
-rows and columns of windows that hold one; --only-complete leaves out the baselines; --plausibility asks one classifier which of
-two layouts is real; --places says what became of hidden windows; --painted completes painted facades with a tree and a car,
-whose truth is known; --speed times 10,000 candidates of the policy search;
---folds DIR trains
-a model on each four of five folds and has all methods on the fifth: means, half their 95 % intervals, and the lowest of five;
---sheet FILE draws forty completions, ten of each kind.
+label, IoU 0.5 or 0.3) over all cases. spacing: how far the median column spacing of the windows is off (share); alignment:
+distance of a proposed window to the nearest true column (window widths, at most 1); count: |proposed - hidden| / hidden;
+floors right: share of the cases whose number of floors is the true one; overlaps and outside are counts. The baselines run on
+the same cases; `policy search` is the paper's method alone. mean f1 is over cases; --other-kinds hides the middle, a corner,
+several holes, 70 % or trees; --layouts completes another set of the data; --only-complete leaves out the baselines. --ablation
+leaves out each score of the paper's search; --training-size learns their weights from fewer facades; --paper runs that search
+and `complete`. --regularity has the facades in two halves, by the share of the cells of all rows and columns of windows that
+hold one; --plausibility asks a classifier which is real; --places says what became of hidden windows; --painted completes
+painted facades with a tree and a car, whose truth is known; --speed times 10,000 candidates of the policy search. --folds DIR
+trains a model on each four of five folds and has all methods on the fifth: means, half their 95 % intervals, and the lowest of
+five. --sheet FILE draws forty completions, ten of each kind. --pairs DIR draws fifty facades beside their completions,
+shuffled, with answers.csv and key.json for `streetloom bench blind_pairs --answers FILE --key FILE`.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import itertools
 import json
 import os
@@ -42,11 +41,11 @@ from benchmarks.layout.baselines import (
 )
 from benchmarks.layout.figures import f1, matches, run
 from benchmarks.layout.folds import by_fold
-from benchmarks.layout.sheet import sheet
+from benchmarks.layout.paper_rows import ablation, weights_by_size
+from benchmarks.layout.sheet import draw_pairs, sheet
 from catalogs.learning.layouts import LayoutRecord, read_layouts
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.densities import TERMS
 from facade_core.facade.layout.facade_frame import fit_columns_and_floors
 from facade_core.facade.layout.grid_extension import ExtensionVariant
 from facade_core.facade.layout.grids import box_array, fit_grids
@@ -102,17 +101,6 @@ def plausibility(
             "whole": round(float(np.mean(filled[False])), 3),
             "real": round(float(np.mean(filled[True])), 3),
         }
-    return found
-
-
-def ablation(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, Any]:
-    """F1@0.5 of the policy search with each score left out, and of `complete` without the trees' choice."""
-    found = {"all scores": run(records, policy_search(model))["all"]["f1@0.5"]}
-    for k, term in enumerate(TERMS):
-        without = dataclasses.replace(model, weights=np.where(np.arange(len(TERMS)) == k, 0.0, model.weights))
-        found[f"without {term}"] = run(records, policy_search(without))["all"]["f1@0.5"]
-    other = dataclasses.replace(model, averages_terms=not model.averages_terms)
-    found["sums" if model.averages_terms else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
     return found
 
 
@@ -237,6 +225,8 @@ def main() -> None:
     parser.add_argument("--model", type=Path, default=SHIPPED_LAYOUT_MODEL)
     parser.add_argument("--every", type=int, default=1, help="only every so many of the held-out facades")
     parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--training-size", action="store_true")
+    parser.add_argument("--paper", action="store_true", help="the paper's search of 10,000 candidates, and complete")
     parser.add_argument("--plausibility", action="store_true")
     parser.add_argument("--regularity", action="store_true")
     parser.add_argument("--places", action="store_true")
@@ -248,10 +238,15 @@ def main() -> None:
     parser.add_argument("--layouts", default="cmp.jsonl", help="file in layouts/ of the data")
     parser.add_argument("--folds", type=Path, metavar="DIR", help="five folds; their models are kept there")
     parser.add_argument("--sheet", type=Path, metavar="FILE", help="a picture of forty completions")
+    parser.add_argument("--pairs", type=Path, metavar="DIR", help="fifty pairs of a true and a completed layout")
     options = parser.parse_args()
-    if options.sheet:
+    if options.sheet or options.pairs:
         model = load_layout_model(options.model)
-        sheet(held_out(options.data / "layouts" / "cmp.jsonl", model), model, options.sheet)
+        records = held_out(options.data / "layouts" / "cmp.jsonl", model)
+        if options.sheet:
+            sheet(records, model, options.sheet)
+        if options.pairs:
+            draw_pairs(records, model, options.pairs)
         return
     if options.folds:
         print(json.dumps(by_fold(options.data, options.folds, methods_of), indent=1))
@@ -264,6 +259,11 @@ def main() -> None:
     report: dict[str, Any] = {"model": options.model.name, "facades": len(records)}
     if options.ablation:
         report["ablation"] = ablation(records, model)
+    elif options.training_size:
+        report["weights by training size"] = weights_by_size(train, model)
+    elif options.paper:
+        methods = {"policy search": policy_search(model), "complete": ours(model, 1)}
+        report.update({name: run(records, method, kinds) for name, method in methods.items()})
     elif options.plausibility:
         report["plausibility"] = plausibility(
             records, {"complete": ours(model, 1), "grid extension": median_pitch}, model

@@ -25,8 +25,10 @@ from facade_core.facade.layout.rectangles import labels_may_overlap, overlap_mas
 from facade_core.facade.layout.selection import select_proposals
 
 Method = Callable[[list[Element], Rectangle, list[Rectangle]], list[list[Element]]]
-# Of the policy search: generations of ten policies, completions a policy.
-GENERATIONS, TRIES = 5, 4
+# Of the policy search: generations of ten policies, completions a policy; as many candidates as the paper's.
+SEARCH = (50, 20)
+# The same where many searches are compared.
+SHORT_SEARCH = (5, 4)
 _NOTHING = np.zeros((0, 5))
 
 
@@ -180,12 +182,12 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
     return method
 
 
-def policy_search(model: LayoutModel) -> Method:
+def policy_search(model: LayoutModel, search: tuple[int, int] = SEARCH) -> Method:
     """The paper's own method: the layout of the policy search with the best score."""
 
     def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         start = observed_layout_arrays(seen, domain, np.array(region), model)
-        used, seeds, scores = evolve_policy_candidates(model.policies, start, model, GENERATIONS, TRIES, 0)
+        used, seeds, scores = evolve_policy_candidates(model.policies, start, model, *search, 0)
         box, label, _ = roll_out_policy(used[scores.argmax()], start, int(seeds[scores.argmax()]))
         return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
 

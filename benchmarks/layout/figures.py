@@ -36,7 +36,7 @@ def f1(counts: np.ndarray) -> float:
 
 
 def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Rectangle) -> list[float]:
-    """spacing, alignment and count errors, pairs that overlap, elements outside the domain."""
+    """Errors of spacing, alignment and count; whether floors are as many; pairs that overlap; elements outside the domain."""
     truth = fit_columns_and_floors([*seen, *hidden], domain)
     guess = fit_columns_and_floors([*seen, *proposed], domain)
     spacing = np.nan
@@ -51,7 +51,15 @@ def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element],
     np.fill_diagonal(both, False)
     new = rows[: len(proposed), 1:]
     outside = ((new[:, :2] < domain[:2]) | (new[:, 2:] > domain[2:])).any(axis=1).sum()
-    return [spacing, aligned, abs(len(proposed) - len(hidden)) / len(hidden), both[: len(proposed)].sum(), outside]
+    floors = float(len(truth.floors) == len(guess.floors))
+    return [
+        spacing,
+        aligned,
+        abs(len(proposed) - len(hidden)) / len(hidden),
+        floors,
+        both[: len(proposed)].sum(),
+        outside,
+    ]
 
 
 def run(
@@ -82,9 +90,9 @@ def run(
         mean = np.nanmean(np.array(errors), axis=0).round(3).tolist()
         report[kind] = {
             **_figures(counts, own),
-            **dict(zip(("spacing", "alignment", "count"), mean[:3], strict=True)),
+            **dict(zip(("spacing", "alignment", "count", "floors right"), mean[:4], strict=True)),
             **dict(
-                zip(("overlaps", "outside"), np.sum([e[3:] for e in errors], axis=0).astype(int).tolist(), strict=True)
+                zip(("overlaps", "outside"), np.sum([e[4:] for e in errors], axis=0).astype(int).tolist(), strict=True)
             ),
             "cases": number,
             "cpu seconds a case": round((time.process_time() - start) / max(number, 1), 3),

@@ -1,7 +1,9 @@
-"""Forty completions side by side, to be judged by eye: whole and plausible, or not."""
+"""Completions to be judged by eye: forty side by side, and fifty beside the truth without a word of which is which."""
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import LayoutModel
 
 OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10
+# Pairs of the study of true against completed layouts, as many as the paper's.
+PAIRS = 50
 COLOURS = {"window": (52, 104, 196), "balcony": (222, 132, 32), "door": (36, 148, 66), "shop": (190, 52, 150)}
 
 
@@ -24,19 +28,56 @@ def sheet(records: Sequence[LayoutRecord], model: LayoutModel, out: Path) -> Non
     facades spread over `records`, fronts: what was seen pale, on white; what was completed full, on grey."""
     tiles: list[Image.Image] = []
     for turn, kind in enumerate(training_cases.BENCHMARK_KINDS):
-        usable = []
-        for i, record in enumerate(records):
-            elements, domain = list(record.elements), record.domain
-            seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([0, i]))
-            if seen and len(seen) < len(elements):
-                usable.append((seen, domain, region))
+        usable = _usable_cases(records, kind)
         for k in range(OF_A_KIND):
-            seen, domain, region = usable[((4 * k + turn) * len(usable) // (4 * OF_A_KIND))]
+            _, seen, domain, region = usable[((4 * k + turn) * len(usable) // (4 * OF_A_KIND))]
             made = complete(seen, domain, region, model=model, front=True)[0].elements[len(dict.fromkeys(seen)) :]
             tiles.append(_drawn(seen, made, domain, region, f"{len(tiles) + 1} {kind}"))
-    rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
+    _write_page(tiles, COLUMNS, out)
+
+
+def draw_pairs(records: Sequence[LayoutRecord], model: LayoutModel, folder: Path) -> None:
+    """Write pairs.png with PAIRS true and completed layouts, A and B by chance, answers.csv to be filled in, and key.json."""
+    cases = [_usable_cases(records, kind) for kind in training_cases.BENCHMARK_KINDS]
+    turned = np.random.default_rng(PAIRS).random(PAIRS) < 0.5
+    tiles: list[Image.Image] = []
+    for k in range(PAIRS):
+        own = cases[k % len(cases)]
+        elements, seen, domain, region = own[(k * len(own)) // PAIRS]
+        made = complete(seen, domain, region, model=model, front=True)[0].elements
+        pair = (made, elements) if turned[k] else (elements, made)
+        tiles += [_drawn([], layout, domain, [], f"{k + 1} {name}") for name, layout in zip("AB", pair, strict=True)]
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_page(tiles, COLUMNS, folder / "pairs.png")
+    names = {True: {"A": "out", "B": "against"}, False: {"A": "against", "B": "out"}}
+    key = {
+        "out": "completed",
+        "against": "true",
+        "pairs": {str(k + 1): names[bool(turn)] for k, turn in enumerate(turned)},
+    }
+    (folder / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
+    with (folder / "answers.csv").open("w", encoding="utf-8", newline="") as file:
+        rows = [("pair", "preferred", "why"), *((k + 1, "", "") for k in range(PAIRS))]
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def _usable_cases(
+    records: Sequence[LayoutRecord], kind: str
+) -> list[tuple[list[Element], list[Element], Rectangle, list[Rectangle]]]:
+    """Elements, those seen, domain and visible boxes of each facade of which something is hidden and something is seen."""
+    usable = []
+    for i, record in enumerate(records):
+        elements, domain = list(record.elements), record.domain
+        seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([0, i]))
+        if seen and len(seen) < len(elements):
+            usable.append((elements, seen, domain, region))
+    return usable
+
+
+def _write_page(tiles: Sequence[Image.Image], columns: int, out: Path) -> None:
+    rows = [tiles[k : k + columns] for k in range(0, len(tiles), columns)]
     height = sum(max(tile.height for tile in row) + GAP for row in rows)
-    page = Image.new("RGB", (COLUMNS * (SIDE + GAP), height), "white")
+    page = Image.new("RGB", (columns * (SIDE + GAP), height), "white")
     top = 0
     for row in rows:
         for k, tile in enumerate(row):
