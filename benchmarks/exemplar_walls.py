@@ -1,10 +1,11 @@
 """Walls made from real exemplars: `python -m benchmarks.exemplar_walls --data DIR` prints one JSON object.
 
 Exemplars are every twelfth ECP and every twelfth Art-Deco picture, without their labels; the walls are of a cut of Delfshaven.
+--library large takes every fifth ECP and every 24th CMP picture instead, held-out as many others on another cut.
 Those on streets are made as a run makes them, and counted: defects above detectors, and the largest share of one exemplar
 (benchmarks/look/exemplar_walls.py says how), seconds of the processor a wall (median).
---sheet FILE keeps a contact sheet of at most 40 walls, evenly chosen; with --licensed, of those made from ECP pictures, whose
-licence permits a copy. --prepared FOLDER keeps prepared exemplars for the next time.
+--sheet FILE keeps a contact sheet of at most 40 walls, evenly chosen; with --licensed, of those made from ECP and CMP pictures,
+whose licences permit a copy. --prepared FOLDER keeps prepared exemplars for the next time.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import cv2
 import numpy as np
@@ -55,23 +56,35 @@ from tasks.stages.facades.exemplar_facades import analyse_style
 from tasks.stages.facades.stage import choose_facade_exemplars, exemplar_choice_walls, facade_shop_flags
 from tasks.stages.ingest.planning import make_plan
 
-AREA = [4.45283, 51.90518, 4.45352, 51.90576]
-EVERY = 12
-SETS, LICENSED = ("ecp", "artdeco"), "ecp"
+
+class Library(NamedTuple):
+    """Area of a cut, and its exemplars: data set, number of the first picture, step between pictures."""
+
+    area: tuple[float, float, float, float]
+    pictures: tuple[tuple[str, int, int], ...]
+
+
+CUT = (4.45283, 51.90518, 4.45352, 51.90576)
+LIBRARIES = {
+    "small": Library(CUT, (("ecp", 0, 12), ("artdeco", 0, 12))),
+    "large": Library(CUT, (("ecp", 0, 5), ("cmp", 0, 24))),
+    "held-out": Library((4.45400, 51.90580, 4.45480, 51.90640), (("ecp", 2, 5), ("cmp", 12, 24))),
+}
+LICENSED = ("ecp", "cmp")
 COVERED_MARGIN_M, GREY = 0.25, 225
 SHEET_WALLS, MIN_SHEET_WIDTH_M, SHEET_HEIGHT_M = 40, 4.0, 15.0
 
 
-def read_cut(data: Path, folder: Path) -> Block:
-    """Read the block of the cut, with its exemplars in a folder of their own."""
+def read_cut(data: Path, folder: Path, library: Library) -> Block:
+    """Read the block of a cut, with its exemplars in a folder of their own."""
     exemplars = folder / "exemplars"
     exemplars.mkdir(parents=True)
-    for name in SETS:
-        for path in sorted((data / "facades" / name / "images").iterdir())[::EVERY]:
+    for name, first, step in library.pictures:
+        for path in sorted((data / "facades" / name / "images").iterdir())[first::step]:
             (exemplars / f"{name}-{path.name}").write_bytes(path.read_bytes())
     os.environ["STREETLOOM_DATA"] = str(data)
     text = (EXAMPLE_BLOCKS_FOLDER / "delfshaven.yaml").read_text(encoding="utf-8")
-    stated = yaml.safe_load(os.path.expandvars(text)) | {"area": AREA}
+    stated = yaml.safe_load(os.path.expandvars(text)) | {"area": list(library.area)}
     stated["imagery"] = {"exemplars": {"path": str(exemplars.resolve())}}
     file = folder / "block.yaml"
     file.write_text(yaml.safe_dump(stated), encoding="utf-8")
@@ -161,14 +174,17 @@ def draw_sheet(walls: Sequence[tuple[ExemplarWall, np.ndarray]]) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--data", type=Path, required=True, help="folder with city/delfshaven, facades/ecp and artdeco")
+    parser.add_argument(
+        "--data", type=Path, required=True, help="folder with city/delfshaven, facades/ecp, artdeco and cmp"
+    )
+    parser.add_argument("--library", choices=LIBRARIES, default="small", help="exemplars and cut")
     parser.add_argument("--prepared", type=Path, help="folder that keeps prepared exemplars; none without")
     parser.add_argument("--sheet", type=Path, help="contact sheet of the walls, a JPEG")
     parser.add_argument("--licensed", action="store_true", help="draw only walls of which a copy is permitted")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="exemplar-walls-") as temporary:
         folder = Path(temporary)
-        block = read_cut(options.data.resolve(), folder)
+        block = read_cut(options.data.resolve(), folder, LIBRARIES[options.library])
         run = replace(create_run(block, folder / "run"), shared=str(options.prepared or folder))
         prepared = prepare_exemplars(run, block)
         walls, seconds = make_walls(run, block, make_plan(block), prepared)

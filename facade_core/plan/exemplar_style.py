@@ -189,15 +189,14 @@ def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, se
     order = np.lexsort((-walls.width, row))
     main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
     misfit = _misfit_costs(walls, main, library)
-    first = np.empty(len(numbers))
     for place, number in enumerate(numbers.tolist()):
         draw = np.random.default_rng([seed, number])
-        first[place] = draw.random()  # the same draw as in `exemplar_choice_order`
+        draw.random()  # draws the rank, see `_rank_buildings`
         misfit[place] += RANDOM_COST * draw.random(misfit.shape[1])
     misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
     near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
-    rank = _rank_draws(first, numbers)
     width = np.asarray(np.bincount(row, walls.width), np.float64)
+    rank = _rank_buildings(numbers, width, seed)
 
     chosen = np.full(len(numbers), -1)
     for i in np.argsort(rank).tolist():
@@ -235,16 +234,19 @@ def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarC
     """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
     near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
-    rank = _rank_draws(
-        np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()]), numbers
-    )
+    rank = _rank_buildings(numbers, np.asarray(np.bincount(row, walls.width), np.float64), seed)
     return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
-def _rank_draws(first: Float64Array, numbers: Int64Array) -> Int64Array:
-    """Return the rank (b,) of random draws (b,)."""
+def _rank_buildings(numbers: Int64Array, width: Float64Array, seed: int) -> Int64Array:
+    """Return the rank (b,) in which buildings choose: wider ones first, by random draws among those of similar width.
+
+    A wide building exceeds the share of an exemplar alone. After its neighbours it would get the exemplar that fits none.
+    """
+    draws = np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()])
+    octave = np.floor(np.log2(np.maximum(width, 1.0)))
     rank = np.empty(len(numbers), np.int64)
-    rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
+    rank[np.lexsort((numbers, draws, -octave))] = np.arange(len(numbers))
     return rank
 
 

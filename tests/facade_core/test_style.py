@@ -108,6 +108,14 @@ def test_no_exemplar_covers_much_of_a_neighbourhood() -> None:
     assert np.sort(share)[-2] <= MAX_EXEMPLAR_SHARE
 
 
+def test_a_wide_building_gets_the_best_exemplar() -> None:
+    """Of 24 houses within sight of each other one is as wide as ten of the others; one exemplar of twelve is good."""
+    walls = replace(row(24), ends=row(24).ends / 12)
+    walls = replace(walls, width=np.where(np.arange(24) == 7, 90.0, 9.0))
+    one_good = replace(library(12), quality=[1.0 if number == 5 else 0.3 for number in range(12)])
+    assert all(choose_exemplars(walls, one_good, seed=seed)[7] == 5 for seed in range(5))
+
+
 def test_all_of_a_crowd_choose_one_after_the_other() -> None:
     """Forty houses within sight of each other and twelve exemplars."""
     chosen = choose_exemplars(replace(row(40), ends=row(40).ends / 16), library(12), seed=3)
@@ -132,6 +140,15 @@ def test_a_ground_floor_without_shops_keeps_its_door() -> None:
     assert (labels[ground] == FacadeClass.WINDOW).mean() > 0.1
     changed = (image != painted.image).any(axis=(1, 2))
     assert not changed[: len(changed) // 2].any()
+
+
+def test_a_door_whose_foot_was_hidden_goes_with_the_shops() -> None:
+    painted = paint_facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
+    labels = painted.labels.copy()
+    foot = labels[-25:]
+    foot[foot == FacadeClass.DOOR] = FacadeClass.WALL
+    assert (labels == FacadeClass.DOOR).any()
+    assert not (replace_shops_by_windows(painted.image, labels)[1] == FacadeClass.DOOR).any()
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
@@ -12,12 +13,21 @@ from facade_core.parsing.floor_structure import find_floors_and_bays
 MIN_WALL_SHARE = 0.5
 # Classes above the wall: the roof, its windows, and balconies before them.
 _CLASSES_ABOVE = (FacadeClass.ROOF, FacadeClass.SKY, FacadeClass.WINDOW, FacadeClass.BALCONY, UNKNOWN)
+# Differences from the wall below in CIELAB, of hue and of lightness, from which a row shows a roof or the sky. A lighter row
+# may be a sunlit wall.
+MIN_CHROMA_DIFFERENCE = 14.0
+MIN_DARKENING = 20.0
+# Smallest share of such rows above the lowest of them.
+MIN_FOREIGN_SHARE = 0.8
+# Smallest height of such rows, in storeys; lower ones may be a cornice or its shadow.
+MIN_FOREIGN_STOREYS = 0.15
 
 
 def cut_off_roof(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
     """Cut an exemplar off above its wall: without the floors in the roof, and without the strip of roof over a floor.
 
-    The cornice or parapet over the highest floor of the wall stays and closes it. Without a roof nothing changes.
+    The cornice or parapet over the highest floor of the wall stays and closes it. A roof or sky that the labels take for
+    wall is found by its colour. Without a roof nothing changes.
 
     Parameters
     ----------
@@ -32,9 +42,37 @@ def cut_off_roof(image: UInt8Array, labels: UInt8Array) -> tuple[UInt8Array, UIn
     if found is None:
         return image, labels
     highest = next(number for number, kind in enumerate(found.kinds) if kind != "roof")
-    over = labels[: found.floors[highest][0]]
-    if not (over == FacadeClass.ROOF).any():
+    over, first = labels[: found.floors[highest][0]], 0
+    if (over == FacadeClass.ROOF).any():
+        above = np.isin(over, _CLASSES_ABOVE).mean(axis=1) > 1 - MIN_WALL_SHARE
+        first = int(np.flatnonzero(above)[-1]) + 1 if above.any() else 0
+    first += _count_foreign_rows(image[first:], labels[first:])
+    if not first:
         return image, labels
-    above = np.isin(over, _CLASSES_ABOVE).mean(axis=1) > 1 - MIN_WALL_SHARE
-    first = int(np.flatnonzero(above)[-1]) + 1 if above.any() else 0
     return np.ascontiguousarray(image[first:]), np.ascontiguousarray(labels[first:])
+
+
+def _count_foreign_rows(image: UInt8Array, labels: UInt8Array) -> int:
+    """Count the rows at the top that show a roof, dormers or the sky in place of a wall, by colour, whatever their labels."""
+    found = find_floors_and_bays(labels)
+    if found is None or len(found.floors) < 2:
+        return 0
+    (top, bottom), (low, _) = found.floors[:2]
+    lab = cv2.cvtColor(image[: found.ground_top].astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    classes = labels[: found.ground_top]
+    below = lab[low:][classes[low:] == FacadeClass.WALL]
+    if not len(below):
+        return 0
+    is_shown = ~np.isin(classes, (FacadeClass.WINDOW, FacadeClass.BALCONY))
+    wall = np.median(below, axis=0)
+    rows = np.array([np.median(lab[row][is_shown[row]], axis=0) if is_shown[row].any() else wall for row in range(low)])
+    is_foreign = np.linalg.norm(rows[:, 1:] - wall[1:], axis=1) > MIN_CHROMA_DIFFERENCE
+    is_foreign |= rows[:, 0] < wall[0] - MIN_DARKENING
+    shares = np.cumsum(is_foreign) / np.arange(1, low + 1)
+    last = np.flatnonzero(is_foreign & (shares >= MIN_FOREIGN_SHARE))
+    count = int(last[-1]) + 1 if len(last) else 0
+    if count < MIN_FOREIGN_STOREYS * (low - top):
+        return 0
+    if top < count < bottom:  # windows are cut off as a whole, or stay
+        return top if 2 * count < top + bottom else bottom
+    return count

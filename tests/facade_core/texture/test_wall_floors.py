@@ -115,6 +115,23 @@ def test_a_wall_under_a_roof_of_the_model_ends_with_its_cornice(name: str) -> No
     assert stack_floors(style, wall, MPP)[0][0].is_crowned
 
 
+@pytest.mark.parametrize("colour", [(120, 50, 40), (60, 60, 65), (120, 170, 230)])
+def test_a_roof_or_sky_labelled_as_wall_is_cut_off(colour: tuple[int, int, int]) -> None:
+    facade = painted("brick")
+    rows, width = 30, facade.labels.shape[1]
+    image = np.concatenate([np.full((rows, width, 3), colour, np.uint8), facade.image])
+    labels = np.concatenate([np.full((rows, width), FacadeClass.WALL, np.uint8), facade.labels])
+    kept = cut_off_roof(image, labels)[0]
+    assert rows - 2 <= len(image) - len(kept) <= rows + 2
+
+
+def test_a_storey_in_the_sun_above_a_wall_in_shade_stays() -> None:
+    facade = painted("brick")
+    image = facade.image.copy()
+    image[len(image) // 2 :] //= 2
+    assert cut_off_roof(image, facade.labels)[1] is facade.labels
+
+
 def test_an_exemplar_without_a_roof_stays_as_it_is() -> None:
     facade = painted("brick")
     assert cut_off_roof(facade.image, facade.labels)[1] is facade.labels
