@@ -121,10 +121,10 @@ def _render(output: Output, cameras: Sequence[PerspectiveCamera]) -> list[View]:
             raster = {chart: np.ascontiguousarray(output.raster(pixels, chart))}
             for picture in pictures:
                 picture.paint(raster)
-    return [view_of_picture(camera, picture) for camera, picture in zip(cameras, pictures, strict=True)]
+    return [_view(camera, picture) for camera, picture in zip(cameras, pictures, strict=True)]
 
 
-def view_of_picture(camera: PerspectiveCamera, picture: PictureInProgress) -> View:
+def _view(camera: PerspectiveCamera, picture: PictureInProgress) -> View:
     """Without haze, which would hide what is measured."""
     shape = picture.rgb.shape[:2]
     distance, chart = np.full(shape, np.inf, np.float32), np.full(shape, MISS, np.int32)

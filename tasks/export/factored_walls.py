@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from facade_core.export.factored.wall_decomposition import StoredFacadeWall
     from facade_core.export.factored.wall_geometry import WallDetailLevel, WallPieces, WallPolygon
 
-# Maximum 99.5th percentile difference between an original and its stored picture, grey levels.
+# Maximum mean difference between an original and its stored picture in any square, grey levels, and the square's side: half
+# of a face at the texels of a block, so that a part that was replaced is noticed.
 MAX_GREY_DIFFERENCE = 4.0
+_COMPARED_SIDE_PX = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,7 @@ def build_factored_walls(
     from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
     source = results.textured_mesh
-    planes = planar_walls(results, buildings)
+    planes = _planar_walls(results, buildings)
     libraries, library_index, notes = _build_libraries(results, list(planes))
     begin_stage("export", len(planes) + other_units)
     of_building = group_rows(source.charts.building[source.mesh.chart])
@@ -70,7 +72,7 @@ def build_factored_walls(
     for index, polygons in planes.items():
         building = int(results.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        decomposition = WallDecomposition(read_facade(results, index), libraries[library_index[index]])
+        decomposition = WallDecomposition(_read_facade(results, index), libraries[library_index[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             build_wall(
                 decomposition,
@@ -86,7 +88,7 @@ def build_factored_walls(
     return FactoredWalls(charts, libraries, by_detail, notes)
 
 
-def planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
+def _planar_walls(results: PublishedBlock, buildings: IntArray) -> dict[int, list[WallPolygon]]:
     """Collect the polygons of facades with a finished layout and planar walls."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import chart_outlines
@@ -116,21 +118,20 @@ def _build_libraries(
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(results.journals["exemplars"]) if r and r["status"] == "done"}
-    given = original_exemplars(results)
+    given = _original_exemplars(results)
     libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
     library_index: dict[int, int] = {}
     coarse = 0
     placement = results.plan.scene.placement
-    begin_stage("libraries", len({facade_source(results, index) for index in facades}))
+    begin_stage("libraries", len({_facade_source(results, index) for index in facades}))
     for index in facades:
-        source = facade_source(results, index)
+        source = _facade_source(results, index)
         if source not in number:
             if source in exemplars:
                 k = exemplars[source]
                 image, labels = (results.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
-                fine = read_original(given.get(source), image)
-                fine = fine if fine is not None and _is_as_stored(fine, image) else None
+                fine = _read_original(given.get(source), image)
                 coarse += fine is None
                 density = 1 / float(results.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
                 library = build_library(image, labels, elements(labels), density, fine, seed=k)
@@ -155,14 +156,13 @@ def _build_libraries(
     return libraries, library_index, notes
 
 
-def facade_source(results: PublishedBlock, index: int) -> str:
-    """Return the exemplar, photo or panorama of a facade that has a layout."""
+def _facade_source(results: PublishedBlock, index: int) -> str:
     record = results.records[index]
     assert record is not None  # it has a layout
     return str(record["source"])
 
 
-def original_exemplars(results: PublishedBlock) -> dict[str, Path]:
+def _original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     """Find the original exemplar files that still exist, by name."""
     path = read_run_block_file(results.snapshot.out)
     if path is None:
@@ -174,27 +174,31 @@ def original_exemplars(results: PublishedBlock) -> dict[str, Path]:
     return {exemplar.stem: exemplar for exemplar in (*list_harvested_exemplars(results.snapshot.out), *given)}
 
 
-def read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
-    """Read an exemplar at full resolution; None if it cannot be read or is not larger than the stored picture."""
+def _read_original(path: Path | None, image: UInt8Array) -> UInt8Array | None:
+    """Read an exemplar at full resolution; None if it differs from the stored picture or is not larger.
+
+    A stored picture differs if occluders or private areas were replaced in it.
+    """
     if path is None:
         return None
     try:
         fine = read_exemplar_picture(path).rgb
     except (FacadeError, OSError):
         return None
-    return fine if fine.shape[0] > image.shape[0] else None
+    return fine if fine.shape[0] > image.shape[0] and is_shown_whole(fine, image) else None
 
 
-def _is_as_stored(fine: UInt8Array, image: UInt8Array) -> bool:
-    """Return True if an original is the stored picture; not if occluders or private areas were replaced in that."""
+def is_shown_whole(original: UInt8Array, stored: UInt8Array) -> bool:
+    """Return whether a stored picture shows its original everywhere, without a replaced occluder or private area."""
+    import cv2
+
     from facade_core.core.resizing import resize_image
 
-    off = np.abs(resize_image(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
-    return float(np.percentile(off, 99.5)) <= MAX_GREY_DIFFERENCE
+    difference = np.abs(resize_image(original, stored.shape[:2]).astype(np.float32) - stored).mean(axis=2)
+    return float(cv2.blur(difference, (_COMPARED_SIDE_PX, _COMPARED_SIDE_PX)).max()) <= MAX_GREY_DIFFERENCE
 
 
-def read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
-    """Read the texels and elements of a facade."""
+def _read_facade(results: PublishedBlock, index: int) -> StoredFacadeWall:
     from facade_core.atlas.rasters import read_chart_raster
     from facade_core.export.factored.wall_decomposition import StoredFacadeWall
 

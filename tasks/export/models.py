@@ -11,16 +11,13 @@ import numpy as np
 from catalogs.features import safe_file_stem
 from facade_core.core.arrays import IntArray
 from facade_core.core.errors import InputError
-from facade_core.core.json_types import JsonObject
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import georeference_tiles
-from tasks.export.element_pictures import write_element_pictures
 from tasks.publish.published_run import PublishedBlock
 
 if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import TimeOfDay
     from facade_core.export.models.textured_mesh import TexturedMesh
-    from facade_core.export.tiles.tileset import MakeAddition
 
 # Default picture encoding of 3D Tiles, which every client reads.
 DEFAULT_ENCODING = "jpeg"
@@ -183,7 +180,6 @@ def write_3dtiles(
     frame, extras, earth_notes = georeference_tiles(results, mesh_y_up_frame(source.mesh).origin, crs)
     notes += earth_notes
     cells = build_quadtree(source)
-    features = build_feature_table(results)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = build_shells(source, density * COARSE_SCALE, lambda: report_progress("export", 1))
@@ -201,14 +197,10 @@ def write_3dtiles(
         (folder / uri).write_bytes(data)
         report_progress("export", 1)
 
-    addition: MakeAddition | None = None
-    element_statistics: JsonObject = {}
-    if source.maps is None:  # element pictures are unlit
-        addition, element_statistics = write_element_pictures(results, buildings, folder, encoded, frame, features)
     tiled = write_tileset(
-        TiledModel(source, shells, frame, features),
+        TiledModel(source, shells, frame, build_feature_table(results)),
         cells,
-        TileSettings(encoded, scale, time, addition=addition),
+        TileSettings(encoded, scale, time),
         write,
         extras=extras,
         attribution=results.attribution,
@@ -222,7 +214,6 @@ def write_3dtiles(
         "texture_mb": round(tiled.page_texels * texel_factor * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
         "texels_used": round(tiled.used_texels / max(tiled.page_texels, 1), 4),
         "scale": round(scale, 4),
-        **element_statistics,
     }
     (folder / STATISTICS_FILE).write_text(json.dumps(statistics, indent=1) + "\n")
     return ["tileset.json"], notes

@@ -221,7 +221,7 @@ def _count_shown_floors(record: FacadeRecord, levels: int, role: int) -> int:
     A back from an exemplar is composed with the floors of the map. Its one door is too small a share of a wide wall to
     mark the ground floor, which the count by rows of windows would then take for two.
     """
-    is_composed_back = role != WallRole.STREET and "floors_low" not in record
+    is_composed_back = role != WallRole.STREET and "floors_low" not in record and not record.get("corrected")
     return levels if is_composed_back else record.get("floors") or levels
 
 

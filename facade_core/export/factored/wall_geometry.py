@@ -87,14 +87,6 @@ class WallPolygon(NamedTuple):
     outline: Polygon
     corners: Float64Array
 
-    def points(self, charts: Charts, chart: int, places: Float64Array) -> Float64Array:
-        """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
-        points, out = charts.points(chart, *places.T), charts.normals()[chart]
-        middle = self.corners.mean(axis=0)
-        _, _, axes = np.linalg.svd(self.corners - middle, full_matrices=False)
-        projected: Float64Array = points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
-        return projected
-
 
 def is_planar_and_valid(plane: WallPolygon) -> bool:
     """Return True if a polygon is planar and valid."""
@@ -170,6 +162,14 @@ class _WallBuilder:
     @property
     def chart(self) -> int:
         return self.decomposition.facade.chart
+
+    def points(self, places: Float64Array) -> Float64Array:
+        """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
+        corners = self.plane.corners
+        points, out = self.charts.points(self.chart, *places.T), self.charts.normals()[self.chart]
+        middle = corners.mean(axis=0)
+        _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
+        return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
 
     def fill_band(self, band: WallBand, own: int | None, shade: Float32Array, free: shapely.Geometry) -> None:
         """Fill the free part of a band."""
@@ -298,7 +298,7 @@ class _WallBuilder:
         self.pieces.add(
             key,
             WallPiece(
-                self.plane.points(self.charts, self.chart, rows[first, :2]) - depth * out,
+                self.points(rows[first, :2]) - depth * out,
                 np.tile(out, (len(first), 1)),
                 rows[first, 2:],
                 np.broadcast_to(light, (len(rows), 3))[first],

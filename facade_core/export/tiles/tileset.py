@@ -102,8 +102,6 @@ class DetailLevel:
 
 # Builds the levels of detail of a leaf, coarsest first; the last has no geometric error.
 MakeDetailLevels = Callable[[QuadtreeCell], Sequence[DetailLevel]]
-# Builds what is added to a leaf near by; None if nothing is.
-MakeAddition = Callable[[QuadtreeCell], DetailLevel | None]
 
 
 @dataclass(frozen=True)
@@ -134,14 +132,12 @@ class TileSettings:
     scale : factor on the texels per metre of all tiles.
     time : time of day shown by emissive materials.
     levels : builds the levels of detail of a leaf, coarsest first.
-    addition : builds what is added to a leaf with unique texels once one of them covers a pixel.
     """
 
     encoder: TextureEncoder
     scale: float = 1.0
     time: TimeOfDay = "day"
     levels: MakeDetailLevels | None = None
-    addition: MakeAddition | None = None
 
 
 class _TilesetWriter:
@@ -149,8 +145,12 @@ class _TilesetWriter:
         self, model: TiledModel, settings: TileSettings, copyright: str, write: Callable[[str, bytes], None]
     ) -> None:
         self.source, self.shells, self.frame, self.features = model.source, model.shells, model.frame, model.features
-        self.encoder, self.scale, self.time = settings.encoder, settings.scale, settings.time
-        self.levels, self.addition = settings.levels, settings.addition
+        self.encoder, self.scale, self.time, self.levels = (
+            settings.encoder,
+            settings.scale,
+            settings.time,
+            settings.levels,
+        )
         self.copyright, self.write = copyright, write
         self.tilesets: dict[str, Tileset] = {}
         self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
@@ -186,24 +186,11 @@ class _TilesetWriter:
         charts = cell_charts(self.source, cell)
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
         corners = self.write_content(uri, [(pack_tile_pages(self.source, charts, self.scale), self.rows)])
-        added = None if self.addition is None else self.addition(cell)
-        if added is None:
-            return {
-                "boundingVolume": {"box": _bounding_box(corners)},
-                "geometricError": 0.0,
-                "content": {"uri": f"../{uri}"},
-            }
         return {
-            "boundingVolume": {"box": _bounding_box(np.concatenate([corners, added.corners]))},
-            "geometricError": ERROR_PIXELS / (self.max_density(charts) * self.scale),
-            "refine": "ADD",
+            "boundingVolume": {"box": _bounding_box(corners)},
+            "geometricError": 0.0,
             "content": {"uri": f"../{uri}"},
-            "children": [self.leaf_tile(cell, [added])],
         }
-
-    def max_density(self, charts: Int64Array) -> float:
-        """Return the most texels per metre of some charts."""
-        return float((self.source.texels[charts] / self.source.extent[charts]).max())
 
     def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> Tile:
         """Write the levels of detail of a leaf as a chain of replacements."""
@@ -255,7 +242,8 @@ class _TilesetWriter:
             (pages, self.rows) for pages in own
         ]
         corners = [self.write_content(uri, parts), *map(_box_corners, children)]
-        density = self.max_density(cell_charts(self.source, cell))
+        charts = cell_charts(self.source, cell)
+        density = float((self.source.texels[charts] / self.source.extent[charts]).max())
         errors = [
             ERROR_PIXELS / (density * self.scale * cell.scale),
             *(self.shells.deviation_m[building] for building in shelled.tolist()),

@@ -57,7 +57,7 @@ def _count_foreign_rows(image: UInt8Array, labels: UInt8Array) -> int:
     found = find_floors_and_bays(labels)
     if found is None or len(found.floors) < 2:
         return 0
-    (top, bottom), (low, _) = found.floors[:2]
+    (top, _), (low, _) = found.floors[:2]
     lab = cv2.cvtColor(image[: found.ground_top].astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     classes = labels[: found.ground_top]
     below = lab[low:][classes[low:] == FacadeClass.WALL]
@@ -73,6 +73,4 @@ def _count_foreign_rows(image: UInt8Array, labels: UInt8Array) -> int:
     count = int(last[-1]) + 1 if len(last) else 0
     if count < MIN_FOREIGN_STOREYS * (low - top):
         return 0
-    if top < count < bottom:  # windows are cut off as a whole, or stay
-        return top if 2 * count < top + bottom else bottom
-    return count
+    return min(count, top)  # a floor of another colour stays

@@ -28,9 +28,6 @@ from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
 from facade_core.export.tiles.earth import ProjectedFrame, earth_tangent_frame
 from facade_core.export.tiles.far_shells import build_shells
 from facade_core.export.tiles.tileset import (
-    ERROR_PIXELS,
-    DetailLevel,
-    MakeAddition,
     TiledModel,
     TilesetSummary,
     TileSettings,
@@ -106,11 +103,7 @@ def features(source: TexturedMesh) -> FeatureTable:
 
 
 def written(
-    source: TexturedMesh,
-    scale: float = 1.0,
-    textures: str = "jpeg",
-    time: TimeOfDay = "day",
-    addition: MakeAddition | None = None,
+    source: TexturedMesh, scale: float = 1.0, textures: str = "jpeg", time: TimeOfDay = "day"
 ) -> tuple[TilesetSummary, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = build_quadtree(source)
@@ -119,7 +112,7 @@ def written(
     made = write_tileset(
         TiledModel(source, shells, frame, features(source)),
         cells,
-        TileSettings(texture_encoder(textures), scale, time, addition=addition),
+        TileSettings(texture_encoder(textures), scale, time),
         files.__setitem__,
         extras={"k": 1},
         attribution=OF,
@@ -224,23 +217,6 @@ def test_tiles_nest_and_hold_every_building_at_both_levels(
     assert primitives == made.draw_calls
     assert sorted(name for name in finest if name in "ab") == ["a", "b"], "each building in one finest tile"
     assert 0 < made.used_texels < made.page_texels
-
-
-def test_an_addition_comes_once_a_texel_covers_a_pixel(coloured: TexturedMesh) -> None:
-    corners = np.array([[-5.0, -5.0, 0.0], [500.0, 1.0, 1.0]])
-    level = DetailLevel("near", b"model", corners, 0.0, 2)
-    plain, _, _ = written(coloured, 0.5)
-    made, files, _ = written(coloured, 0.5, addition=lambda cell: level)
-    (tile,) = made.tilesets["tileset.json"]["root"]["children"]
-    density = float((coloured.texels / coloured.extent).max())
-    assert tile["refine"] == "ADD"
-    assert tile["geometricError"] == pytest.approx(ERROR_PIXELS / (0.5 * density))
-    (added,) = tile["children"]
-    assert files[added["content"]["uri"]] == b"model"
-    assert added["geometricError"] == 0
-    box = np.array(tile["boundingVolume"]["box"])
-    assert box[0] + box[3] == pytest.approx(500), "what is added lies in the box of its tile"
-    assert (made.bytes, made.draw_calls) == (plain.bytes + len(b"model"), plain.draw_calls + 2)
 
 
 def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: TexturedMesh) -> None:

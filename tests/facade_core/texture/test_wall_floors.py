@@ -23,6 +23,7 @@ from facade_core.facade.texture.wall_floors import (
     stack_floors,
 )
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
+from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.synth.facade import PaintedFacade, paint_facade
 
 MPP = 0.0625
@@ -130,6 +131,17 @@ def test_a_storey_in_the_sun_above_a_wall_in_shade_stays() -> None:
     image = facade.image.copy()
     image[len(image) // 2 :] //= 2
     assert cut_off_roof(image, facade.labels)[1] is facade.labels
+
+
+def test_a_storey_of_another_colour_stays() -> None:
+    facade = painted("brick")
+    found = find_floors_and_bays(facade.labels)
+    assert found is not None
+    top, bottom = found.floors[0]
+    image = facade.image.copy()
+    image[:bottom][facade.labels[:bottom] == FacadeClass.WALL] = (60, 60, 65)
+    kept = cut_off_roof(image, facade.labels)[1]
+    assert len(facade.labels) - len(kept) <= top
 
 
 def test_an_exemplar_without_a_roof_stays_as_it_is() -> None:
