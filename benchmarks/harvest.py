@@ -1,7 +1,8 @@
 """Usable exemplars of a harvest: `python -m benchmarks.harvest --data DIR --out LIBRARY --sheet SHEET.jpg`.
 
 Harvests the pictures of harvest.json and counts the exemplars by their verdicts by eye: usable, or the flaw. No threshold of
-the harvest was chosen on these pictures. An exemplar without a verdict counts as unjudged: the code has changed since. The sheet shows only pictures whose licence permits a copy.
+the harvest was chosen on these pictures. An exemplar without a verdict counts as unjudged: the code has changed since.
+The sheet shows only pictures whose licence permits a copy.
 """
 
 from __future__ import annotations
