@@ -11,13 +11,14 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from benchmarks.blind_answers import counts, write_key
 
 PAIRS = 24
 # Pairs on a sheet, beside and below each other; a view's height and width.
@@ -67,18 +68,8 @@ def draw(out: Path, against: Path, to: Path, seed: int) -> dict[str, Any]:
         path = to / f"sheet-{number // each + 1}.jpg"
         Image.fromarray(sheet(pairs[number : number + each], number + 1)).save(path, quality=_QUALITY, optimize=True)
         sheets.append(str(path))
-    named = {True: {"A": "against", "B": "out"}, False: {"A": "out", "B": "against"}}
-    key = {
-        "out": outputs[0].snapshot.id,
-        "against": outputs[1].snapshot.id,
-        "seed": seed,
-        "pairs": {str(number + 1): named[bool(turn)] for number, turn in enumerate(turned)},
-    }
-    (to / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
-    with (to / "answers.csv").open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(
-            [("pair", "preferred", "why"), *((number + 1, "", "") for number in range(PAIRS))]
-        )
+    sides = [("against", "out") if turn else ("out", "against") for turn in turned]
+    write_key(to, sides, out=outputs[0].snapshot.id, against=outputs[1].snapshot.id, seed=seed)
     return {"benchmark": "blind_pairs", "sheets": sheets, "bytes": sum(Path(path).stat().st_size for path in sheets)}
 
 
@@ -98,30 +89,6 @@ def sheet(pairs: Sequence[tuple[np.ndarray, np.ndarray]], first: int) -> np.ndar
             cv2.putText(drawn, label, (left, top + _BAR - 4), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
             drawn[top + _BAR : top + _BAR + height, left : left + width] = view
     return drawn
-
-
-def counts(answers: Sequence[Mapping[str, str]], key: Mapping[str, Any]) -> dict[str, Any]:
-    """How often each output was preferred, and the reasons with how often they were given, by what was preferred.
-
-    answers: rows of pair, preferred and why, reasons separated by ";". Raises SystemExit for a pair that the key lacks, or an
-    answer that is neither A nor B nor empty.
-    """
-    preferred: Counter[str] = Counter()
-    why: dict[str, Counter[str]] = {}
-    for answer in answers:
-        pair, said = answer["pair"].strip(), answer["preferred"].strip().upper()
-        if pair not in key["pairs"] or said not in ("A", "B", ""):
-            raise SystemExit(
-                f"benchmarks.blind_pairs: pair {pair!r}, preferred {said!r}: say A, B or nothing of a known pair"
-            )
-        chosen = key["pairs"][pair][said] if said else "neither"
-        preferred[chosen] += 1
-        why.setdefault(chosen, Counter()).update(part for p in answer["why"].split(";") if (part := p.strip()))
-    return {
-        "pairs": len(answers),
-        "preferred": {name: preferred[name] for name in ("out", "against", "neither")},
-        "why": {name: dict(reasons.most_common()) for name, reasons in sorted(why.items())},
-    }
 
 
 if __name__ == "__main__":

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
+from benchmarks.blind_answers import write_key
 from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
@@ -49,16 +48,8 @@ def draw_pairs(records: Sequence[LayoutRecord], model: LayoutModel, folder: Path
         tiles += [_drawn([], layout, domain, [], f"{k + 1} {name}") for name, layout in zip("AB", pair, strict=True)]
     folder.mkdir(parents=True, exist_ok=True)
     _write_page(tiles, COLUMNS, folder / "pairs.png")
-    names = {True: {"A": "out", "B": "against"}, False: {"A": "against", "B": "out"}}
-    key = {
-        "out": "completed",
-        "against": "true",
-        "pairs": {str(k + 1): names[bool(turn)] for k, turn in enumerate(turned)},
-    }
-    (folder / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
-    with (folder / "answers.csv").open("w", encoding="utf-8", newline="") as file:
-        rows = [("pair", "preferred", "why"), *((k + 1, "", "") for k in range(PAIRS))]
-        csv.writer(file, lineterminator="\n").writerows(rows)
+    sides = [("out", "against") if turn else ("against", "out") for turn in turned]
+    write_key(folder, sides, out="completed", against="true")
 
 
 def _usable_cases(

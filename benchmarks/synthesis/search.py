@@ -24,6 +24,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from benchmarks.blind_answers import write_key
 from benchmarks.blind_pairs import sheet
 from catalogs.learning.datasets import CMP, ECP, read_dataset
 from facade_core.core.errors import FacadeError
@@ -161,17 +162,11 @@ def _draw(views: dict[str, list[np.ndarray]], to: Path, seed: int) -> None:
     chosen = [(wall, name) for name in COMPARED for wall in rng.permutation(WALLS)[: PAIRS // len(COMPARED)].tolist()]
     chosen = [chosen[i] for i in rng.permutation(len(chosen))]
     turned = rng.random(len(chosen)) < 0.5
-    pairs, key = [], {}
-    for number, ((wall, name), turn) in enumerate(zip(chosen, turned, strict=True), 1):
-        pair = views["now"][wall], views[name][wall]
-        pairs.append(pair[::-1] if turn else pair)
-        key[str(number)] = {"A": name, "B": "now"} if turn else {"A": "now", "B": name}
+    sides = [(name, "now") if turn else ("now", name) for (_, name), turn in zip(chosen, turned, strict=True)]
+    pairs = [(views[a][wall], views[b][wall]) for (wall, _), (a, b) in zip(chosen, sides, strict=True)]
     for first in range(0, len(pairs), 8):
         Image.fromarray(sheet(pairs[first : first + 8], first + 1)).save(to / f"sheet-{first // 8 + 1}.png")
-    (to / "key.json").write_text(json.dumps({"seed": seed, "pairs": key}, indent=1) + "\n", encoding="utf-8")
-    with (to / "answers.csv").open("w", encoding="utf-8", newline="") as file:
-        rows = [("pair", "preferred", "why"), *((number, "", "") for number in range(1, len(pairs) + 1))]
-        csv.writer(file, lineterminator="\n").writerows(rows)
+    write_key(to, sides, seed=seed)
 
 
 if __name__ == "__main__":

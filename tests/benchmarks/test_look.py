@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from benchmarks.blind_pairs import counts, sheet
+from benchmarks.blind_answers import counts, write_key
+from benchmarks.blind_pairs import sheet
 from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_energy
 from benchmarks.look.photos import panorama_places, perspective
 from benchmarks.look.repeats import autocorrelation, highest_peak, material, standing_out
@@ -150,6 +155,15 @@ def test_answers_are_counted_by_the_key() -> None:
 def test_an_answer_that_fits_no_pair_is_refused(answer: dict[str, str]) -> None:
     with pytest.raises(SystemExit, match="say A, B or nothing"):
         counts([{"why": "", **answer}], KEY)
+
+
+def test_answers_count_by_the_key_that_is_written_with_them(tmp_path: Path) -> None:
+    write_key(tmp_path, [("out", "against"), ("against", "out")], seed=3)
+    key = json.loads((tmp_path / "key.json").read_text(encoding="utf-8"))
+    assert key == {"seed": 3, **KEY}
+    with (tmp_path / "answers.csv").open(encoding="utf-8", newline="") as file:
+        answers = [row | {"preferred": "A"} for row in csv.DictReader(file)]
+    assert counts(answers, key)["preferred"] == {"out": 1, "against": 1, "neither": 0}
 
 
 def test_a_sheet_holds_all_its_pairs() -> None:
