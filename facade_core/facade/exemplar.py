@@ -15,7 +15,7 @@ from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.facade.facade import time_stage
 from facade_core.facade.photo_facade import NO_DOORS, PhotoMasks, complete_photo
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.imagery.rectify.crop import crop_to_facade
+from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import count_floors

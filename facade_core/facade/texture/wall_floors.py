@@ -16,6 +16,11 @@ from facade_core.geometry.walls import FLOOR_HEIGHT_M
 
 # Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
 MIN_FLOOR_M = 2.5
+# The same at the top of a wall that ends above or below the eaves, if its windows stay whole.
+MIN_CUT_FLOOR_M = 1.8
+# Smallest height of wall above the windows of such a floor, metres, and below them as a share of the exemplar's.
+MIN_LINTEL_M = 0.15
+MIN_SILL_SHARE = 0.8
 # Largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
 EAVES_TOLERANCE_M = 0.3
 # Largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
@@ -137,23 +142,29 @@ def stack_floors(
     pitch, top = float(np.clip(wall.eaves / len(own), *FLOOR_HEIGHT_M)), wall.foot + wall.height
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
-    inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_FLOOR_M)]
+    inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_CUT_FLOOR_M)]
+    at_eaves = abs(top - wall.eaves) < EAVES_TOLERANCE_M
     has_ground_floor = (
         (wall.on_street or wall.is_corner) and not wall.is_raised and (own[-1] < 0 or kinds[own[-1]] == "ground")
     )
-    borders = _split_high_floors(np.concatenate([[wall.foot], inner, [top]]), has_ground_floor)
-    at_eaves = abs(top - wall.eaves) < EAVES_TOLERANCE_M
-    stack = []
-    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+
+    def choose_floor(low: float, high: float) -> int:
+        """Return the exemplar's floor between two heights, if they are not of the ground floor."""
         place = int(np.searchsorted(lines, (low + high) / 2)) - 1
         floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
-        lowest, highest = number == 0, number == len(borders) - 2
         kind = "ground" if floor < 0 else kinds[floor]
+        return plain if kind == "ground" or (kind == "roof" and not at_eaves) else floor
+
+    if len(inner) and top - inner[-1] < MIN_FLOOR_M:
+        cut = _cut_bands(style, choose_floor(inner[-1], top), top - inner[-1], scale)
+        inner = inner[: None if cut and not at_eaves else -1]
+    borders = _split_high_floors(np.concatenate([[wall.foot], inner, [top]]), has_ground_floor)
+    stack = []
+    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+        lowest, highest = number == 0, number == len(borders) - 2
         is_ground = lowest and has_ground_floor
-        if is_ground:
-            floor = own[-1]
-        elif kind == "ground" or (kind == "roof" and not at_eaves):
-            floor = plain
+        floor = own[-1] if is_ground else choose_floor(low, high)
+        kind = "ground" if floor < 0 else kinds[floor]
         crowned = highest and at_eaves and not wall.is_back
         if not wall.on_street and not crowned and kind == "middle":
             floor = plain
@@ -162,6 +173,8 @@ def stack_floors(
         # The bare wall is above doors and shops, and below a crown.
         above = bare if is_ground or (highest and not crowned) else 0.0
         bands = _band_heights(style, floor, high - low - bare, scale)
+        if highest and not crowned and not is_ground and high - low < natural:
+            bands = _cut_bands(style, floor, high - low, scale) or bands
         stack.append(WallFloor(floor, bands, above, bare - above, crowned))
     return stack[::-1], scale
 
@@ -231,6 +244,17 @@ def _band_heights(style: ExemplarAnalysis, floor: int, height: float, scale: flo
     most = max(MAX_WINDOW_SHARE * height, (1 - MAX_WINDOW_LOSS) * window)
     window = min(window, most, (1 - 2 * MIN_SPANDREL_SHARE) * height)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
+
+
+def _cut_bands(style: ExemplarAnalysis, floor: int, height: float, scale: float) -> tuple[float, ...]:
+    """Cut a floor to a height, metres, first above its windows, then below; empty if they would be cut too."""
+    rows = lattice_rows(style, floor)
+    sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
+    if len(sizes) < 3:
+        return ()
+    _, window, below = sizes.tolist()
+    sill = min(below, height - window - MIN_LINTEL_M)
+    return (height - window - sill, window, sill) if sill >= MIN_SILL_SHARE * below else ()
 
 
 def shows_ground_floor(style: ExemplarAnalysis, wall_floor: WallFloor) -> bool:

@@ -1,4 +1,4 @@
-"""Crop of a facade photo to the one building that it was taken for, without sky, street and neighbours."""
+"""Crop of a facade picture to the one building that it was taken for, without sky, street and neighbours."""
 
 from __future__ import annotations
 
@@ -11,15 +11,28 @@ from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box, find_facade_box
 from facade_core.imagery.rectify.neighbours import choose_sides, measure_gaps
 from facade_core.imagery.rectify.photo_state import check_photo_state
-from facade_core.parsing.segmenter import segment_surroundings
+from facade_core.parsing.segmenter import Surroundings, segment_surroundings
+
+
+def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
+    """Crop the picture of an exemplar to the facade in its middle, without sky, street and neighbours.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    hidden : (H, W) bool, pixels that do not show the facade.
+    model : parser model, the shipped one by default.
+    """
+    if hidden.all():
+        return crop_to_box(image, hidden, np.zeros_like(hidden), None)
+    seen = segment_surroundings(image, hidden, model=model)
+    return _crop_to_sides(image, hidden, seen, image.shape[1] / 2, None)
 
 
 def crop_to_building(
     image: UInt8Array, hidden: BoolArray, centre: float, aspect: float | None = None, *, model: Path | None = None
 ) -> FacadeCrop:
     """Crop a rectified photo to the facade of one building.
-
-    Sky and street are cut first; then the party walls to its neighbours are looked for.
 
     Parameters
     ----------
@@ -37,6 +50,13 @@ def crop_to_building(
         return crop_to_box(image, hidden, np.zeros_like(hidden), None)
     seen = segment_surroundings(image, hidden, model=model)
     check_photo_state(image, hidden, seen, model=model)
+    return _crop_to_sides(image, hidden, seen, centre, aspect)
+
+
+def _crop_to_sides(
+    image: UInt8Array, hidden: BoolArray, seen: Surroundings, centre: float, aspect: float | None
+) -> FacadeCrop:
+    """Cut off sky and street, and what is beyond the party walls to the neighbours."""
     outside, labels = seen
     box = find_facade_box(outside, hidden)
     if box is None:

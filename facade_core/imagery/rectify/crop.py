@@ -72,21 +72,6 @@ class FacadeCrop:
     notes: tuple[str, ...] = ()
 
 
-def crop_to_facade(image: UInt8Array, hidden: BoolArray, *, model: Path | None = None) -> FacadeCrop:
-    """Crop a picture to its facade.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8.
-    hidden : (H, W) bool, pixels that do not show the facade.
-    model : parser model, the shipped one by default.
-    """
-    if hidden.all():
-        return crop_to_box(image, hidden, np.zeros_like(hidden), None)
-    outside = facade_surroundings_mask(image, hidden, model=model)
-    return crop_to_box(image, hidden, outside, find_facade_box(outside, hidden))
-
-
 def crop_to_box(image: UInt8Array, hidden: BoolArray, outside: BoolArray, box: Box | None) -> FacadeCrop:
     """Crop a picture to the box of its facade; None if it shows none: the picture then stays whole."""
     if box is None:

@@ -3,8 +3,17 @@ import itertools
 import numpy as np
 import pytest
 
-from facade_core.imagery.rectify import crop
-from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, wall_surroundings_mask
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.imagery.rectify import building_crop, crop
+from facade_core.imagery.rectify.building_crop import crop_to_facade
+from facade_core.imagery.rectify.crop import find_facade_box, wall_surroundings_mask
+from facade_core.parsing.segmenter import Surroundings
+
+
+def patch_surroundings(monkeypatch: pytest.MonkeyPatch, outside: BoolArray, labels: UInt8Array) -> None:
+    monkeypatch.setattr(
+        building_crop, "segment_surroundings", lambda image, hidden, model: Surroundings(outside, labels)
+    )
 
 
 def test_the_box_is_the_best_of_all():
@@ -66,7 +75,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
     outside[30:34, 20:24] = True  # a pane with sky in it
-    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
+    patch_surroundings(monkeypatch, outside, np.zeros_like(outside, np.uint8))
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = crop_to_facade(image, hidden)
@@ -85,7 +94,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert find_facade_box(outside, nothing) is None
     outside[20:30, 10:20] = False
     assert find_facade_box(outside, nothing) is None
-    monkeypatch.setattr(crop, "facade_surroundings_mask", lambda image, hidden, model: outside)
+    patch_surroundings(monkeypatch, outside, np.zeros_like(outside, np.uint8))
     image = np.zeros((60, 50, 3), np.uint8)
     found = crop_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)

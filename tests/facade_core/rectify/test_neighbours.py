@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from facade_core.core.labels import FacadeClass
+from facade_core.imagery.rectify import building_crop
+from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.neighbours import GapEvidence, choose_sides, measure_gaps
+from facade_core.parsing.segmenter import Surroundings
 from facade_core.synth.facade import PaintedFacade, paint_facade
 
 HEIGHT = 480
@@ -44,6 +48,15 @@ def test_a_facade_between_neighbours_is_told_from_them() -> None:
     image, labels, (left, right) = paint_row(paint(6, 14.6, 3, columns=2), paint(12, 15.8, 7), paint(7, 15.0, 5))
     found = find_sides(image, labels)
     assert np.abs(np.array(found) - (left, right)).max() <= 6
+
+
+def test_an_exemplar_is_cropped_to_the_facade_in_its_middle(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, labels, (left, right) = paint_row(paint(6, 14.6, 3, columns=2), paint(12, 15.8, 7), paint(7, 15.0, 5))
+    seen = Surroundings(labels == FacadeClass.SKY, labels)
+    monkeypatch.setattr(building_crop, "segment_surroundings", lambda image, hidden, model: seen)
+    found = crop_to_facade(image, np.zeros(labels.shape, bool))
+    assert np.abs(np.array(found.box)[[0, 2]] - (left, right)).max() <= 6
+    assert found.notes == ("neighbour on the left and right cut off",)
 
 
 def test_a_facade_without_neighbours_stays_whole() -> None:

@@ -15,7 +15,10 @@ from facade_core.facade.texture.roof_removal import cut_off_roof
 from facade_core.facade.texture.wall_floors import (
     MAX_FLOOR_STRETCH,
     MAX_GROUND_FLOOR_M,
+    MIN_CUT_FLOOR_M,
     MIN_FLOOR_M,
+    MIN_LINTEL_M,
+    MIN_SILL_SHARE,
     FacadeWall,
     lattice_rows,
     limit_floor_count,
@@ -64,9 +67,28 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                 for one in stack[1:-1]:
                     assert FLOOR_HEIGHT_M[0] - 1e-6 <= sum(one.all_heights) <= FLOOR_HEIGHT_M[1] + 1e-6
                 for one in (stack[0], stack[-1]):  # they may join a rest that is too low for a floor
-                    assert sum(one.all_heights) >= min(height, MIN_FLOOR_M) - 1e-6
+                    least = MIN_CUT_FLOOR_M if one is stack[0] else MIN_FLOOR_M
+                    assert sum(one.all_heights) >= min(height, least) - 1e-6
                     assert sum(one.all_heights) <= max(MAX_GROUND_FLOOR_M, 2 * FLOOR_HEIGHT_M[0]) + 1e-6
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
+
+
+def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole() -> None:
+    facade = painted("brick")
+    style = analyse_exemplar(facade.image, facade.labels)
+    pixel_rows, lowest = np.asarray(style.grid.rows), []
+    for height in np.arange(7.0, 13.0, 0.1).tolist():
+        wall = FacadeWall(12, height, 0.0, 13.5, 5, on_street=True, is_back=False, free=shapely.box(0, 0, 12, height))
+        (top, *_), scale = stack_floors(style, wall, MPP)
+        rows = lattice_rows(style, top.exemplar_floor)
+        above, window, below = scale * np.diff(pixel_rows[rows.start : rows.stop + 1])
+        if sum(top.all_heights) < min(MIN_FLOOR_M, above + window + below):
+            assert top.heights[0] >= MIN_LINTEL_M - 1e-6
+            assert top.heights[1] == pytest.approx(window)
+            assert MIN_SILL_SHARE * below - 1e-6 <= top.heights[2] <= below + 1e-6
+            lowest.append(sum(top.all_heights))
+    assert lowest
+    assert min(lowest) >= MIN_CUT_FLOOR_M - 1e-6
 
 
 @pytest.mark.parametrize(("eaves", "floors"), [(12.8, 4), (16.0, 4), (19.2, 6)])
