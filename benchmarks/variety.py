@@ -30,7 +30,8 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.exemplar import prepare_exemplar
 from facade_core.geometry.chart_packing import ChartPlacements
 from facade_core.geometry.charts import Charts
-from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
+from facade_core.plan.exemplar_choice import NEIGHBOURHOOD_M
+from facade_core.plan.exemplar_style import style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.stage import (

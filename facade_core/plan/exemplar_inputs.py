@@ -10,7 +10,7 @@ import shapely
 from facade_core.core.arrays import Float64Array
 from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
-from facade_core.plan.exemplar_style import ExemplarTargetWalls
+from facade_core.plan.exemplar_choice import ExemplarTargetWalls
 from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_facade_floors
 
 

@@ -27,8 +27,8 @@ from catalogs.printable_text import format_count
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.core.name_hash import hash_name
+from facade_core.plan.exemplar_choice import exemplar_choice_order
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
-from facade_core.plan.exemplar_style import exemplar_choice_order
 from tasks.city.block_counts import NO_COUNTS, BlockCounts, block_counts_from_map
 from tasks.city.places import BlockPlace, place_block
 from tasks.city.source_digests import block_source_digest

@@ -11,7 +11,7 @@ from catalogs.published.report import ReportContent, ReportExemplar, write_repor
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.table_schema import TableValues
 from facade_core.geometry.walls import WALL_ROLES, WallRole
-from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
+from facade_core.plan.exemplar_choice import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
 from tasks.publish.images import ReportImages
 from tasks.publish.item_rows import ItemRows, pose_height_change

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -10,14 +10,14 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.tint import tint_facade
 from facade_core.parsing.floor_structure import count_floors
-from facade_core.plan.exemplar_style import (
+from facade_core.plan.exemplar_choice import (
     MAX_EXEMPLAR_SHARE,
     NEIGHBOURHOOD_M,
-    ExemplarLibrary,
     ExemplarTargetWalls,
     choose_exemplars,
-    style_descriptor,
+    exemplar_choice_order,
 )
+from facade_core.plan.exemplar_style import ExemplarLibrary, style_descriptor
 from facade_core.synth.facade import paint_facade
 
 # A house every 20 m on both sides of a street 18 m wide.
@@ -203,6 +203,17 @@ def test_a_house_that_comes_changes_few_beside_it() -> None:
     changed = np.flatnonzero(before != after)
     assert len(changed) <= 12
     assert (here.ends[changed, 0, 0] < 600).all()
+
+
+def test_a_choice_depends_on_the_buildings_that_the_order_names() -> None:
+    here = row(40)
+    chosen = choose_exemplars(here, library(20), seed=5)
+    order = exemplar_choice_order(here, seed=5)
+    for i in range(0, 40, 5):
+        kept = np.isin(here.building, order.dependencies(here.building[i : i + 1]))
+        fewer = ExemplarTargetWalls(**{field.name: getattr(here, field.name)[kept] for field in fields(here)})
+        assert choose_exemplars(fewer, library(20), seed=5)[kept[:i].sum()] == chosen[i]
+        assert not kept.all()
 
 
 def test_looks_tell_walls_apart() -> None:

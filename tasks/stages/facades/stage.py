@@ -21,8 +21,9 @@ from facade_core.core.types import AS_FOUND, Pose, Street
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.walls import LEVEL_TOLERANCE_M
 from facade_core.imagery.cameras.exposure import estimate_common_exposure
+from facade_core.plan.exemplar_choice import ExemplarTargetWalls, choose_exemplars
 from facade_core.plan.exemplar_inputs import target_walls_from_outlines
-from facade_core.plan.exemplar_style import ExemplarLibrary, ExemplarTargetWalls, choose_exemplars
+from facade_core.plan.exemplar_style import ExemplarLibrary
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import IntegrityInputs, Records, ReingestContext, Stage, is_done_record

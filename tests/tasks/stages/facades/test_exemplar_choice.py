@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from facade_core.plan.exemplar_style import ExemplarTargetWalls
+from facade_core.plan.exemplar_choice import ExemplarTargetWalls
 from tasks.stages.facades.stage import choose_facade_exemplars
 
 

@@ -1,0 +1,235 @@
+"""Choice of exemplars for buildings without imagery: by fit, by street character, and unlike the neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from facade_core.core.arrays import BoolArray, Float64Array, Int32Array, Int64Array
+from facade_core.plan.exemplar_style import ExemplarLibrary
+
+# Greatest random cost, for variety among exemplars that fit.
+RANDOM_COST = 0.8
+# Costs per log ratio of floors, of floor height, and of width, which hardly matters as bays are repeated and dropped.
+FLOORS_COST = 0.7
+FLOOR_HEIGHT_COST = 0.7
+WIDTH_COST = 0.05
+# Shares of an exemplar that may be inpainted, and in shadow, without a cost.
+USUAL_HIDDEN_SHARE = 0.15
+USUAL_SHADED_SHARE = 0.18
+# Cost per share beyond these.
+HIDDEN_COST = 4.0
+# Cost of an exemplar of no quality.
+QUALITY_COST = 3.0
+# Greatest share of a neighbourhood's walls that one exemplar takes, by the width of those that have chosen. In a small
+# library it is SPARE_SHARE times an equal share, and where all exemplars would exceed it, the least that one would cover.
+MAX_EXEMPLAR_SHARE = 0.15
+SPARE_SHARE = 1.5
+# Buildings with walls within this distance are neighbours, which are seen together; metres.
+NEIGHBOURHOOD_M = 60.0
+# Cost of a neighbour's exemplar, above any misfit, and greatest cost of a similar exemplar.
+SAME_EXEMPLAR_COST = 100.0
+SIMILAR_COST = 1.2
+# Greatest cost of a neighbour's form in other colours, and the form distance at which it has fallen to 1 / e.
+SAME_FORM_COST = 3.0
+FORM_DISTANCE = 0.5
+# Families of exemplars per street, and the cost of another family.
+FAMILIES_PER_STREET = 3
+OTHER_FAMILY_COST = 1.0
+# Cost of shops where the map has none, and the other way round.
+SHOP_MISMATCH_COST = 1.4
+
+
+@dataclass(frozen=True)
+class ExemplarTargetWalls:
+    """Walls that need an exemplar, as columns of n.
+
+    Attributes
+    ----------
+    width, height : (n,) metres.
+    floors : (n,).
+    building, street : (n,) hashes of ids, independent of other buildings and streets.
+    ends : (n, 2, 2) metres, both ends seen from above.
+    shops : (n,) 1 with mapped shops, 0 without, -1 where unknown.
+    """
+
+    width: Float64Array
+    height: Float64Array
+    floors: Int32Array
+    building: Int64Array
+    street: Int64Array
+    ends: Float64Array
+    shops: Int64Array
+
+
+def choose_exemplars(walls: ExemplarTargetWalls, library: ExemplarLibrary, *, seed: int) -> Int64Array:
+    """Choose an exemplar for each wall; the walls of one building share theirs.
+
+    The misfit is that of the building's widest wall: floors, floor height, families of the street, quality, and shares
+    inpainted or in shadow. A random cost by (seed, building) adds variety. Neighbours take different exemplars while
+    there are others, then the one with the farthest use, and avoid similar ones. No exemplar takes more than a share of a
+    neighbourhood while others are left. A choice depends on the neighbourhood only, not on order or number.
+
+    Parameters
+    ----------
+    walls : walls to choose for.
+    library : exemplars to choose from.
+    seed : random seed.
+
+    Returns
+    -------
+    (n,) index of the exemplar.
+    """
+    numbers, row = np.unique(walls.building, return_inverse=True)
+    if not len(numbers):
+        return np.zeros(0, np.int64)
+    order = np.lexsort((-walls.width, row))
+    main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
+    misfit = _misfit_costs(walls, main, library)
+    draws = _draw_by_building(numbers, seed, 1 + misfit.shape[1])
+    misfit += RANDOM_COST * draws[:, 1:]
+    misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
+    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
+    width = np.asarray(np.bincount(row, walls.width), np.float64)
+    rank = _rank_buildings(numbers, draws[:, 0], width)
+
+    chosen = np.full(len(numbers), -1)
+    for i in np.argsort(rank).tolist():
+        fits = np.where(_exceeds_share(chosen, width, i, near[i], misfit.shape[1]), np.inf, misfit[i])
+        chosen[i] = _cheapest_exemplar(fits, chosen[near[i]], metres[i], library)
+    return chosen[row]
+
+
+@dataclass(frozen=True)
+class ExemplarChoiceOrder:
+    """Order in which the buildings of a city choose their exemplars.
+
+    Attributes
+    ----------
+    numbers : (b,) building hashes, ascending.
+    predecessors : rows of the neighbours that choose before each building.
+    """
+
+    numbers: Int64Array
+    predecessors: tuple[Int64Array, ...]
+
+    def dependencies(self, buildings: Int64Array) -> Int64Array:
+        """Return the buildings (k,) whose choices some buildings (c,) depend on, these included, at any depth."""
+        found = np.isin(self.numbers, buildings)
+        waiting = np.flatnonzero(found).tolist()
+        while waiting:
+            rows = self.predecessors[waiting.pop()]
+            new = rows[~found[rows]]
+            found[new] = True
+            waiting += new.tolist()
+        return self.numbers[found]
+
+
+def exemplar_choice_order(walls: ExemplarTargetWalls, *, seed: int) -> ExemplarChoiceOrder:
+    """Compute the order in which `choose_exemplars` visits buildings."""
+    numbers, row = np.unique(walls.building, return_inverse=True)
+    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
+    width = np.asarray(np.bincount(row, walls.width), np.float64)
+    rank = _rank_buildings(numbers, _draw_by_building(numbers, seed, 1)[:, 0], width)
+    return ExemplarChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
+
+
+def _draw_by_building(numbers: Int64Array, seed: int, count: int) -> Float64Array:
+    """Draw random numbers by (seed, building), (b, count); the first orders the choices."""
+    draws = [np.random.default_rng([seed, number]).random(count) for number in numbers.tolist()]
+    return np.array(draws).reshape(-1, count)
+
+
+def _rank_buildings(numbers: Int64Array, draws: Float64Array, width: Float64Array) -> Int64Array:
+    """Return the rank (b,) in which buildings choose: wider ones first, by `draws` (b,) among those of similar width.
+
+    A wide building exceeds the share of an exemplar alone. After its neighbours it would get the exemplar that fits none.
+    """
+    octave = np.floor(np.log2(np.maximum(width, 1.0)))
+    rank = np.empty(len(numbers), np.int64)
+    rank[np.lexsort((numbers, draws, -octave))] = np.arange(len(numbers))
+    return rank
+
+
+def _misfit_costs(walls: ExemplarTargetWalls, main: Int64Array, library: ExemplarLibrary) -> Float64Array:
+    """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
+
+    def ratio(own: Float64Array, theirs: Float64Array) -> Float64Array:
+        return np.abs(np.log(own[:, None] / theirs[None]))
+
+    floors, given = walls.floors[main].astype(float), np.maximum(np.asarray(library.floors, float), 1)
+    misfit = FLOORS_COST * ratio(floors, given)
+    misfit += FLOOR_HEIGHT_COST * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
+    misfit += WIDTH_COST * ratio(walls.width[main], np.asarray(library.width, float))
+    misfit += HIDDEN_COST * np.maximum(0, np.asarray(library.hidden, float) - USUAL_HIDDEN_SHARE)
+    misfit += QUALITY_COST * (1 - np.asarray(library.quality, float))
+    mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
+    misfit += SHOP_MISMATCH_COST * ((mapped >= 0) & (has_shops != (mapped > 0)))
+    return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
+
+
+def _is_in_street_families(street: Int64Array, family: Int64Array, seed: int) -> BoolArray:
+    """Return whether each exemplar is of the families of each building's street (b,), (b, k).
+
+    A street draws its families in proportion to the number of their exemplars.
+    """
+    home = np.ones((len(street), len(family)), bool)
+    size = np.bincount(family)
+    # expected order statistics of exponential draws: families of equal size keep the order of the permutation
+    arrival = np.cumsum(1 / np.arange(len(size), 0, -1))
+    for number in np.unique(street).tolist():
+        order = np.random.default_rng([seed, number]).permutation(len(size))
+        kept = order[np.argsort(arrival / size[order], kind="stable")[:FAMILIES_PER_STREET]]
+        home[street == number] = np.isin(family, kept)
+    return home
+
+
+def _neighbouring_buildings(
+    ends: Float64Array, row: Int64Array, count: int
+) -> tuple[list[Int64Array], list[Float64Array]]:
+    """Return the neighbours of each building within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
+    lines = shapely.linestrings(ends)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURHOOD_M)
+    apart = row[one] != row[other]
+    pairs = np.column_stack([row[one[apart]], row[other[apart]]])
+    metres = shapely.distance(lines[one[apart]], lines[other[apart]])
+    order = np.lexsort((metres, pairs[:, 1], pairs[:, 0]))
+    pairs, metres = pairs[order], metres[order]
+    new = np.ones(len(pairs), bool)
+    new[1:] = (np.diff(pairs, axis=0) != 0).any(axis=1)
+    pairs, metres = pairs[new], metres[new]
+    cuts = np.searchsorted(pairs[:, 0], np.arange(1, count))
+    return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
+
+
+def _exceeds_share(chosen: Int64Array, width: Float64Array, own: int, near: Int64Array, count: int) -> BoolArray:
+    """Return the exemplars (count,) that would cover too much of what has chosen near a building, never all of them.
+
+    Parameters
+    ----------
+    chosen : (b,) exemplars of buildings, -1 for none yet.
+    width : (b,) width of their walls, metres.
+    own : building that chooses.
+    near : (k,) its neighbours.
+    """
+    has = near[chosen[near] >= 0]
+    covered = np.bincount(chosen[has], width[has], count) + float(width[own])
+    share = covered / (width[has].sum() + width[own])
+    is_more: BoolArray = share > max(MAX_EXEMPLAR_SHARE, SPARE_SHARE / count, float(share.min()))
+    return is_more
+
+
+def _cheapest_exemplar(misfit: Float64Array, theirs: Int64Array, metres: Float64Array, library: ExemplarLibrary) -> int:
+    """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances."""
+    cost = misfit.copy()
+    has = theirs >= 0
+    closeness = 1 - metres[has] / NEIGHBOURHOOD_M
+    for exemplar, close in zip(theirs[has].tolist(), closeness.tolist(), strict=True):
+        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + SAME_EXEMPLAR_COST * (1 + close))
+    if has.any():
+        alike = np.exp(-(library.distance[theirs[has]] ** 2)) * closeness[:, None]
+        cost += SIMILAR_COST * alike.max(axis=0)
+        cost += SAME_FORM_COST * np.exp(-((library.form[theirs[has]] / FORM_DISTANCE) ** 2)).max(axis=0)
+    return int(np.argmin(cost))
