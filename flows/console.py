@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import timedelta
 
 from rich.console import Console
 from rich.text import Text
@@ -23,37 +24,63 @@ def print_status(line: str) -> None:
 
 @dataclass
 class ProgressLines:
-    """Print progress events as lines: start of a stage, each tenth with the remaining time, and its end.
+    """Progress events as lines: start of a stage, each tenth with the remaining time, and its end.
 
     Attributes
     ----------
-    tell : receives each line.
     clock : current time in seconds.
     """
 
-    tell: Callable[[str], None]
     clock: Callable[[], float] = time.monotonic
     _begun: dict[str, float] = field(default_factory=dict)
-    _tenths: dict[str, int] = field(default_factory=dict)
+    _newest: dict[str, StageProgress] = field(default_factory=dict)
+    _ended: tuple[str, float] = ("", 0.0)
 
-    def __call__(self, event: StageProgress) -> None:
-        stage, finished, total = event.stage, event.finished, event.total
-        tenth = 10 * finished // total if total else 10
-        if stage not in self._begun:
-            self._begun[stage] = self.clock()
-            self._tenths[stage] = tenth
-            before = f", {event.earlier} of them done before" if event.earlier else ""
-            self.tell(f"{stage}: {total}{before}")
-            return
-        if tenth <= self._tenths[stage]:
-            return
-        self._tenths[stage] = tenth
-        seconds = self.clock() - self._begun[stage]
-        # estimate from units of this run only; finished units of earlier runs took no time
-        left = seconds * (total - finished) / max(finished - event.earlier, 1)
-        when = f"about {format_duration(left)} left" if finished < total else f"in {format_duration(seconds)}"
-        failures = f", {event.failed} failed" if event.failed else ""
-        self.tell(f"{stage}: {finished} of {total}{failures}, {when}")
+    def update(self, event: StageProgress) -> str | None:
+        """Return the line of an event, None between two tenths."""
+        self._begun.setdefault(event.stage, self.clock())
+        before = self._newest.get(event.stage)
+        self._newest[event.stage] = event
+        if event.finished >= event.total:
+            self._ended = event.stage, self.clock()
+        if before is None:
+            earlier = f", {event.earlier} of them done before" if event.earlier else ""
+            return f"{event.stage}: {event.total}{earlier}"
+        if _count_tenths(event) <= _count_tenths(before):
+            return None
+        return self._describe(event)
+
+    def describe(self) -> str:
+        """Format the present counts and times of all stages that have begun and not ended."""
+        running = [
+            self._describe(event, repeated=True) for event in [*self._newest.values()] if event.finished < event.total
+        ]
+        if running:
+            return "; ".join(running)
+        stage, ended = self._ended
+        return f"{stage}: ended {_format_clock(self.clock() - ended)} ago"
+
+    def _describe(self, event: StageProgress, *, repeated: bool = False) -> str:
+        seconds, done = self.clock() - self._begun[event.stage], event.finished - event.earlier
+        parts = [f"{event.stage}: {event.finished} of {event.total}"]
+        if event.failed:
+            parts.append(f"{event.failed} failed")
+        if repeated:
+            parts.append(f"{_format_clock(seconds)} so far")
+        if event.finished >= event.total:
+            parts.append(f"in {format_duration(seconds)}")
+        elif done > 0:  # estimate from units of this run only; finished units of earlier runs took no time
+            parts.append(f"about {format_duration(seconds * (event.total - event.finished) / done)} left")
+        return ", ".join(parts)
+
+
+def _count_tenths(event: StageProgress) -> int:
+    return 10 * event.finished // event.total if event.total else 10
+
+
+def _format_clock(seconds: float) -> str:
+    """Format seconds such as "0:02:20", in which every repetition differs."""
+    return str(timedelta(seconds=round(seconds)))
 
 
 def format_duration(seconds: float) -> str:

@@ -20,14 +20,20 @@ REPORT_INTERVAL_S = 20.0
 def show_progress(*, quiet: bool = False) -> Iterator[None]:
     """Show the progress events of tasks until the block ends: a bar per stage in a terminal, else lines.
 
-    A line is repeated where none follows, as during a long unit.
+    Present counts follow where no line does, as during a long unit.
     """
     if quiet:
         yield
         return
     if not console.is_terminal:
-        with report_steps(repetition="{step} ({duration} ago)") as notify:
-            stop = add_listener(ProgressLines(notify))
+        lines = ProgressLines()
+        with report_steps(describe=lambda step, seconds: lines.describe()) as notify:
+
+            def print_line(event: StageProgress) -> None:
+                if line := lines.update(event):
+                    notify(line)
+
+            stop = add_listener(print_line)
             try:
                 yield
             finally:
@@ -57,13 +63,17 @@ def show_progress(*, quiet: bool = False) -> Iterator[None]:
             stop()
 
 
+def _describe_step(step: str, seconds: float) -> str:
+    return f"{step}: {format_duration(seconds)} so far"
+
+
 @contextmanager
 def report_steps(
     tell: Callable[[str], None] = print_status,
     interval: float = REPORT_INTERVAL_S,
     *,
     announce: bool = True,
-    repetition: str = "{step}: {duration} so far",
+    describe: Callable[[str, float], str] = _describe_step,
 ) -> Iterator[Callable[[str], None]]:
     """Print each step, and how long it lasts after every `interval` seconds without a line.
 
@@ -72,13 +82,13 @@ def report_steps(
     tell : receives each line.
     interval : seconds.
     announce : False to print only steps that last longer than `interval`.
-    repetition : format of the line of a step that lasts.
+    describe : formats the line of a step that lasts, from the step and its seconds.
 
     Yields
     ------
     notify : begins a step.
     """
-    steps = _Steps(tell, announce, repetition)
+    steps = _Steps(tell, announce, describe)
     over = threading.Event()
 
     def repeat() -> None:
@@ -97,9 +107,9 @@ def report_steps(
 class _Steps:
     """Present step, and when it and the last line began."""
 
-    def __init__(self, tell: Callable[[str], None], announce: bool, repetition: str) -> None:
+    def __init__(self, tell: Callable[[str], None], announce: bool, describe: Callable[[str, float], str]) -> None:
         self._tell, self._announce, self._lock = tell, announce, threading.Lock()
-        self._repetition = repetition
+        self._describe = describe
         self._step, self._begun = "", time.monotonic()
         self.told = self._begun
 
@@ -115,7 +125,6 @@ class _Steps:
         """Print the step again, with its seconds, unless a line was printed within `interval` seconds."""
         with self._lock:
             if self._step and time.monotonic() - self.told >= interval:
-                duration = format_duration(time.monotonic() - self._begun)
-                self._tell(self._repetition.format(step=self._step, duration=duration))
+                self._tell(self._describe(self._step, time.monotonic() - self._begun))
             if time.monotonic() - self.told >= interval:
                 self.told = time.monotonic()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import logging
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,13 +18,14 @@ from flows.console import ProgressLines, print_summary
 from flows.log_file import MAX_KEPT_LOGS, find_error_log, log_to_run_folder
 from tasks.engine.compute.cluster import ClusterGoneError
 from tasks.engine.outcome import log_units
-from tasks.engine.progress import begin_stage, report_progress
+from tasks.engine.progress import StageProgress, begin_stage, report_progress
 
 
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     lines: list[str] = []
-    monkeypatch.setattr(step_reporter, "ProgressLines", lambda tell: ProgressLines(lines.append, clock=lambda: now[0]))
+    monkeypatch.setattr(step_reporter, "ProgressLines", lambda: ProgressLines(clock=lambda: now[0]))
+    monkeypatch.setattr(step_reporter, "report_steps", partial(step_reporter.report_steps, lines.append))
     with step_reporter.show_progress():
         begin_stage("facades", 200, 100)
         for unit in range(100):
@@ -41,6 +43,24 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         "publish: 1",
         "publish: 1 of 1, in 0 s",
     ]
+
+
+def test_a_repeated_line_has_the_counts_of_its_time() -> None:
+    now = [0.0]
+    lines = ProgressLines(clock=lambda: now[0])
+    assert lines.update(StageProgress("facades", 100, 200, earlier=100)) == "facades: 200, 100 of them done before"
+    assert lines.update(StageProgress("pages", 0, 1)) == "pages: 1"
+    now[0] = 20.0
+    assert lines.describe() == "facades: 100 of 200, 0:00:20 so far; pages: 0 of 1, 0:00:20 so far"
+    assert lines.update(StageProgress("facades", 101, 200, failed=1, earlier=100)) is None, "less than a tenth"
+    lines.update(StageProgress("pages", 1, 1))
+    now[0] = 140.0
+    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:20 so far, about 3 h 51 min left"
+    now[0] = 160.0
+    assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:40 so far, about 4 h 24 min left"
+    lines.update(StageProgress("facades", 200, 200, failed=1, earlier=100))
+    now[0] = 180.0
+    assert lines.describe() == "facades: ended 0:00:20 ago"
 
 
 @pytest.mark.parametrize(
