@@ -127,7 +127,7 @@ def _run_city(
         due = account.pending_blocks(out, tiles=options.tiles)
         estimate = account.estimate(due, options.workers, options.at_once)
         duration = f", about {format_duration(3600 * estimate['hours'])}" if due else ""
-        print_status(f"{format_count(len(account.blocks), 'block')}, {len(due)} of them due{duration}")
+        print_status(f"{format_count(len(account.blocks), 'block')}, {len(due)} of them pending{duration}")
         workers = cleanup.enter_context(_start_workers(options, len(due)))
         progress = CityProgress(out, account, due, options)
         ended: SimpleQueue[tuple[str, TaskFuture[BlockResult]]] = SimpleQueue()

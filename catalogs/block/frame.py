@@ -41,7 +41,7 @@ def choose_frame(
         if stated == LONLAT and isinstance(sources[0], Footprints) and not keys.area:
             _check_corners(sources[0], middle, file)
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
-        notes = _frame_notes(frame, keys.buildings.crs, *(middle if stated == LONLAT else ()))
+        notes = _frame_notes(frame, stated, keys.buildings.crs, *(middle if stated == LONLAT else ()))
         if (given := parse_crs(stated)) != frame:
             notes += note_outside_area_of_use(given, *middle)
     notes += note_outside_area_of_use(frame, *middle)
@@ -58,18 +58,19 @@ def _check_corners(source: Footprints, middle: tuple[float, float], file: BlockF
         )
 
 
-def _frame_notes(frame: CRS, given: str | None, *middle: float) -> tuple[str, ...]:
-    """Return a note about a chosen frame; none if it is the frame given for the buildings.
+def _frame_notes(frame: CRS, stated: str, given: str | None, *middle: float) -> tuple[str, ...]:
+    """Return a note about the frame of the block; none if it is the frame given for the buildings.
 
-    middle: longitude and latitude of the block where its source counts in degrees, whose order it may have swapped.
+    Parameters
+    ----------
+    frame : CRS of the block.
+    stated : CRS of the buildings.
+    given : the same where the block file gives it.
+    middle : longitude and latitude of the block where its source counts in degrees, whose order it may have swapped.
     """
-    shown = f"{frame.to_string()} ({frame.name})"
-    if given is None:
-        place = f", as the buildings lie at longitude {middle[0]:.4f}, latitude {middle[1]:.4f}" if middle else ""
-        return (f"crs not given: {shown} chosen{place}",)
-    stated = parse_crs(given)
-    return (
-        ()
-        if stated == frame
-        else (f"the block counts in {shown}, as {stated.to_string()} does not count in metres there",)
-    )
+    shown, source = f"CRS of the block: {frame.to_string()} ({frame.name})", parse_crs(stated)
+    if source == frame:
+        return () if given else (f"{shown}, as the buildings state it",)
+    if middle and not given:
+        return (f"{shown}, as the buildings lie at longitude {middle[0]:.4f}, latitude {middle[1]:.4f}",)
+    return (f"{shown}, as {source.to_string()} does not count in metres there",)

@@ -162,6 +162,6 @@ def _run_city_recorded(city_file: Path, out: Folder, options: CityOptions) -> Js
         try:
             record.wait_until_ready()
         except ServerDownError as error:
-            print_notice(f"no Prefect server ({error}); the run does without, and has no record there")
+            print_notice(f"no Prefect server ({error}); the run continues without it and has no record there")
             return run_city_without_server(city_file, out, options)
         return cast("JsonObject", recorded(city_file, str(out), **asdict(options)))

@@ -189,15 +189,15 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
     from catalogs.published.folders import local_run_folder
     from flows.lock import lock_folder
     from flows.output_folder import check_output_folder
-    from tasks.examples.demo import has_painted_photos, write_demo
+    from tasks.examples.demo import write_demo
 
     check_output_folder(out)
     with lock_folder(out):
         block_file = write_demo(local_run_folder(out) / "input", exemplars)
-    _run_block(block_file, out, RunOptions(workers, dask, as_json), painted=has_painted_photos(block_file))
+    _run_block(block_file, out, RunOptions(workers, dask, as_json))
 
 
-def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: bool = False) -> None:
+def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
     import time
     from contextlib import ExitStack
 
@@ -207,6 +207,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
     from flows.run_entry import open_run
     from flows.step_reporter import report_steps, show_progress
     from tasks.engine.store.disk_space import require_disk_space
+    from tasks.examples.demo import count_painted_pictures
 
     start = time.monotonic()
     street = options.redo
@@ -240,7 +241,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions, *, painted: b
     if options.as_json:
         click.echo(json.dumps(summary))
     else:
-        print_summary(console, summary, painted=painted)
+        print_summary(console, summary, painted=count_painted_pictures(entry.block))
     if "withheld" in summary:
         print_notice(summary["withheld"])
     if summary["facades_failed"] or summary["failures"]:
@@ -268,13 +269,13 @@ def _texture_recorded(block_file: Path, out: Folder, workers: int, dask: str | N
         except FacadeError:
             raise
         except ServerDownError as error:
-            print_status(f"no Prefect server ({error}); the run does without, and has no record there")
+            print_status(f"no Prefect server ({error}); the run continues without it and has no record there")
         except Exception as error:
             if record.is_answering() and not record.is_request_error(error):
                 raise
             print_status(
-                f"the Prefect server was lost ({record.describe_failure()}); the run does without, and its record there is "
-                "incomplete"
+                f"the Prefect server was lost ({record.describe_failure()}); the run continues without it, and its record "
+                "there is incomplete"
             )
         return run_block_without_server(block_file, out, workers=workers, dask=dask, only=only)
 

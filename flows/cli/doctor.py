@@ -27,7 +27,7 @@ FINDING_WORDS = {True: "ok", False: "wrong", None: "note"}
 def doctor(out: Folder | None, as_json: bool) -> None:
     """Check the environment, and report faults and stale units of the run in OUT, or of all runs below it.
 
-    Names the notes on the inputs and what was set aside of them. Reads the whole store; changes nothing. Exits with 1
+    Lists the notes on the inputs and the inputs that were set aside. Reads the whole store; changes nothing. Exits with 1
     if there is a fault; each line names the remedy.
 
     \b

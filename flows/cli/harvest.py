@@ -29,7 +29,7 @@ MAX_LISTED_FAULTS = 20
 @click.option("--licence", metavar="WORDS", help="Licence of pictures that state none, such as CC-BY-SA-4.0.")
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Number of local processes.")
 def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | None, workers: int) -> None:
-    """Make a style library of facades from street photos and panoramas, of which no pose need be known.
+    """Make a style library of facades from street photos and panoramas. Their poses need not be known.
 
     The facades are rectified, cut, parsed and judged; the best become exemplars, each building once, for
     `imagery: {exemplars: {path: OUT}}` in a block file. Rejected facades are listed with their reasons in
@@ -40,6 +40,7 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
       streetloom harvest my-photos/ --out style/
       streetloom harvest panoramas/ street.jpg --out style/ --most 60 --licence CC-BY-SA-4.0
     """
+    from catalogs.printable_text import format_count
     from flows.cli.interrupts import exit_on_signal
     from flows.step_reporter import show_progress
     from tasks.harvest.library import harvest_style_library
@@ -50,14 +51,14 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
     for fault in found.faults[:MAX_LISTED_FAULTS]:
         print_notice(f"{fault.id}: {fault.reason}")
     if len(found.faults) > MAX_LISTED_FAULTS:
-        print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} files more are not read")
+        print_notice(f"{len(found.faults) - MAX_LISTED_FAULTS} more files cannot be read")
     if not found.looked:
         print_notice(NOT_LOOKED_FOR)
     if found.weak:
         print_notice(describe_weak_exemplars(found.weak))
     print_line(f"pictures   {found.pictures}, {found.earlier} of them done before; {found.seconds:.1f} s each")
     print_line(
-        f"exemplars  {len(found.exemplars)}, and {len(found.rejected)} facades are rejected: {out / 'exemplars.json'}"
+        f"exemplars  {len(found.exemplars)}; {format_count(len(found.rejected), 'facade')} rejected: {out / 'exemplars.json'}"
     )
     for sheet in found.sheets:
         print_line(f"sheet      {sheet}")

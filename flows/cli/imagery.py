@@ -138,9 +138,7 @@ def match(
         return
     if taken is not None:
         if poses is not None or out is not None:
-            raise click.UsageError(
-                "--take: the photos' places and the table are those of before; leave out --poses and --out"
-            )
+            raise click.UsageError("--take reads the table of an earlier match; leave out --poses and --out")
         found = plan_photo_import(block_file, photos, read_match_table(taken))
         by_hand = import_photos(found)
         print_line(f"photos     {found.count} taken")
@@ -156,7 +154,7 @@ def match(
     for fault in faults:
         print_notice(format_unit_reason(fault.id, fault.reason))
     if any(fault.reason == MISSING_PLACE for fault in faults):
-        print_notice(f"of those without a place: {place_remedy(poses)}")
+        print_notice(f"photos without a position: {place_remedy(poses)}")
     matches = found_table.matches()
     if not matches:
         raise InputError(
@@ -173,10 +171,10 @@ def match(
         )
         print_line(f"{photo.photo}  {result}")
     print_line(
-        f"{sum(bool(photo.facade) for photo in matches)} of {len(matches)} are sure; the others' candidates: {table}"
+        f"{sum(bool(photo.facade) for photo in matches)} of {len(matches)} are certain; candidates of the others: {table}"
     )
     if out is None:
-        print_command("to decide on a page", "view", "OUT", "--edit", "--photos", photos)
+        print_command("decide on a page", "view", "OUT", "--edit", "--photos", photos)
     print_command("then", "match", block_file, photos, "--take", table)
 
 
@@ -227,16 +225,16 @@ def fetch_block_imagery(
 
 def print_imagery_fetch(fetched: ImageryFetchResult) -> None:
     """Print the fetched pictures; exit with 1 if another run may fetch the missing ones."""
-    from catalogs.printable_text import format_unit_reason
+    from catalogs.printable_text import format_count, format_unit_reason
 
     for fault in fetched.faults[:MAX_LISTED_FAULTS]:
         print_notice(format_unit_reason(fault.id, fault.reason))
     if len(fetched.faults) > MAX_LISTED_FAULTS:
-        print_notice(f"{len(fetched.faults) - MAX_LISTED_FAULTS} pictures more cannot be used")
+        print_notice(f"{len(fetched.faults) - MAX_LISTED_FAULTS} more pictures cannot be used")
     for line in fetched.lines():
         print_line(line)
     if fetched.manual_entry:
         print_notice(f"write into the block file: {fetched.manual_entry}")
     if fetched.missing:
-        print_notice(f"{fetched.missing} pictures could not be had; run the same command again")
+        print_notice(f"{format_count(fetched.missing, 'picture')} could not be fetched; run the same command again")
         sys.exit(1)

@@ -66,20 +66,20 @@ def _describe_estimate(counts: EstimatedCounts, estimate: JsonObject, workers: i
         "panoramas": "panoramas",
     }
     found = ", ".join(f"{estimate[name]:,} {text}" for name, text in names.items() if estimate[name])
-    where = f"{workers} workers"
+    where = format_count(workers, "worker")
     if counts.is_city:
         where = f"{format_count(estimate['workers'], 'worker')}, {format_count(at_once, 'block')} at a time"
     fitted = estimate["fitted"]
     densities = ", ".join(f"{density:g}" for density in fitted["texels_per_metre"])
-    size = f"{estimate['blocks']} blocks" if counts.is_city else "one block"
+    size = format_count(estimate["blocks"], "block") if counts.is_city else "one block"
     return [
         f"{counts.name}: {size}, about {found}",
         f"  time       {describe_time('hours')} with {where}",
         f"  processor  {describe_time('processor_hours')} of one processor",
-        f"  kept       {estimate['gigabytes']:.2g} GB, {estimate['commits']:,} commits",
-        f"  most       {estimate['bottleneck_share']:.0%} of the time: {estimate['bottleneck']}",
+        f"  disk       {estimate['gigabytes']:.2g} GB, {estimate['commits']:,} commits",
+        f"  bottleneck {estimate['bottleneck']}: {estimate['bottleneck_share']:.0%} of the time",
         f"  sample     {counts.planned} of {counts.parts} {'block files' if counts.parts_are_files else 'parts'} planned",
         f"  model      fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre",
-        f"  interval   of the sample and of the model, off by at most {fitted['error_planned']['seconds']:.0%} of the "
-        "seconds of blocks outside its fit; times are of processors that do nothing else",
+        f"  interval   errors of the sample and of the model, at most {fitted['error_planned']['seconds']:.0%} of the "
+        "seconds of blocks outside its fit; times are of otherwise idle processors",
     ]

@@ -28,7 +28,7 @@ from facade_core.core.errors import FacadeError, StoreError, StoreFormatError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
-from tasks.engine.forecast import forecast_work
+from tasks.engine.forecast import NOTHING_PENDING, forecast_work
 from tasks.engine.run_key import create_run
 from tasks.engine.stage import read_journals
 from tasks.engine.store.digests import find_differing_units
@@ -83,7 +83,7 @@ def _check_units(
     states = Counter(r["status"] if r else "waiting" for journal in journals.values() for r in journal)
     counts = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
-    return Finding("units", not left, f"block {attrs.get('block')}: {counts}{f'; {again} goes on' if left else ''}")
+    return Finding("units", not left, f"block {attrs.get('block')}: {counts}{f'; {again} continues' if left else ''}")
 
 
 def _list_input_notes(attrs: Mapping[str, Any]) -> Iterator[Finding]:
@@ -92,10 +92,10 @@ def _list_input_notes(attrs: Mapping[str, Any]) -> Iterator[Finding]:
         yield Finding("inputs", None, to_single_line(str(note)))
     set_aside = attrs.get("set_aside", ())
     for kind, unit, reason in set_aside[:MAX_SET_ASIDE_LINES]:
-        yield Finding("inputs", None, to_single_line(f"set aside is {kind} {format_unit_reason(unit, reason)}"))
+        yield Finding("inputs", None, to_single_line(f"{kind} set aside: {format_unit_reason(unit, reason)}"))
     if len(set_aside) > MAX_SET_ASIDE_LINES:
         rest = len(set_aside) - MAX_SET_ASIDE_LINES
-        yield Finding("inputs", None, f"set aside are {rest} more; the report names them")
+        yield Finding("inputs", None, f"{rest} more set aside; the report lists them")
 
 
 def _check_store(
@@ -103,12 +103,11 @@ def _check_store(
 ) -> Iterator[Finding]:
     """Compare records with arrays: sizes and listings, then every chunk, then a sample of digests."""
     store = out / "store"
-    remedy = f"{again} makes it again"
+    remedy = f"{again} repairs this"
     lost_units = find_lost_units(session)
     streets = lost_units.pop("streets", ())  # their own data are intact: they restarted, or lost a viewpoint
     if streets:
-        summary = f"streets done over viewpoints that are not: {len(streets)}"
-        yield Finding("store", False, f"{summary}; {again} does them over")
+        yield Finding("store", False, f"streets whose viewpoints are not done: {len(streets)}; {again} repeats them")
     if lost_units:
         summary = ", ".join(f"{len(units)} {stage}" for stage, units in lost_units.items())
         yield Finding("store", False, f"records without their data: {summary}; {remedy}")
@@ -124,15 +123,15 @@ def _check_store(
     if wrong := find_differing_units(group, plan, MAX_VERIFIED_UNITS):
         mark_store_suspect(out)
         summary = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
-        yield Finding("store", False, f"texels are not those of their records: {summary}; {remedy}")
+        yield Finding("store", False, f"texels differ from the digests of their records: {summary}; {remedy}")
     elif not lost_units:
         yield Finding(
             "store",
             True,
-            f"all chunks can be read; digests of {MAX_VERIFIED_UNITS} charts and panoramas at most are right",
+            f"all chunks can be read; the digests of up to {MAX_VERIFIED_UNITS} charts and panoramas match",
         )
     if is_store_marked_suspect(out):
-        yield Finding("store", None, "the next run reads all of it before it starts")
+        yield Finding("store", None, "the next run verifies the whole store before it starts")
 
 
 def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]:
@@ -141,15 +140,15 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
     folders = sorted(path.name for path in there.iterdir() if path.is_dir()) if there.is_dir() else []
     leftovers = [name for name in folders if name.startswith(".")]
     if current is None:
-        yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
+        yield Finding("published", False, f"`current` names no existing snapshot; {again} publishes")
     elif fault := find_snapshot_damage(current.folder, thorough=True):
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := explain_unpublished(out, newest)):
         yield Finding(
-            "published", False, f"{current.id}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
+            "published", False, f"{current.id} is complete; the newest snapshot is {newest}: {fault}; {again} continues"
         )
     else:
-        yield Finding("published", True, f"{current.id}, whole, and {len(folders) - len(leftovers) - 1} older ones")
+        yield Finding("published", True, f"{current.id} is complete; {len(folders) - len(leftovers) - 1} older ones")
     if leftovers:
         yield Finding(
             "published",
@@ -161,10 +160,12 @@ def _check_published(out: Folder, newest: str | None, again: str) -> Iterator[Fi
 def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
     """Forecast the work of a run with the present block file, on a copy."""
     if source is None:
-        return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
+        return Finding("stale", None, "the folder does not name its block file; the next run records it")
     again = f"`{format_command('run', source, '--out', out)}`"
     if not isinstance(out, Path):
-        return Finding("stale", None, f"not tried of a run in a bucket; {again} says what is due, and does it")
+        return Finding(
+            "stale", None, f"not checked for a run in a bucket; {again} lists the pending units and processes them"
+        )
     try:
         block = read_block(source)
         run = create_run(block, out)
@@ -178,10 +179,10 @@ def _check_stale(out: Folder, source: Path | None, session: icechunk.Session, gr
             said = forecast_work(replace(trial, ingested=outline.ingested), block, outline).said
     except (FacadeError, OSError) as error:
         return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
-    if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):
-        return Finding("stale", True, f"nothing: {source} and the code are as they were")
+    if group.attrs.get("key") == run.key and (said is None or said == NOTHING_PENDING):
+        return Finding("stale", True, f"nothing; {source} and the code are unchanged")
     # stale is no damage: the data match an earlier block or code
-    return Finding("stale", None, f"{said or 'everything'}; made again by the next run: {again}")
+    return Finding("stale", None, f"{said or 'everything is pending'}; the next run processes it: {again}")
 
 
 @contextmanager

@@ -59,7 +59,7 @@ def check_packages(declared: Iterable[str]) -> Iterator[Finding]:
         elif not requirement.specifier.contains(installed, prereleases=True):
             wrong.append(f"{requirement.name} {installed} is not {requirement.specifier}")
     if wrong:
-        yield Finding("packages", False, f"{_shorten_list(wrong)}; `make setup` installs what is pinned")
+        yield Finding("packages", False, f"{_shorten_list(wrong)}; `make setup` installs the pinned versions")
     else:
         yield Finding("packages", True, f"{count} as declared")
     if not CONSTRAINTS.is_file():
@@ -70,7 +70,7 @@ def check_packages(declared: Iterable[str]) -> Iterator[Finding]:
         if (found := _installed_version(name)) is not None and found != pinned
     ]
     if others:
-        said = f"{len(others)} are not as tested: {_shorten_list(others)}; `make setup` installs those of {CONSTRAINTS.name}"
+        said = f"{len(others)} differ from the tested versions: {_shorten_list(others)}; `make setup` installs the tested ones"
         yield Finding("packages", None, said)
 
 
@@ -128,15 +128,16 @@ def check_detectors() -> Finding:
 
     if lacking := detect.missing_packages():
         said = (
-            f"faces and number plates are not looked for beside the parser, nor shops' names: {', '.join(lacking)} not "
+            f"faces, number plates and shop names are not detected, as {', '.join(lacking)} is missing; "
+            f"the parser masks people and vehicles; {detect.INSTALL_REMEDY}"
         )
-        return Finding("privacy", None, f"{said}installed; {detect.INSTALL_REMEDY}")
+        return Finding("privacy", None, said)
     try:
         for model in detect.MODEL_FILES:
             detect.model_session(model)
     except ModelFileError as error:
         return Finding("privacy", False, str(error))
-    return Finding("privacy", True, "faces, number plates and shops' names are looked for in pictures")
+    return Finding("privacy", True, "faces, number plates and shop names are detected in pictures")
 
 
 def check_disk(folder: Path, min_free_bytes: int = MIN_FREE_BYTES) -> Finding:

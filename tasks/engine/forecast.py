@@ -18,6 +18,8 @@ from tasks.engine.stage import ForecastInputs, Stage, StageForecast, all_stages
 from tasks.engine.store.commits import open_newest_root
 from tasks.engine.unit import Unit
 
+NOTHING_PENDING = "nothing is pending except publication"
+
 
 @dataclass(frozen=True)
 class WorkForecast:
@@ -39,7 +41,7 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     Each stage may add units that follow from the pending ones of earlier stages (`Stage.forecast`).
     """
     if outline.anew:
-        return WorkForecast(f"all is due: {outline.anew}")
+        return WorkForecast(f"everything is pending: {outline.anew}")
     group = open_newest_root(run)
     if not _has_earlier_run(group):
         return WorkForecast()
@@ -69,7 +71,7 @@ def forecast_work(run: Run, block: Block, outline: PlanSummary) -> WorkForecast:
     known = [stage for stage in all_stages() if stage.stage in pending]
     lines = [_line(totals[stage.stage], stage.noun, pending[stage.stage]) for stage in known]
     parts = [*filter(None, lines), *notes]
-    said = f"due are {', '.join(parts)}; the rest stands" if parts else "nothing is due but what is published"
+    said = f"pending: {', '.join(parts)}; the rest is up to date" if parts else NOTHING_PENDING
     return WorkForecast(said, units)
 
 
@@ -82,7 +84,7 @@ def describe_rejected_inputs(set_aside: Iterable[Sequence[str]]) -> list[str]:
     for kind, units in found.items():
         unit, reason = units[0]
         more = f"; {len(units) - 1} more {kind}{'s' if len(units) > 2 else ''}" if len(units) > 1 else ""
-        lines.append(f"set aside is {kind} {format_unit_reason(unit, reason)}{more}")
+        lines.append(f"{kind} set aside: {format_unit_reason(unit, reason)}{more}")
     return lines
 
 

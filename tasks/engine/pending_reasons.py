@@ -10,9 +10,9 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import diff_key_parts
 
 # A viewpoint's view digests changed.
-VIEW_CHANGED = "what is in sight changed"
+VIEW_CHANGED = "visible surfaces changed"
 # Charts that the unit reads are written again.
-READS_AGAIN = "what they see is done again"
+READS_AGAIN = "surfaces that they show are pending"
 # Streets of earlier waves, or settings of theirs, changed.
 STREETS_CHANGED = "texels of other streets changed"
 # By part of a key; the first that differs is reported.
@@ -26,7 +26,7 @@ REASONS = {
     "exemplar": "exemplar changed",
     "models": "block's models changed",
     "own": "own texture changed",
-    "aerial": "picture from above changed",
+    "aerial": "orthophoto changed",
     "entrances": "entrances of the map changed",
     "beside": "surroundings changed",
     "between": "surroundings changed",
@@ -34,13 +34,13 @@ REASONS = {
     "around": "surroundings changed",
     "lines": "streets changed",
     "views": VIEW_CHANGED,
-    "seeds": "what they are made of is done again",
-    "streets": "what they are made of is done again",
+    "seeds": "their inputs are pending",
+    "streets": "their inputs are pending",
     "geometry": "geometry changed",
     "walls": "block's texture.walls changed",
     "settings": "block's settings changed",
     "code": "code or a library changed",
-    "house": "pictures of its house changed",
+    "house": "pictures of the building changed",
 }
 # The journal has no record of the unit.
 NEW = "new"

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import filecmp
 import shutil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
 
 NAME = "helsinki"
 AREA = (24.94575, 60.1651, 24.95025, 60.1673)
@@ -37,9 +42,14 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     return block_file
 
 
-def has_painted_photos(block_file: Path) -> bool:
-    """Report whether the demo's input has painted photos, which it lacks with a given style library."""
-    return (block_file.parent / "photos").is_dir()
+def count_painted_pictures(block: Block) -> int:
+    """Count the exemplars and photos of a block that are the demo's: painted, so that they show no face or number plate."""
+    pictures = [INPUTS / "exemplars" / path.name for path in block.exemplars]
+    pictures += [INPUTS / "photos" / path.name for path in block.photos.values()]
+    given = [*block.exemplars, *block.photos.values()]
+    return sum(
+        one.is_file() and filecmp.cmp(one, other, shallow=False) for one, other in zip(pictures, given, strict=True)
+    )
 
 
 def copy_map(folder: Path) -> None:

@@ -127,11 +127,11 @@ class NewBlock:
             f"frame      {self.block.crs.to_string()} ({self.block.crs.name})",
             f"buildings  {len(self.block.buildings)}, heights: {stated}",
             f"streets    {given}",
-            f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with walls beside and "
-            f"behind them a run makes {self.wall_count}",
+            f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with side and back "
+            f"walls a run textures {self.wall_count}",
             f"pictures   {format_count(len(self.panoramas), 'panorama')} with a pose, "
             f"{format_count(len(self.photos), 'photo')} named after a facade, "
-            f"{len(self.unused) + len(self.without_pose)} of no use yet",
+            f"{len(self.unused) + len(self.without_pose)} not usable yet",
             *self._unplaced(),
             *self._unused(),
             *([f"           {RECTIFIED_NOTE}"] if self.photos else []),

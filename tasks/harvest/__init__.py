@@ -5,10 +5,10 @@ MAX_EXEMPLARS = 40
 # Score from which a facade is an exemplar, and the number up to which worse ones are kept where there are not as many.
 MIN_SCORE = 0.4
 MIN_EXEMPLARS = 3
-# Said of a harvest without the models that detect faces and plates.
+# Note on a harvest without the models that detect faces and plates.
 NOT_LOOKED_FOR = (
-    "faces and number plates were not looked for; `make detect-setup` installs what does, "
-    "and the same command then harvests anew"
+    "faces and number plates were not detected; `make detect-setup` installs the detectors, "
+    "and the same command then harvests again"
 )
 
 

@@ -118,7 +118,7 @@ def test_without_its_newest_snapshot_a_run_goes_on_from_the_one_before(
         after_viewpoint(Path(run.out), "s1", 0)
     said = repair_store(run)
     assert "the newest snapshot cannot be read" in said[0]
-    assert "what was made since is due again" in said[0]
+    assert "later work is pending again" in said[0]
     assert not any("\n" in line for line in said)
     assert repair_store(run) == []
 

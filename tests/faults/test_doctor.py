@@ -74,8 +74,8 @@ def cut_snapshot(run: Run) -> None:
 @pytest.mark.parametrize(
     ("damage", "concern", "said"),
     [
-        (garble_panorama, "store", "texels are not those of their records"),
-        (forget_viewpoint, "store", "streets done over viewpoints that are not: 1"),
+        (garble_panorama, "store", "texels differ from the digests of their records"),
+        (forget_viewpoint, "store", "streets whose viewpoints are not done: 1"),
         (lose_exemplar, "store", "records without their data: 1 exemplars"),
         (forget_viewpoint, "units", " done, 1 waiting"),
         (lose_model, "published", "block.glb is missing"),
@@ -113,7 +113,7 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
         finding.message for finding in examine_folder(out) if finding.concern == "stale" and finding.is_well is None
     ]
     assert "streets (block's settings changed)" in said
-    assert said.endswith(f"made again by the next run: `streetloom run {block} --out {out}`")
+    assert said.endswith(f"the next run processes it: `streetloom run {block} --out {out}`")
     block.write_text(yaml.safe_dump(settings | {"name": "other"}))
     assert "is block other now" in wrong(out)["stale"]
     block.unlink()

@@ -93,7 +93,7 @@ def test_the_server_killed_while_a_street_is_done_again(left_to_streets_copy: Pa
     assert lines[0].startswith("streetloom: doing street s1 again; ")
     assert [line for line in lines if "Prefect" in line] == [
         f"streetloom: the Prefect server was lost (it ended; its log is {out}/prefect/server.log); "
-        "the run does without, and its record there is incomplete"
+        "the run continues without it, and its record there is incomplete"
     ]
     assert all(line.startswith("streetloom: ") for line in lines), lines
     assert (out / "published" / (out / "current").read_text().strip()).is_dir()

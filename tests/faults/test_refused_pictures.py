@@ -179,8 +179,8 @@ def test_what_is_set_aside_is_told_before_anything_is_done() -> None:
     ]
     outline: Any = Value(set_aside=tuple(aside))
     assert describe_rejected_inputs(outline.set_aside) == [
-        "set aside is photo z-9.png: no facade has the id z-9; 1 more photo",
-        "set aside is building 7: crosses itself",
+        "photo set aside: z-9.png: no facade has the id z-9; 1 more photo",
+        "building set aside: 7: crosses itself",
     ]
 
 

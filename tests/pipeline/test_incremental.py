@@ -20,6 +20,7 @@ from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.context import load_run_plan
 from tasks.engine.fan_out import process_batch
+from tasks.engine.forecast import NOTHING_PENDING
 from tasks.engine.run_key import create_run
 from tasks.engine.stage_code import stage_code_digest
 from tasks.engine.store.commits import read_newest_journal
@@ -92,7 +93,7 @@ def test_with_nothing_changed_nothing_is_done(left_to_streets: Path, tmp_path: P
     folder = copied(left_to_streets, tmp_path)
     done, made = again(folder)
     assert done == set()
-    assert made.said == "nothing is due but what is published"
+    assert made.said == NOTHING_PENDING
 
 
 def test_a_building_raised(left_to_streets: Path, tmp_path: Path) -> None:
@@ -100,7 +101,7 @@ def test_a_building_raised(left_to_streets: Path, tmp_path: Path) -> None:
     write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **LEFT)
     done, made = again(folder)
     assert done == {"c-0", "s3"}
-    said = "due are 1 of 6 facades (geometry changed), 1 of 3 streets (what is in sight changed), "
+    said = "pending: 1 of 6 facades (geometry changed), 1 of 3 streets (visible surfaces changed), "
     assert (made.said or "").startswith(said)
     assert_as_fresh(folder, made)
 
@@ -133,7 +134,7 @@ def test_settings_reach_what_reads_them(left_to_streets: Path, tmp_path: Path) -
     write_block(folder / "in", texture=LEFT["texture"] | {"viewpoint_spacing": 8.0})
     done, made = again(folder)
     assert done == ALL_STREETS
-    assert (made.said or "").startswith("due are 3 of 3 streets (what is in sight changed), ")
+    assert (made.said or "").startswith("pending: 3 of 3 streets (visible surfaces changed), ")
 
 
 def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tmp_path: Path) -> None:
@@ -202,9 +203,9 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     assert 1 <= len(see) < len(before)
     assert done == walls_of("a"), "what streets made of their own texels stands"
     assert made.said is not None
-    facades = r"4 of \d+ facades \(3: pictures of its house changed, 1: photo changed\)"
-    viewpoints = rf"{len(see)} of {len(before)} viewpoints \(what they see is done"
-    assert re.match(rf"due are {facades}, {viewpoints}", made.said)
+    facades = r"4 of \d+ facades \(3: pictures of the building changed, 1: photo changed\)"
+    viewpoints = rf"{len(see)} of {len(before)} viewpoints \(surfaces that they show"
+    assert re.match(rf"pending: {facades}, {viewpoints}", made.said)
     after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
     assert {unit for unit in before if after[unit] != before[unit]} == see
     assert_as_fresh(folder, made)
@@ -230,7 +231,7 @@ def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
         assert {name} | users <= done - ALL_STREETS <= {name} | users | in_own_style
         assert not done & ALL_STREETS
         assert made.said is not None
-        assert made.said.startswith("due are 1 of 2 exemplars (picture changed)")
+        assert made.said.startswith("pending: 1 of 2 exemplars (picture changed)")
 
 
 def test_a_photo_that_comes_or_is_refused_changes_its_own_building_alone(seeded: Path, tmp_path: Path) -> None:
@@ -264,7 +265,7 @@ def test_another_seed_is_told_as_one(left_to_streets: Path, tmp_path: Path) -> N
     folder = copied(left_to_streets, tmp_path)
     write_block(folder / "in", **LEFT, seed=4)
     assert (again(folder)[1].said or "").startswith(
-        "due are 6 of 6 facades (block's settings changed), 3 of 3 streets ("
+        "pending: 6 of 6 facades (block's settings changed), 3 of 3 streets ("
     )
 
 
@@ -275,7 +276,7 @@ def test_the_density_reaches_everything(left_to_streets: Path, tmp_path: Path) -
     held = started(folder / "out")
     made = texture(folder / "in" / "block.yaml", folder / "out")
     assert redone(held, folder / "out") >= before
-    assert made.said == "all is due: texture.texels_per_metre was 3 and is 4"
+    assert made.said == "everything is pending: texture.texels_per_metre was 3 and is 4"
 
 
 def test_units_done_by_other_code_are_due(
@@ -299,7 +300,7 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     done, made = again(folder)
     assert done == set()
     assert made.run.key != _key_of(left_to_streets)
-    assert made.said == "nothing is due but what is published"
+    assert made.said == NOTHING_PENDING
 
 
 def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: Path) -> None:

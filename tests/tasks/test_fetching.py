@@ -172,7 +172,7 @@ def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_becam
     lines = ended.output.splitlines()
     assert any(line.startswith("streetloom: no-heading: states a place but no heading; ") for line in lines)
     assert any("streetloom: lost: " in line and "it is gone, or never was there" in line for line in lines)
-    assert "streetloom: 1 pictures could not be had; run the same command again" in lines
+    assert "streetloom: 1 picture could not be fetched; run the same command again" in lines
     assert names(tmp_path / "in" / "panoramas") == {"here"}
     served.faults.clear()
     ended = CliRunner().invoke(command_line, command)

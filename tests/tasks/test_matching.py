@@ -125,7 +125,7 @@ def test_photos_that_a_poses_file_lacks_are_to_be_added_to_it(block_file: Path) 
     poses.write_text(f"file,lon,lat,heading\nIMG_1.jpg,{lon},{lat},0\n")
     ended = CliRunner().invoke(command_line, ["match", str(block_file), str(photos), "--poses", str(poses)])
     assert ended.exit_code == 0, ended.output
-    assert f"of those without a place: add a line for each to {poses}" in ended.output
+    assert f"photos without a position: add a line for each to {poses}" in ended.output
     assert "--poses FILE" not in ended.output
 
 

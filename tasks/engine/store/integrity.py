@@ -90,7 +90,7 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     if back := roll_back_to_readable(run.store, _read_plan_tables):
         said.append(
             f"{run.store}: the newest snapshot cannot be read ({back.reason}); the run goes on from that of "
-            f"{back.written_at:%Y-%m-%d %H:%M:%S} UTC, and what was made since is due again"
+            f"{back.written_at:%Y-%m-%d %H:%M:%S} UTC, and later work is pending again"
         )
     if not run.store.is_dir():  # it was never begun
         return said

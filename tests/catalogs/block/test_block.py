@@ -26,7 +26,7 @@ def test_a_block_in_full(read: Read, folder: Path) -> None:
     block = read("texture: {texels_per_metre: 25}\nseed: 7")
     assert block.crs.to_string() == "EPSG:32635"
     assert block.notes[0] == (
-        "crs not given: EPSG:32635 (WGS 84 / UTM zone 35N) chosen, as the buildings lie at longitude 24.9435, latitude 60.1670"
+        "CRS of the block: EPSG:32635 (WGS 84 / UTM zone 35N), as the buildings lie at longitude 24.9435, latitude 60.1670"
     )
     assert len(block.buildings) == 79  # 64 outlines, some of which their parts replace
     assert block.shops

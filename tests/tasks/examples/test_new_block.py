@@ -18,6 +18,7 @@ from PIL import Image
 
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
+from tasks.examples.demo import count_painted_pictures
 from tasks.examples.new_block import MapFiles, SquareArea, write_new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)
@@ -55,7 +56,7 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: MapFiles, exemplar
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from default" in text
     assert "streets    2 of" in text
-    assert "1 panorama with a pose, 0 photos named after a facade, 5 of no use yet" in text
+    assert "1 panorama with a pose, 0 photos named after a facade, 5 not usable yet" in text
     assert "5 pictures (unposed-0.jpg, unposed-1.jpg, unposed-2.jpg, ...): no pose; give its pose in" in text
     assert len(found.facades) < found.wall_count
     block = read_block(tmp_path / "mine.yaml")
@@ -80,6 +81,15 @@ def test_photos_named_after_a_facade_are_used(osm: MapFiles, exemplars: Path, tm
     assert f"`streetloom match {tmp_path / 'second.yaml'} {photos}`" in line
     assert found.photos == (f"{facade}.png",)
     assert facade in read_block(tmp_path / "second.yaml").photos
+
+
+def test_pictures_of_the_demo_are_painted_and_others_are_not(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
+    own = write_new_block(tmp_path / "own.yaml", osm, BOX, None, exemplars).block
+    assert count_painted_pictures(own) == 0
+    block = write_new_block(tmp_path / "painted.yaml", osm, BOX, None, None).block
+    assert count_painted_pictures(block) == len(block.exemplars) > 1
+    Image.new("RGB", (40, 60)).save(block.exemplars[0])  # an own picture under a painted one's name
+    assert count_painted_pictures(block) == len(block.exemplars) - 1
 
 
 def test_nothing_is_written_over_or_left_behind(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:

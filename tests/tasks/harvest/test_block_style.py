@@ -61,7 +61,7 @@ def test_a_run_states_that_faces_and_plates_were_not_looked_for(
     said = list[str]()
     monkeypatch.setattr("tasks.harvest.task.detectors_available", lambda: False)
     harvest(block, tmp_path / "out", said)
-    assert sum(line.startswith("style: faces and number plates were not looked for") for line in said) == 1
+    assert sum(line.startswith("style: faces and number plates were not detected") for line in said) == 1
 
 
 def test_a_run_states_that_exemplars_are_of_low_score(
