@@ -30,6 +30,8 @@ MIN_SKY_SHARE = 0.02
 MIN_RECTIFIED_SKY_SHARE = 0.01
 # Exposure value at ISO 100 below which a scene is lit by lamps: 8 to 9 a few minutes after sunset, 4 to 5 in a lit street.
 MIN_DAYLIGHT_EXPOSURE = 6.5
+# Median brightness of the upper quarter of a photo as taken, below which it shows the sky of the night or an unlit wall.
+MIN_UPPER_BRIGHTNESS = 55
 # Brightness that a tenth of a facade exceeds by day, also where most of it is in the shade.
 MIN_LIT_BRIGHTNESS = 90
 AT_NIGHT = "it was taken at night: its walls would be dark by day; give one taken by day"
@@ -76,6 +78,10 @@ def check_daylight(
     size = (max(1, round(hidden.shape[0] * shrink)), max(1, round(hidden.shape[1] * shrink)))
     image = resize_image(image, size)
     hidden = no_data_mask(image) | (resize_image(hidden.astype(np.uint8) * 255, size) > 0)
+    upper = np.s_[: len(image) // 4]
+    seen = image[upper].max(axis=2)[~hidden[upper]]
+    if len(seen) and np.median(seen) < MIN_UPPER_BRIGHTNESS:
+        raise ImageError(AT_NIGHT)
     if not hidden.all():
         outside = segment_surroundings(image, hidden, model=model).outside
         _require_daylight(image, hidden, outside, MIN_SKY_SHARE, MAX_NIGHT_SKY)

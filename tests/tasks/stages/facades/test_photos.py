@@ -201,6 +201,17 @@ def test_a_sky_that_is_dark_in_a_photo_as_taken_is_of_the_night(sky: int, is_nig
         check_daylight(photo, np.zeros(photo.shape[:2], bool), None)
 
 
+def test_a_photo_with_a_dark_upper_quarter_is_of_the_night_without_a_sky() -> None:
+    photo = PAINTED.image.copy()
+    quarter = len(photo) // 4
+    photo[:quarter] = photo[:quarter] // 6 + 15
+    with pytest.raises(ImageError, match="at night"):
+        check_daylight(photo, np.zeros(photo.shape[:2], bool), None)
+    hidden = np.zeros(photo.shape[:2], bool)
+    hidden[:quarter] = True
+    check_daylight(photo, hidden, None)
+
+
 def sign(text: str, score: float) -> TextLine:
     return TextLine(np.array([[0.0, 0], [60, 0], [60, 12], [0, 12]]), text, score)
 
