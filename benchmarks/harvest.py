@@ -1,7 +1,8 @@
 """Usable exemplars of a harvest: `python -m benchmarks.harvest --data DIR --out LIBRARY --sheet SHEET.jpg`.
 
-Harvests the pictures of harvest.json and counts the exemplars by their verdicts by eye: usable, or the flaw. No threshold of
-the harvest was chosen on these pictures. An exemplar without a verdict counts as unjudged: the code has changed since.
+Harvests the pictures of a set of harvest.json and counts the exemplars by their verdicts by eye: usable, or the flaw. No
+threshold of the harvest was chosen on the pictures of either set (--set first, second). An exemplar without a verdict counts as
+unjudged: the code has changed since.
 The sheet shows only pictures whose licence permits a copy.
 """
 
@@ -26,6 +27,7 @@ from tasks.stages.shared.images import read_exemplar_picture
 USABLE = "usable"
 # Folders of sets whose licence permits a copy of their pictures.
 LICENSED = ("facades/cmp/", "streetphotos/swiss/", "panoramas/")
+SETS = ("first", "second")
 VERDICTS = Path(__file__).with_suffix(".json")
 
 
@@ -36,9 +38,9 @@ class JudgedHarvest(NamedTuple):
     verdicts: dict[str, str]
 
 
-def read_judged_harvest() -> JudgedHarvest:
-    """Read harvest.json."""
-    read = json.loads(VERDICTS.read_text(encoding="utf-8"))
+def read_judged_harvest(name: str) -> JudgedHarvest:
+    """Read a set of harvest.json."""
+    read = json.loads(VERDICTS.read_text(encoding="utf-8"))[name]
     pictures = [f"{folder}/{file}" for folder, files in read["pictures"].items() for file in files]
     return JudgedHarvest(pictures, read["exemplars"])
 
@@ -70,8 +72,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--data", type=Path, default=default, help="folder with facades/ and streetphotos/")
     parser.add_argument("--out", type=Path, required=True, help="folder of the library; a second run goes on there")
     parser.add_argument("--sheet", type=Path, help="picture file of the exemplars; none is drawn without it")
+    parser.add_argument("--set", choices=SETS, default="first", help="set of pictures")
     options = parser.parse_args(arguments)
-    pictures, verdicts = read_judged_harvest()
+    pictures, verdicts = read_judged_harvest(options.set)
     folders = {Path(picture).name: picture.rsplit("/", 1)[0] for picture in pictures}
     start = time.process_time()
     found = harvest_style_library(
@@ -88,7 +91,7 @@ def main(arguments: list[str] | None = None) -> None:
         )
     counts = count_verdicts(exemplars, verdicts)
     each = {"processor_seconds_per_picture": round(seconds / done, 1)} if done else {}
-    print(json.dumps({"benchmark": "harvest", "pictures": found.pictures} | each | counts))
+    print(json.dumps({"benchmark": "harvest", "set": options.set, "pictures": found.pictures} | each | counts))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from facade_core.facade.photo_facade import (
     complete_observed_photo,
     observe_photo,
 )
+from facade_core.facade.sky_removal import count_sky_rows
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.rectify.building_crop import crop_to_building
@@ -158,19 +159,27 @@ def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tup
 
 
 def _trim(image: UInt8Array, photo: ObservedPhoto) -> tuple[UInt8Array, ObservedPhoto]:
-    """Trim the borders that show no facade, and bays and floors that the picture cuts through."""
+    """Trim the borders that show no facade, bays and floors that the picture cuts through, and sky above the eaves."""
     for find_part in (_seen_part, _whole_part):
-        y0, y1, x0, x1 = find_part(photo)
-        part = np.s_[y0:y1, x0:x1]
-        if photo.hidden[part].shape == photo.hidden.shape:
-            continue
-        parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
-        hidden = photo.hidden[part]
-        image = np.ascontiguousarray(image[part])
-        photo = replace(
-            photo, parsing=parsing, hidden=hidden, observed=elements(replace(parsing, occluded=hidden)), masked=()
-        )
-    return image, photo
+        image, photo = _cut_part(image, photo, find_part(photo))
+    height, width = photo.hidden.shape
+    sky = count_sky_rows(image, fill_sky_and_unknown(photo.parsing.labels))
+    return _cut_part(image, photo, (sky, height, 0, width))
+
+
+def _cut_part(
+    image: UInt8Array, photo: ObservedPhoto, bounds: tuple[int, int, int, int]
+) -> tuple[UInt8Array, ObservedPhoto]:
+    """Cut a picture and its parse to rows and columns."""
+    y0, y1, x0, x1 = bounds
+    part = np.s_[y0:y1, x0:x1]
+    hidden = photo.hidden[part]
+    if hidden.shape == photo.hidden.shape:
+        return image, photo
+    parsing = Parsing(photo.parsing.labels[part], photo.parsing.confidence[part], photo.parsing.occluded[part])
+    observed = elements(replace(parsing, occluded=hidden))
+    cut = replace(photo, parsing=parsing, hidden=hidden, observed=observed, masked=())
+    return np.ascontiguousarray(image[part]), cut
 
 
 def _seen_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:

@@ -5,17 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
-from benchmarks.harvest import USABLE, count_verdicts, draw_sheet, read_judged_harvest
+from benchmarks.harvest import SETS, USABLE, count_verdicts, draw_sheet, read_judged_harvest
 
 
-def test_every_verdict_is_on_a_listed_picture() -> None:
-    pictures, verdicts = read_judged_harvest()
+@pytest.mark.parametrize("name", SETS)
+def test_every_verdict_is_on_a_listed_picture(name: str) -> None:
+    pictures, verdicts = read_judged_harvest(name)
     names = [Path(picture).stem for picture in pictures]
     assert len(names) == len(set(names))
     assert set(verdicts) <= set(names)
     assert all(verdicts.values())
+
+
+def test_no_picture_is_in_two_sets() -> None:
+    first, second = (set(read_judged_harvest(name).pictures) for name in SETS)
+    assert not first & second
 
 
 def test_verdicts_are_counted_by_folder() -> None:

@@ -1,0 +1,64 @@
+"""Sky above the eaves that the labels take for wall: found by its colour and evenness, without the wall and its windows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.core.labels import FacadeClass
+from facade_core.facade.sky_removal import count_sky_rows, find_even_sky
+from facade_core.parsing.floor_structure import find_floors_and_bays
+from facade_core.synth.facade import PaintedFacade, paint_facade
+
+ROWS = 40
+
+
+def painted(style: str = "brick") -> PaintedFacade:
+    return paint_facade((18.0, 14.0), floors=5, columns=5, style=style, metres_per_pixel=0.0625, seed=2)
+
+
+def put_over(facade: PaintedFacade, colour: tuple[int, int, int], share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Put rows over a facade that show a colour in a share of their width, beside a gable of the wall's colour."""
+    width = facade.labels.shape[1]
+    over = np.full((ROWS, width, 3), np.median(facade.image[facade.labels == FacadeClass.WALL], axis=0), np.uint8)
+    over[:, : round(share * width)] = colour
+    labels = np.full((ROWS, width), FacadeClass.WALL, np.uint8)
+    return np.concatenate([over, facade.image]), np.concatenate([labels, facade.labels])
+
+
+@pytest.mark.parametrize("colour", [(245, 246, 248), (150, 185, 230)])
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_sky_beside_and_above_a_gable_is_counted(colour: tuple[int, int, int], share: float) -> None:
+    image, labels = put_over(painted(), colour, share)
+    assert ROWS - 4 <= count_sky_rows(image, labels) <= ROWS + 4
+
+
+@pytest.mark.parametrize("colour", [(60, 60, 65), (215, 190, 130)])
+def test_a_dark_roof_and_a_yellow_attic_are_no_sky(colour: tuple[int, int, int]) -> None:
+    assert count_sky_rows(*put_over(painted(), colour, 1.0)) == 0
+
+
+@pytest.mark.parametrize("style", ["brick", "plaster"])
+def test_a_facade_without_sky_stays_whole(style: str) -> None:
+    facade = painted(style)
+    assert count_sky_rows(facade.image, facade.labels) == 0
+
+
+def test_a_floor_with_sky_between_its_windows_is_of_dormers() -> None:
+    facade = painted()
+    found = find_floors_and_bays(facade.labels)
+    assert found is not None
+    _, bottom = found.floors[0]
+    image = facade.image.copy()
+    image[:bottom][facade.labels[:bottom] == FacadeClass.WALL] = (245, 246, 248)
+    assert count_sky_rows(image, facade.labels) == found.floor_cuts[1]
+
+
+def test_sky_beside_several_floors_takes_no_floor() -> None:
+    facade = painted()
+    found = find_floors_and_bays(facade.labels)
+    assert found is not None
+    image = facade.image.copy()
+    image[:, : image.shape[1] // 12] = (245, 246, 248)
+    assert find_even_sky(image, facade.labels)[len(image) // 2].any()
+    assert count_sky_rows(image, facade.labels) <= found.floors[0][0]
