@@ -259,7 +259,8 @@ def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tup
         return ()
     west, south, east, north = area.bounds
     within = south - _AREA_MARGIN_DEG <= latitude <= north + _AREA_MARGIN_DEG
-    within &= (longitude - west + _AREA_MARGIN_DEG) % 360 <= (east - west) % 360 + 2 * _AREA_MARGIN_DEG
+    across = east - west if east > west else east - west + 360  # the area may lie across the antimeridian
+    within &= (longitude - west + _AREA_MARGIN_DEG) % 360 <= across + 2 * _AREA_MARGIN_DEG
     if within:
         return ()
     return (

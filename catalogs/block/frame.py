@@ -73,4 +73,4 @@ def _frame_notes(frame: CRS, stated: str, given: str | None, *middle: float) -> 
         return () if given else (f"{shown}, as the buildings state it",)
     if middle and not given:
         return (f"{shown}, as the buildings lie at longitude {middle[0]:.4f}, latitude {middle[1]:.4f}",)
-    return (f"{shown}, as {source.to_string()} does not count in metres there",)
+    return (f"{shown}, as {source.to_string()} does not measure metres there",)

@@ -328,7 +328,7 @@ def _flat_terrain_notes(buildings: Iterable[Building], terrain: ElevationRaster 
     """Return a note if no source states the height of the ground."""
     if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
         return ()
-    return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
+    return ("no source states the height of the ground, so it is flat; for a slope give terrain: {path: ...}",)
 
 
 def _unit_notes(files: NamedFiles, file: BlockFileErrorContext) -> tuple[str, ...]:

@@ -159,7 +159,7 @@ def test_a_city_that_is_running_is_followed(page: Any, address: str, city: tuple
     assert "waiting" in page.inner_text(".block-list")
     with lock_folder(out), lock_folder(out / "blocks" / names[-1]):
         page.wait_for_selector("text=1 running")
-        page.wait_for_selector("text=the city's run is going on")
+        page.wait_for_selector("text=the run of the city is in progress")
         page.click("text=Map")
         page.wait_for_selector("path.block[data-state='running']")
     page.wait_for_selector("path.block[data-state='waiting']")

@@ -91,6 +91,11 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
         found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
         assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == [], place
         assert opened.evaluate("document.documentElement.scrollWidth") <= 390, place
+    # on the page of the run: words and numbers are not broken
+    assert opened.evaluate(
+        "[...document.querySelectorAll('td.name, td.number')].every(cell => {"
+        "  const range = document.createRange(); range.selectNodeContents(cell); return range.getClientRects().length === 1; })"
+    )
     opened.close()
 
 
@@ -172,9 +177,9 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         reason = "the photo is cut off; replace it"
         write_record(group, "facades", 0, {"unit": record["unit"], "key": "x", "status": "failed", "reason": reason})
         commit(session, "a facade that fails")
-        page.wait_for_selector("text=The run was cut off; run the block again to go on")
+        page.wait_for_selector("text=The run was interrupted; run the block again to resume")
         with lock_folder(out):
-            page.wait_for_selector("text=The run is going on")
+            page.wait_for_selector("text=The run is in progress")
         # what changed between two captures, of another: coloured and listed alone, and where, beside how it was
         other = read_journal(group, "facades")[1]
         assert other is not None

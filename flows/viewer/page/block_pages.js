@@ -9,7 +9,7 @@ import { smallMap } from "./map.js";
 const LISTED = 200;
 
 // A run that was killed leaves work that nobody does.
-export const fate = (progress) => (progress.ended ? "the run has ended" : progress.under_way ? "the run is going on" : "the run was cut off; run the block again to go on");
+export const fate = (progress) => (progress.ended ? "the run has ended" : progress.under_way ? "the run is in progress" : "the run was interrupted; run the block again to resume");
 const sentence = (words) => words[0].toUpperCase() + words.slice(1);
 
 // What `quality` says is amiss, with the texture beside it; first what is most doubtful where most of it is seen, as in the report.
@@ -19,7 +19,7 @@ export function reviewPage(block, correct) {
   return [
     element("h2", {}, `${ids.length} of ${block.facades.length} facades to look at`),
     ids.length ? element("p", {}, "Each has a flag other than an assumed height in the column quality. A click shows the reason and the remedy.")
-      : element("p", {}, "Nothing is amiss but assumed heights. To look at, or to correct, any other: choose it on the ", element("a", { href: "#/map" }, "Map"), "."),
+      : element("p", {}, "No flags other than assumed heights. To look at or correct another facade, choose it on the ", element("a", { href: "#/map" }, "Map"), "."),
     element("div", { class: "stages" }, ...ids.slice(0, LISTED).map((id) => facades.get(id)).map((facade) =>
       element("figure", {},
         element("a", { href: facadeAddress(facade.id) },
@@ -59,7 +59,7 @@ export async function facadePage(block, id, number, correct) {
     element("h3", {}, "How it was made"),
     element("div", { class: "stages" }, ...details.stages.filter((one) => one !== texture).map((one) => stageFigure(id, one, details.snapshot))),
     details.stages.some(({ stage }) => stage === "parse") ? legend(block.parse_colours) : null,
-    element("details", {}, element("summary", {}, "All that is known of it"), valuesTable(shownColumns, facade)),
+    element("details", {}, element("summary", {}, "All properties"), valuesTable(shownColumns, facade)),
     Object.keys(details.seconds).length
       ? element("p", {}, "Seconds: ", Object.entries(details.seconds).map(([name, value]) => `${name} ${value.toFixed(2)}`).join(", "))
       : null,
@@ -139,12 +139,12 @@ export function runPage(block, progress) {
   return [
     element("h2", {}, sentence(fate(progress))),
     element("table", {}, head("Stage", "Progress", "Done", "Failed", "Stale", "Of"), element("tbody", {}, ...progress.stages.map((stage) =>
-      element("tr", {}, cell(stage.name),
+      element("tr", {}, cell(stage.name, "name"),
         element("td", {}, element("progress", { max: stage.total, value: stage.done + stage.failed, "aria-label": `${stage.name}: ${stage.done + stage.failed} of ${stage.total}` })),
         cell(stage.done, "number"), cell(stage.failed, "number"), cell(stage.stale, "number"), cell(stage.total, "number"))))),
-    element("h3", {}, `What failed or was set aside: ${progress.failures.length}`),
+    element("h3", {}, `Failed or set aside: ${progress.failures.length}`),
     units(progress.failures),
-    progress.stale.length ? element("h3", {}, `What is out of date: ${progress.stale.length}`) : null,
+    progress.stale.length ? element("h3", {}, `Out of date: ${progress.stale.length}`) : null,
     progress.stale.length ? units(progress.stale) : null,
     block.notes.length ? element("h3", {}, "Notes") : null,
     block.notes.length ? element("ul", {}, ...block.notes.map((note) => element("li", {}, note))) : null,
@@ -158,7 +158,7 @@ export function blocksPage(city, page) {
   const order = ["failed", "running", "stale", "waiting", "done"];
   const sorted = [...blocks].sort((a, b) => order.indexOf(a.state) - order.indexOf(b.state));
   return [
-    element("h2", {}, `${blocks.length} blocks${underWay ? "; the city's run is going on" : ""}`),
+    element("h2", {}, `${blocks.length} blocks${underWay ? "; the run of the city is in progress" : ""}`),
     element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Blocks" }, element("table", { class: "block-list" },
       element("thead", {}, element("tr", {}, ...["Block", "State", "Facades", "Failed", "Place"].map((text) => element("th", { scope: "col" }, text)))),
       element("tbody", {}, ...sorted.map((block) => element("tr", {},

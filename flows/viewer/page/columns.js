@@ -2,21 +2,21 @@
 
 // Columns that colour the map, as people call them; further columns are below "more".
 const COMMON = {
-  status: "State", floors: "Floors", height_m: "Height", photo: "Shown by pictures", occluded: "Hidden by things in front", quality: "To look at",
-  role: "Side of the street", street: "Street", windows: "Windows", window_to_wall: "Windows' share of the wall", shops: "Shops", balconies: "Balconies",
-  roof_shape: "Roof shape", changed: "Changed since before", capture_date: "Date of the picture", corrected: "Corrected by hand",
+  status: "State", floors: "Floors", height_m: "Height", photo: "Covered by pictures", occluded: "Occluded", quality: "To look at",
+  role: "Side of the street", street: "Street", windows: "Windows", window_to_wall: "Window-to-wall ratio", shops: "Shops", balconies: "Balconies",
+  roof_shape: "Roof shape", changed: "Changed between captures", capture_date: "Date of the picture", corrected: "Corrected by hand",
 };
 const FURTHER = {
   id: "Facade", building: "Building", part_of: "Part of building", roof_height_m: "Height of the roof", roof_confidence: "Certainty of the roof", width_m: "Width",
   azimuth_deg: "Faces, from north", floors_low: "Floors, at least", floors_high: "Floors, at most", levels: "Floors by the map",
-  columns: "Columns of windows", windows_low: "Windows, at least", windows_high: "Windows, at most", doors: "Doors", shop_width: "Shops' share of the width",
+  columns: "Columns of windows", windows_low: "Windows, at least", windows_high: "Windows, at most", doors: "Doors", shop_width: "Share of the width with shops",
   windows_seen: "Windows in pictures", doors_seen: "Doors in pictures", balconies_seen: "Balconies in pictures", shops_seen: "Shops in pictures",
-  window_to_wall_low: "Windows' share, at least", window_to_wall_high: "Windows' share, at most", masked: "Made anew behind things in front",
+  window_to_wall_low: "Window-to-wall ratio, at least", window_to_wall_high: "Window-to-wall ratio, at most", masked: "Inpainted behind occluders",
   privacy: "People and vehicles", shop_names: "Names of shops", inpainted: "Inpainted", synthesised: "From an exemplar", translated: "By the translator",
-  source: "Source of the texture", compared: "Compared with before", capture_date_before: "Date of the picture before",
-  pose_residual_deg: "Lines off their axes", pose_apart_m: "Panoramas apart", pose_raised_m: "Panorama raised", variation_types: "Types of elements",
-  variation_levels: "Levels of variation", variation_bytes: "Size of the variation", lattice_rows: "Lines of the lattice, across",
-  lattice_columns: "Lines of the lattice, upright", layout_score: "Score of the layout", seconds: "Time spent", updated: "Made", look_first: "To look at first",
+  source: "Source of the texture", compared: "Compared between captures", capture_date_before: "Date of the earlier picture",
+  pose_residual_deg: "Pose error by wall lines", pose_apart_m: "Panoramas apart", pose_raised_m: "Panorama raised", variation_types: "Types of elements",
+  variation_levels: "Levels of variation", variation_bytes: "Size of the variation", lattice_rows: "Horizontal lattice lines",
+  lattice_columns: "Vertical lattice lines", layout_score: "Layout score", seconds: "Time spent", updated: "Made", look_first: "To look at first",
 };
 const UNITS = { metres: "m", seconds: "s", degrees: "°", bytes: "bytes" };
 const WORDS = {
@@ -33,11 +33,11 @@ const UNKNOWN = "#b9bfc4";
 const suggested = ({ floors, levels, height_m }) =>
   floors && levels && floors !== levels ? ` Floors seen: ${floors}, which suggest a height of ${short((floors * height_m) / levels)} m.` : "";
 export const REMEDIES = {
-  "height-assumed": (facade) => `The map states no height of its building: ${said(facade.height_m, "metres")} are assumed.${suggested(facade)} Give it in the map, or correct it with view --edit.`,
+  "height-assumed": (facade) => `The map states no height for this building; ${said(facade.height_m, "metres")} is assumed.${suggested(facade)} Add it to the map, or correct it with view --edit.`,
   "floors-differ": (facade) => `Floors expected from its height or stated by the map: ${facade.levels}.${suggested(facade)} Correct the height of its building, or the boxes of its windows.`,
-  "mostly-hidden": () => "Most of it is hidden in its pictures, and was made anew. Add a photo from another place.",
-  "hidden-ground-floor": () => "Its ground floor is hidden in its pictures, and repeats the storeys above. Add a photo that shows it.",
-  "no-windows": () => "No window was found. If it has some, draw them with view --edit, or say that it is no facade.",
+  "mostly-hidden": () => "Most of it is hidden in its pictures and was inpainted. Add a photo from another place.",
+  "hidden-ground-floor": () => "Its ground floor is hidden in its pictures; it repeats the storeys above. Add a photo that shows it.",
+  "no-windows": () => "No window was found. If it has some, draw them with view --edit, or mark it as no facade.",
   "unsure-parse": () => "Its windows and doors are uncertain. Look at the boxes of its layout, and correct them with view --edit.",
   "doubtful-cut": () => "Its outline in the photo is doubtful. Compare it with the rectified picture; take a photo that shows the whole wall.",
   "rejected-picture": ({ reason }) => `A picture of it was rejected${reason ? `: ${reason}` : "."} Correct that picture or its place, or remove it.`,

@@ -77,7 +77,13 @@ def test_the_frame_is_the_buildings_own_where_it_measures_metres(block, tmp_path
     assert block("metres.gpkg").crs.to_epsg() == 28992
     assert block("degrees.gpkg").crs.to_epsg() == 32631
     assert block("web.gpkg").crs.to_epsg() == 32631
-    assert "chosen" in block("web.gpkg").notes[0]
+    assert (
+        block("metres.gpkg")
+        .notes[0]
+        .startswith("CRS of the block: EPSG:28992 (Amersfoort / RD New), as the buildings state")
+    )
+    assert "as the buildings lie at longitude" in block("degrees.gpkg").notes[0]
+    assert "as EPSG:3857 does not measure metres there" in block("web.gpkg").notes[0]
 
 
 def test_models_without_a_frame_take_the_one_that_is_given(block, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from catalogs.buildings.axis_mistakes import (
     swapped_places,
 )
 from catalogs.buildings.extents import locate_boxes
-from catalogs.crs import LONLAT, coordinate_transform
+from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use
 from facade_core.core.errors import BlockFileError, InputError
 
 
@@ -147,3 +147,12 @@ def test_an_offset_out_of_the_area_of_use_is_noted(tmp_path: Path) -> None:
     text = "name: b\nbuildings: {path: b.gpkg, offset: [385000, 6672000, 0]}\ntexture: {walls: translate}\n"
     (tmp_path / "block.yaml").write_text(text)
     assert any("far from where EPSG:3067" in note for note in read_block(tmp_path / "block.yaml").notes)
+
+
+@pytest.mark.parametrize(
+    ("crs", "longitude", "is_noted"),
+    [("EPSG:4326", 24.9, False), ("EPSG:3067", 24.9, False), ("EPSG:3067", -70.0, True), ("EPSG:3832", -170.0, False)],
+)
+def test_a_place_is_noted_outside_the_area_of_use_alone(crs: str, longitude: float, is_noted: bool) -> None:
+    """EPSG:4326 covers all longitudes; that of EPSG:3832 begins in the east and ends beyond the antimeridian."""
+    assert bool(note_outside_area_of_use(CRS(crs), longitude, 60.0)) == is_noted

@@ -141,7 +141,7 @@ def test_buildings_of_another_format_in_the_square_that_is_built_up_most(exempla
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from height" in text
     assert "streets    none given, derived from the gaps" in text
-    assert "no source states heights of the ground, which is laid flat" in text
+    assert "no source states the height of the ground, so it is flat" in text
     assert len(read_block(tmp_path / "mine.yaml").buildings) == 4
 
 
@@ -160,7 +160,7 @@ def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_pa
     assert not any("crs" in note for note in found.block.notes), "it was given"
     geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house], crs="EPSG:3067").to_crs(4326).to_file(file)
     found = write_new_block(tmp_path / "degrees.yaml", MapFiles(file, None, "EPSG:4326"), 200.0, None, exemplars)
-    assert found.block.notes[0].endswith("as EPSG:4326 does not count in metres there")
+    assert found.block.notes[0].endswith("as EPSG:4326 does not measure metres there")
 
 
 def test_a_local_model_far_from_its_streets_is_refused_with_its_offset(exemplars: Path, tmp_path: Path) -> None:
