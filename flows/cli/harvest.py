@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -67,4 +68,5 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
             f"{out}: no facade can be used; add photos taken from across the street, with a whole facade in view"
         )
         sys.exit(2)
-    print_line(f"ready: write imagery: {{exemplars: {{path: {out}}}}} into a block file")
+    path = json.dumps(str(out.resolve()), ensure_ascii=False)
+    print_line(f"ready: write imagery: {{exemplars: {{path: {path}}}}} into a block file")

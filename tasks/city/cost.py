@@ -19,7 +19,7 @@ BOTTLENECK_TEXTS = {
     "facades": "facades",
     "viewpoints": "viewpoints of streets",
     "ground": "ground",
-    "megatexels": "texels: half as many a metre are a quarter",
+    "megatexels": "texels (half the texels per metre is a quarter of the work)",
     "megapixels": "pixels of panoramas: half as wide are a quarter",
     "exemplars": "exemplars",
     "photos": "photos of facades",

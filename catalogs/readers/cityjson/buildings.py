@@ -335,7 +335,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
         reading.remarks.append(Remark(reading.path.name, reason, None))
     reading.remarks += [Remark(image, OUTSIDE_FOLDER_REASON, None) for image in refused]
     reading.remarks += [
-        Remark(f"{count} {kind} of {reading.path.name}", "objects that are no buildings left out", None)
+        Remark(f"{count} {kind} of {reading.path.name}", "kinds of objects that are no buildings left out", None)
         for kind, count in sorted(reading.other_types.items())
     ]
     models = []

@@ -135,7 +135,8 @@ def test_a_house_of_every_version(read: Callable[..., BuildingModels], version: 
     model = only(models)
     assert (models.crs, models.textures) == ("EPSG:7415", ())
     assert [(remark.id, remark.reason) for remark in models.remarks] == [
-        (f"{kind} of a.city.json", "objects that are no buildings left out") for kind in ("2 +Pavilion", "1 Road")
+        (f"{kind} of a.city.json", "kinds of objects that are no buildings left out")
+        for kind in ("2 +Pavilion", "1 Road")
     ]
     assert (model.id, model.height, model.levels, model.name, model.base) == ("h", 9.0, 2.0, "De Hoop", 1.4)
     assert areas(model) == pytest.approx(HOUSE_AREAS)
