@@ -100,8 +100,9 @@ def see_along_street(facade: LabelledFacade, rng: np.random.Generator) -> np.nda
     # at the density of the block's texels, and reduced before it is sampled, where a pixel of a view shows several
     factor = min(1.0, metres * TEXELS_PER_METRE, metres * camera.axes()[3] / distance)
     image = cv2.resize(facade.image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    maps = ((axis * factor).astype(np.float32) for axis in (x, y))
-    return cut_squares(cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), is_wall)
+    columns, rows = ((axis * factor).astype(np.float32) for axis in (x, y))
+    seen = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cut_squares(np.asarray(seen, np.uint8), is_wall)
 
 
 def read_real(recipe: DatasetRecipe, folder: Path) -> list[LabelledFacade]:
