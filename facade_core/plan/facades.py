@@ -265,8 +265,8 @@ def _begins_above_ground(scene: Scene, chart: Int64Array, foot: Float64Array) ->
     feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in FOOT_PROBE_SHARES]))
     above = feet + FOOT_PROBE_DISTANCE_M * charts.normals()[chart][:, None] + [0.0, 0.0, FOOT_PROBE_HEIGHT_M]
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
-    kind = np.where((met != MISS) & (distance < FOOT_PROBE_HEIGHT_M + MAX_GROUND_DROP_M), charts.kind[met], MISS)
-    roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
+    is_near, kind = (met != MISS) & (distance < FOOT_PROBE_HEIGHT_M + MAX_GROUND_DROP_M), charts.kind[met]
+    roofs, grounds = ((is_near & (kind == one)).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
     is_raised: BoolArray = roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
     return is_raised
 
