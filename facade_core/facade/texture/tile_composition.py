@@ -16,6 +16,8 @@ from facade_core.facade.texture.seams import find_min_error_path
 
 # Lengths in pixels of the exemplar.
 MAX_SEAM_SHIFT_PX = 5  # distance of a path from the border
+# Cost of each pixel by which a path cuts off or adds to an element, as of black beside white: a path avoids it if it can.
+_LABEL_COST = 3.0 * 255.0**2
 _BAND_SIGMA_PX = 6.0  # separates colour (low band) from detail (high band)
 _FADE_PX = 10  # width of the cross-fade of colour on either side of a border
 
@@ -61,7 +63,8 @@ def compose_tiles(
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
-    right_start, lower_start = _find_seam_paths(colour, *where, max(1, round(MAX_SEAM_SHIFT_PX / reduction)))
+    reach = max(1, round(MAX_SEAM_SHIFT_PX / reduction))
+    right_start, lower_start = _find_seam_paths(colour, labels, *where, full_rows, full_columns, reach)
     cell = _assign_cells(right_start, lower_start, rows, columns)
     low: Float32Array = np.asarray(
         cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE), np.float32
@@ -93,16 +96,28 @@ def _sample_bilinear(image: Float32Array, v: float, u: float, out: Float32Array)
 
 
 @njit(cache=True)
+def _sample_label(labels: UInt8Array, v: float, u: float) -> int:
+    """Return the class at a pixel position v, u counted from the picture's corner."""
+    return int(labels[min(max(int(v), 0), labels.shape[0] - 1), min(max(int(u), 0), labels.shape[1] - 1)])
+
+
+@njit(cache=True)
 def _find_seam_paths(
     image: Float32Array,
+    labels: UInt8Array,
     source_rows: Float64Array,
     source_columns: Float64Array,
     tiles: Int32Array,
     rows: Int64Array,
     columns: Int64Array,
+    label_rows: Float64Array,
+    label_columns: Float64Array,
     most: int,
 ) -> tuple[Int64Array, Int64Array]:
-    """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
+    """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows.
+
+    A path keeps to the border where the cells show other classes than each other: it would cut an element, or add a sliver.
+    """
     tall, wide = tiles.shape
     across = len(source_columns) - 1
     right_start = np.empty((rows[-1], max(0, wide - 1)), np.int64)
@@ -121,6 +136,7 @@ def _find_seam_paths(
                 limit = (min(x1 - x0, columns[nn + 1] - x1) if side == 0 else min(y1 - y0, rows[mm + 1] - y1)) // 2
                 reach = min(most, limit)
                 error = np.empty((length, 2 * reach + 1))
+                differs = np.empty(2 * reach + 1, np.bool_)
                 for a in range(length):
                     for b in range(2 * reach + 1):
                         y, x = (y0 + a, x1 - reach + b) if side == 0 else (y1 - reach + b, x0 + a)
@@ -139,6 +155,17 @@ def _find_seam_paths(
                         error[a, b] = 0.01 * abs(b - reach)
                         for c in range(3):
                             error[a, b] += (one[c] - other[c]) ** 2
+                        differs[b] = _sample_label(
+                            labels,
+                            _exemplar_position(y, m, label_rows, rows, i),
+                            _exemplar_position(x, n, label_columns, columns, j),
+                        ) != _sample_label(
+                            labels,
+                            _exemplar_position(y, mm, label_rows, rows, ii),
+                            _exemplar_position(x, nn, label_columns, columns, jj),
+                        )
+                    for b in range(2 * reach + 1):
+                        error[a, b] += _LABEL_COST * differs[min(b, reach) : max(b, reach)].sum()
                 path = find_min_error_path(error)
                 for a in range(length):
                     if side == 0:
@@ -215,7 +242,7 @@ def _render_labels(
             m, n = cell[y, x] // wide, cell[y, x] % wide
             i, j = tiles[m, n] // across, tiles[m, n] % across
             v, u = _exemplar_position(y, m, source_rows, rows, i), _exemplar_position(x, n, source_columns, columns, j)
-            out[y, x] = labels[min(max(int(v), 0), labels.shape[0] - 1), min(max(int(u), 0), labels.shape[1] - 1)]
+            out[y, x] = _sample_label(labels, v, u)
     return out
 
 

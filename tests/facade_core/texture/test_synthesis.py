@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.synthesis import plain_energy, reference
 from facade_core.core.errors import ImageError
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.synthesis import cell_borders, evolve_random_tilings, synthesize, synthesize_on_lattice
 from facade_core.facade.texture.tile_composition import compose_tiles
@@ -59,6 +60,17 @@ def test_tiles_in_their_own_order_show_the_exemplar():
         image, np.zeros((40, 60), np.uint8), grid, np.array([[0, 1]]), np.array([0, 40]), np.array([0, 30, 60])
     )
     np.testing.assert_allclose(own.astype(int), image, atol=1)
+
+
+def test_a_seam_adds_no_sliver_of_a_window_and_cuts_none():
+    """The second floor is left out; windows end at its foot, so that a seam that moves up would show them."""
+    image = np.random.default_rng(0).integers(0, 256, (60, 40, 3), dtype=np.uint8)
+    labels = np.zeros((60, 40), np.uint8)
+    labels[30:40, 10:20] = FacadeClass.WINDOW
+    labels[42:50, 25:35] = FacadeClass.WINDOW
+    rows, columns = np.array([0, 20, 40]), np.array([0, 40])
+    _, shown = compose_tiles(image, labels, Lattice((0, 20, 40, 60), (0, 40)), np.array([[0], [2]]), rows, columns)
+    np.testing.assert_array_equal(shown, np.concatenate([labels[:20], labels[40:]]))
 
 
 def test_size_borders_and_determinism(facade):
