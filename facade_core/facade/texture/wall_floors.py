@@ -23,6 +23,8 @@ MIN_LINTEL_M = 0.15
 MIN_SILL_SHARE = 0.8
 # Largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
 EAVES_TOLERANCE_M = 0.3
+# Largest distance from its top, metres, at which a wall begins to be free of neighbours along all its width.
+LEVEL_TOP_M = 0.3
 # Largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
 MAX_FLOOR_STRETCH = 1.12
 # Greatest height of a ground floor, metres.
@@ -166,6 +168,8 @@ def stack_floors(
         floor = own[-1] if is_ground else choose_floor(low, high)
         kind = "ground" if floor < 0 else kinds[floor]
         crowned = highest and at_eaves and not wall.is_back
+        if highest and not at_eaves and not is_ground and high - low >= MIN_FLOOR_M and _ends_in_cornice(style, wall):
+            floor, crowned = 0, True
         if not wall.on_street and not crowned and kind == "middle":
             floor = plain
         natural = scale * float(grid[lattice_rows(style, floor).stop] - grid[lattice_rows(style, floor).start])
@@ -177,6 +181,12 @@ def stack_floors(
             bands = _cut_bands(style, floor, high - low, scale) or bands
         stack.append(WallFloor(floor, bands, above, bare - above, crowned))
     return stack[::-1], scale
+
+
+def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall) -> bool:
+    """Return whether a wall that ends above or below the eaves shows the exemplar's crown: it is level, on a street."""
+    is_level = wall.free.buffer(LEVEL_TOP_M).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
+    return wall.on_street and is_level and style.structure.kinds[0] == "middle"
 
 
 def limit_floor_count(floors: int, height: float) -> int:

@@ -91,6 +91,18 @@ def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole() -> Non
     assert min(lowest) >= MIN_CUT_FLOOR_M - 1e-6
 
 
+def test_a_lower_wall_ends_in_the_cornice_unless_it_is_a_gable() -> None:
+    facade = painted("brick")
+    image, labels = cut_off_roof(facade.image, facade.labels)
+    style = analyse_exemplar(image, labels)
+    level, gable = shapely.box(0, 0, 12, 9.6), shapely.Polygon([(0, 4), (6, 0), (12, 4), (12, 9.6), (0, 9.6)])
+    for free, crowned in ((level, True), (gable, False)):
+        wall = FacadeWall(12, 9.6, 0.0, 12.8, 4, on_street=True, is_back=False, free=free)
+        top = stack_floors(style, wall, MPP)[0][0]
+        assert top.is_crowned == crowned
+        assert not crowned or top.exemplar_floor == 0
+
+
 @pytest.mark.parametrize(("eaves", "floors"), [(12.8, 4), (16.0, 4), (19.2, 6)])
 def test_storeys_are_those_of_the_wall_at_any_scale_of_the_exemplar(
     style: ExemplarAnalysis, eaves: float, floors: int
