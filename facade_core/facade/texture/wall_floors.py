@@ -25,6 +25,8 @@ MIN_SILL_SHARE = 0.8
 EAVES_TOLERANCE_M = 0.3
 # Largest distance from its top, metres, at which a wall begins to be free of neighbours along all its width.
 LEVEL_TOP_M = 0.3
+# Largest height of bare wall below the highest windows of such a wall with a cornice, metres.
+MAX_CROWNED_REST_M = 0.5
 # Largest stretch of a floor over the exemplar's; beyond it the rest is bare wall.
 MAX_FLOOR_STRETCH = 1.12
 # Greatest height of a ground floor, metres.
@@ -168,7 +170,7 @@ def stack_floors(
         floor = own[-1] if is_ground else choose_floor(low, high)
         kind = "ground" if floor < 0 else kinds[floor]
         crowned = highest and at_eaves and not wall.is_back
-        if highest and not at_eaves and not is_ground and high - low >= MIN_FLOOR_M and _ends_in_cornice(style, wall):
+        if highest and not at_eaves and not is_ground and _ends_in_cornice(style, wall, high - low, scale):
             floor, crowned = 0, True
         if not wall.on_street and not crowned and kind == "middle":
             floor = plain
@@ -183,10 +185,16 @@ def stack_floors(
     return stack[::-1], scale
 
 
-def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall) -> bool:
-    """Return whether a wall that ends above or below the eaves shows the exemplar's crown: it is level, on a street."""
+def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, scale: float) -> bool:
+    """Return whether a wall that ends above or below the eaves shows the exemplar's highest floor with its crown.
+
+    Its top is level and on a street, and its highest floor, of some height in metres, is about as high as the exemplar's.
+    """
+    rows, grid = lattice_rows(style, 0), style.grid.rows
+    natural = scale * (grid[rows.stop] - grid[rows.start])
+    fits = MIN_FLOOR_M <= height <= MAX_FLOOR_STRETCH * natural + MAX_CROWNED_REST_M
     is_level = wall.free.buffer(LEVEL_TOP_M).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
-    return wall.on_street and is_level and style.structure.kinds[0] == "middle"
+    return wall.on_street and fits and is_level and style.structure.kinds[0] == "middle"
 
 
 def limit_floor_count(floors: int, height: float) -> int:
