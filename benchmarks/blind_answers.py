@@ -1,4 +1,4 @@
-"""Key and answers of blind pairs, whatever the pairs show."""
+"""Key and answers of blind pairs."""
 
 from __future__ import annotations
 
@@ -19,25 +19,30 @@ def write_key(to: Path, sides: Sequence[tuple[str, str]], **facts: str | int) ->
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
-def counts(answers: Sequence[Mapping[str, str]], key: Mapping[str, Any]) -> dict[str, Any]:
-    """How often each output was preferred, and the reasons with how often they were given, by what was preferred.
+def count_answers(answers: Sequence[Mapping[str, str]], key: Mapping[str, Any]) -> dict[str, Any]:
+    """Count how often each name of the key was preferred, and the reasons that were given.
 
-    answers: rows of pair, preferred and why, reasons separated by ";". Raises SystemExit for a pair that the key lacks, or an
-    answer that is neither A nor B nor empty.
+    Parameters
+    ----------
+    answers : rows of pair, preferred and why, reasons separated by ";".
+    key : content of key.json.
+
+    Raises
+    ------
+    SystemExit : a pair is not in the key, or an answer is neither A nor B nor empty.
     """
     preferred: Counter[str] = Counter()
     why: dict[str, Counter[str]] = {}
     for answer in answers:
         pair, said = answer["pair"].strip(), answer["preferred"].strip().upper()
         if pair not in key["pairs"] or said not in ("A", "B", ""):
-            raise SystemExit(
-                f"benchmarks.blind_pairs: pair {pair!r}, preferred {said!r}: say A, B or nothing of a known pair"
-            )
+            raise SystemExit(f"blind pairs: pair {pair!r}, preferred {said!r}: say A, B or nothing of a known pair")
         chosen = key["pairs"][pair][said] if said else "neither"
         preferred[chosen] += 1
         why.setdefault(chosen, Counter()).update(part for p in answer["why"].split(";") if (part := p.strip()))
+    names = dict.fromkeys(name for sides in key["pairs"].values() for name in sorted(sides.values(), reverse=True))
     return {
         "pairs": len(answers),
-        "preferred": {name: preferred[name] for name in ("out", "against", "neither")},
+        "preferred": {name: preferred[name] for name in (*names, "neither")},
         "why": {name: dict(reasons.most_common()) for name, reasons in sorted(why.items())},
     }

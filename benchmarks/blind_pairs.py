@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.blind_answers import counts, write_key
+from benchmarks.blind_answers import count_answers, write_key
 
 PAIRS = 24
 # Pairs on a sheet, beside and below each other; a view's height and width.
@@ -39,7 +39,7 @@ def main() -> None:
     if options.answers and options.key:
         with options.answers.open(encoding="utf-8", newline="") as file:
             answers = list(csv.DictReader(file))
-        print(json.dumps(counts(answers, json.loads(options.key.read_text(encoding="utf-8"))), indent=1))
+        print(json.dumps(count_answers(answers, json.loads(options.key.read_text(encoding="utf-8"))), indent=1))
     elif options.out and options.against and options.to:
         print(json.dumps(draw(options.out, options.against, options.to, options.seed)))
     else:

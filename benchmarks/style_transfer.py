@@ -90,8 +90,7 @@ def see_along_street(facade: LabelledFacade, rng: np.random.Generator) -> np.nda
     ahead = np.array([np.cos(turn), abs(np.sin(turn)), PITCH]) * [np.sign(turn), 1, 1]
     camera = PerspectiveCamera(position, position + ahead, FIELD_OF_VIEW, SIZE)
     rays = camera.rays()
-    with np.errstate(divide="ignore"):
-        points = rays * (distance / np.maximum(rays[..., 1], 1e-6))[..., None]
+    points = rays * (distance / np.maximum(rays[..., 1], 1e-6))[..., None]
     left = distance / np.tan(turn) - width / 2
     x = (points[..., 0] - left) / metres
     y = (height - points[..., 2] - EYE_M) / metres

@@ -91,21 +91,21 @@ def format_duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def print_summary(target: Console, summary: JsonObject, *, painted: int = 0) -> None:
+def print_summary(target: Console, summary: JsonObject, *, is_painted: bool = False) -> None:
     """Print the summary of a run for people.
 
     Parameters
     ----------
     target : console to print to.
     summary : outcome of the run.
-    painted : number of pictures that are painted and show no face or number plate.
+    is_painted : whether all pictures are painted and show no face or number plate.
     """
     done = f"{format_count(summary['facades_done'], 'facade')}, {format_count(summary['viewpoints'], 'viewpoint')}"
     done += f" in {summary['seconds']:.0f} s, {format_count(summary['units_skipped'], 'unit')} done before"
     _print_escaped(target, (summary["block"], "bold"), f": {done}")
     for failure in summary["failures"]:
         _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
-    if (unchecked := summary["not_looked_at"] - painted) > 0:
+    if (unchecked := summary["not_looked_at"]) and not is_painted:
         counted = f"facades and exemplars from pictures not checked for faces and number plates: {unchecked}"
         _print_escaped(target, f"  {counted}; `make detect-setup` installs the detectors")
     _print_escaped(target, f"  report  {summary['outputs']['report']}")

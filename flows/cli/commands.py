@@ -207,7 +207,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
     from flows.run_entry import open_run
     from flows.step_reporter import report_steps, show_progress
     from tasks.engine.store.disk_space import require_disk_space
-    from tasks.examples.demo import count_painted_pictures
+    from tasks.examples.demo import has_only_painted_pictures
 
     start = time.monotonic()
     street = options.redo
@@ -241,7 +241,7 @@ def _run_block(block_file: Path, out: Folder, options: RunOptions) -> None:
     if options.as_json:
         click.echo(json.dumps(summary))
     else:
-        print_summary(console, summary, painted=count_painted_pictures(entry.block))
+        print_summary(console, summary, is_painted=has_only_painted_pictures(entry.block))
     if "withheld" in summary:
         print_notice(summary["withheld"])
     if summary["facades_failed"] or summary["failures"]:

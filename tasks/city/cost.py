@@ -20,12 +20,12 @@ BOTTLENECK_TEXTS = {
     "viewpoints": "viewpoints of streets",
     "ground": "ground",
     "megatexels": "texels (half the texels per metre is a quarter of the work)",
-    "megapixels": "pixels of panoramas: half as wide are a quarter",
+    "megapixels": "pixels of panoramas (half the width is a quarter of the work)",
     "exemplars": "exemplars",
     "photos": "photos of facades",
     "panoramas": "panoramas with a pose",
-    "exemplar_megapixels": "pixels of exemplars without a label map: half as wide are a quarter",
-    "photo_megapixels": "pixels of photos: half as wide are a quarter",
+    "exemplar_megapixels": "pixels of exemplars without a label map (half the width is a quarter of the work)",
+    "photo_megapixels": "pixels of photos (half the width is a quarter of the work)",
     "blocks": "starting blocks and publishing them, which workers wait for",
 }
 

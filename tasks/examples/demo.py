@@ -42,13 +42,14 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     return block_file
 
 
-def count_painted_pictures(block: Block) -> int:
-    """Count the exemplars and photos of a block that are the demo's: painted, so that they show no face or number plate."""
-    pictures = [INPUTS / "exemplars" / path.name for path in block.exemplars]
-    pictures += [INPUTS / "photos" / path.name for path in block.photos.values()]
+def has_only_painted_pictures(block: Block) -> bool:
+    """Return whether all pictures of a block are the demo's: painted, so that they show no face or number plate."""
+    painted = [INPUTS / "exemplars" / path.name for path in block.exemplars]
+    painted += [INPUTS / "photos" / path.name for path in block.photos.values()]
     given = [*block.exemplars, *block.photos.values()]
-    return sum(
-        one.is_file() and filecmp.cmp(one, other, shallow=False) for one, other in zip(pictures, given, strict=True)
+    return not block.panoramas and all(
+        one.is_file() and other.is_file() and filecmp.cmp(one, other, shallow=False)
+        for one, other in zip(painted, given, strict=True)
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.blind_answers import counts, write_key
+from benchmarks.blind_answers import count_answers, write_key
 from benchmarks.blind_pairs import sheet
 from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_energy
 from benchmarks.look.photos import panorama_places, perspective
@@ -146,15 +146,15 @@ def test_answers_are_counted_by_the_key() -> None:
         {"pair": "1", "preferred": "a", "why": "kerbs; light"},
         {"pair": "2", "preferred": "B", "why": "light"},
     ]
-    assert counts(answers, KEY)["preferred"] == {"out": 2, "against": 0, "neither": 0}
-    assert counts(answers, KEY)["why"] == {"out": {"light": 2, "kerbs": 1}}
-    assert counts([{"pair": "2", "preferred": "", "why": ""}], KEY)["preferred"]["neither"] == 1
+    assert count_answers(answers, KEY)["preferred"] == {"out": 2, "against": 0, "neither": 0}
+    assert count_answers(answers, KEY)["why"] == {"out": {"light": 2, "kerbs": 1}}
+    assert count_answers([{"pair": "2", "preferred": "", "why": ""}], KEY)["preferred"]["neither"] == 1
 
 
 @pytest.mark.parametrize("answer", [{"pair": "3", "preferred": "A"}, {"pair": "1", "preferred": "left"}])
 def test_an_answer_that_fits_no_pair_is_refused(answer: dict[str, str]) -> None:
     with pytest.raises(SystemExit, match="say A, B or nothing"):
-        counts([{"why": "", **answer}], KEY)
+        count_answers([{"why": "", **answer}], KEY)
 
 
 def test_answers_count_by_the_key_that_is_written_with_them(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_answers_count_by_the_key_that_is_written_with_them(tmp_path: Path) -> N
     assert key == {"seed": 3, **KEY}
     with (tmp_path / "answers.csv").open(encoding="utf-8", newline="") as file:
         answers = [row | {"preferred": "A"} for row in csv.DictReader(file)]
-    assert counts(answers, key)["preferred"] == {"out": 1, "against": 1, "neither": 0}
+    assert count_answers(answers, key)["preferred"] == {"out": 1, "against": 1, "neither": 0}
 
 
 def test_a_sheet_holds_all_its_pairs() -> None:

@@ -16,8 +16,8 @@ from facade_core.facade.texture.seams import find_min_error_path
 
 # Lengths in pixels of the exemplar.
 MAX_SEAM_SHIFT_PX = 5  # distance of a path from the border
-# Cost of each pixel by which a path cuts off or adds to an element, as of black beside white: a path avoids it if it can.
-_LABEL_COST = 3.0 * 255.0**2
+# Cost of each pixel by which a path cuts off or adds to an element, beyond any difference of colour: no path does.
+_LABEL_COST = 1e12
 _BAND_SIGMA_PX = 6.0  # separates colour (low band) from detail (high band)
 _FADE_PX = 10  # width of the cross-fade of colour on either side of a border
 
@@ -165,7 +165,9 @@ def _find_seam_paths(
                             _exemplar_position(x, nn, label_columns, columns, jj),
                         )
                     for b in range(2 * reach + 1):
-                        error[a, b] += _LABEL_COST * differs[min(b, reach) : max(b, reach)].sum()
+                        for passed in range(min(b, reach), max(b, reach)):
+                            if differs[passed]:
+                                error[a, b] += _LABEL_COST
                 path = find_min_error_path(error)
                 for a in range(length):
                     if side == 0:

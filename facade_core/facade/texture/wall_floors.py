@@ -160,7 +160,8 @@ def stack_floors(
         return plain if kind == "ground" or (kind == "roof" and not at_eaves) else floor
 
     if len(inner) and top - inner[-1] < MIN_FLOOR_M:
-        cut = _cut_bands(style, choose_floor(inner[-1], top), top - inner[-1], scale)
+        shown = choose_floor(inner[-1], top) if wall.on_street else plain
+        cut = _cut_bands(style, shown, top - inner[-1], scale)
         inner = inner[: None if cut and not at_eaves else -1]
     borders = _split_high_floors(np.concatenate([[wall.foot], inner, [top]]), has_ground_floor)
     stack = []
@@ -179,7 +180,7 @@ def stack_floors(
         # The bare wall is above doors and shops, and below a crown.
         above = bare if is_ground or (highest and not crowned) else 0.0
         bands = _band_heights(style, floor, high - low - bare, scale)
-        if highest and not crowned and not is_ground and high - low < natural:
+        if highest and not (at_eaves or crowned or is_ground) and high - low < natural:
             bands = _cut_bands(style, floor, high - low, scale) or bands
         stack.append(WallFloor(floor, bands, above, bare - above, crowned))
     return stack[::-1], scale
@@ -192,7 +193,7 @@ def _ends_in_cornice(style: ExemplarAnalysis, wall: FacadeWall, height: float, s
     """
     rows, grid = lattice_rows(style, 0), style.grid.rows
     natural = scale * (grid[rows.stop] - grid[rows.start])
-    fits = MIN_FLOOR_M <= height <= MAX_FLOOR_STRETCH * natural + MAX_CROWNED_REST_M
+    fits = MIN_FLOOR_M <= height <= max(MAX_FLOOR_STRETCH * natural, natural + MAX_CROWNED_REST_M)
     is_level = wall.free.buffer(LEVEL_TOP_M).covers(shapely.LineString([(0, 0), (wall.width, 0)]))
     return wall.on_street and fits and is_level and style.structure.kinds[0] == "middle"
 

@@ -44,7 +44,8 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
     assert not seen.private_mask((40, 60)).any()
     found = check_detectors()
     assert (found.concern, found.is_well) == ("privacy", None)
-    assert "no-such-package not installed; `make detect-setup`" in found.message
+    assert "as no-such-package is missing" in found.message
+    assert found.message.endswith("`make detect-setup` installs them")
 
 
 def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:

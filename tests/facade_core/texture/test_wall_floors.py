@@ -73,12 +73,14 @@ def test_floors_are_within_limits_and_not_stretched(style: ExemplarAnalysis) -> 
                     assert not (one.plinth and shows_ground_floor(style, one)), "doors are at the foot"
 
 
-def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole() -> None:
+@pytest.mark.parametrize("on_street", [True, False])
+def test_a_low_floor_at_the_top_of_a_lower_wall_keeps_its_windows_whole(on_street: bool) -> None:
     facade = painted("brick")
     style = analyse_exemplar(facade.image, facade.labels)
     pixel_rows, lowest = np.asarray(style.grid.rows), []
     for height in np.arange(7.0, 13.0, 0.1).tolist():
-        wall = FacadeWall(12, height, 0.0, 13.5, 5, on_street=True, is_back=False, free=shapely.box(0, 0, 12, height))
+        free = shapely.box(0, 0, 12, height)
+        wall = FacadeWall(12, height, 0.0, 13.5, 5, on_street=on_street, is_back=False, free=free)
         (top, *_), scale = stack_floors(style, wall, MPP)
         rows = lattice_rows(style, top.exemplar_floor)
         above, window, below = scale * np.diff(pixel_rows[rows.start : rows.stop + 1])
