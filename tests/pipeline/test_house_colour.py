@@ -66,7 +66,7 @@ def test_a_corner_house_is_of_one_colour_as_its_photo_is(tmp_path: Path) -> None
     Image.fromarray((painted.image * RED).astype(np.uint8)).save(photo)
     started = stages.started(out)
     done = stages.texture(write(tmp_path / "in"), out)
-    assert "pictures of its house changed" in str(done.said)
+    assert "pictures of the building changed" in str(done.said)
     after = walls(done.run)
     assert after[pictured][1] > 0.3
     for name in others:
