@@ -30,7 +30,8 @@ MIN_SKY_SHARE = 0.02
 MIN_RECTIFIED_SKY_SHARE = 0.01
 # Exposure value at ISO 100 below which a scene is lit by lamps: 8 to 9 a few minutes after sunset, 4 to 5 in a lit street.
 MIN_DAYLIGHT_EXPOSURE = 6.5
-# Median brightness of the upper quarter of a photo as taken, below which it shows the sky of the night or an unlit wall.
+# Median brightness of the upper quarter of a photo as taken of unknown exposure, below which it shows the sky of the night or
+# an unlit wall.
 MIN_UPPER_BRIGHTNESS = 55
 # Brightness that a tenth of a facade exceeds by day, also where most of it is in the shade.
 MIN_LIT_BRIGHTNESS = 90
@@ -80,7 +81,7 @@ def check_daylight(
     hidden = no_data_mask(image) | (resize_image(hidden.astype(np.uint8) * 255, size) > 0)
     upper = np.s_[: len(image) // 4]
     seen = image[upper].max(axis=2)[~hidden[upper]]
-    if len(seen) and np.median(seen) < MIN_UPPER_BRIGHTNESS:
+    if exposure is None and len(seen) and np.median(seen) < MIN_UPPER_BRIGHTNESS:
         raise ImageError(AT_NIGHT)
     if not hidden.all():
         outside = segment_surroundings(image, hidden, model=model).outside
