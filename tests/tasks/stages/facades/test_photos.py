@@ -210,6 +210,7 @@ def test_a_photo_with_a_dark_upper_quarter_is_of_the_night_without_a_sky() -> No
     hidden = np.zeros(photo.shape[:2], bool)
     hidden[:quarter] = True
     check_daylight(photo, hidden, None)
+    check_daylight(photo, np.zeros(photo.shape[:2], bool), 12.0)  # by day, under a dark arch
 
 
 def sign(text: str, score: float) -> TextLine:
