@@ -104,9 +104,10 @@ def see_along_street(facade: LabelledFacade, rng: np.random.Generator) -> np.nda
     return cut_squares(np.asarray(seen, np.uint8), is_wall)
 
 
-def read_real(recipe: DatasetRecipe, folder: Path) -> list[LabelledFacade]:
-    """Read the pictures of a city that are not harvested and have a scale, MAX_REAL evenly chosen."""
-    facades = [one for number, one in enumerate(read_dataset(recipe, folder)) if number % HARVEST_STEP]
+def read_real(recipe: DatasetRecipe, folder: Path, harvested: Sequence[Path]) -> list[LabelledFacade]:
+    """Read the pictures of a city that are not harvested, MAX_REAL evenly chosen."""
+    names = {path.stem for path in harvested}
+    facades = [one for one in read_dataset(recipe, folder) if one.name not in names]
     chosen = np.unique(np.linspace(0, len(facades) - 1, MAX_REAL).astype(int))
     return [facades[number] for number in chosen.tolist()]
 
@@ -202,7 +203,8 @@ def main(arguments: list[str] | None = None) -> None:
         run_block(options.out.resolve() / name, data, of_city) for name, of_city in zip(names, pictures, strict=True)
     ]
     outputs.append(run_block(options.out.resolve() / "default", data, ()))
-    classifier = train_classifier([read_real(recipe, folder) for recipe, folder in zip(CITIES, folders, strict=True)])
+    real = [read_real(*city) for city in zip(CITIES, folders, pictures, strict=True)]
+    classifier = train_classifier(real)
     result = {"benchmark": "style_transfer", "first": names[0], "second": names[1], "real": round(classifier.real, 3)}
     print(json.dumps(result | summarise_scores(score_views(outputs, classifier)), indent=1))
 

@@ -18,7 +18,7 @@ def test_squares_show_walls_only() -> None:
     squares = cut_squares(np.full((300, 400, 3), 7, np.uint8), is_wall)
     assert squares.shape[1:] == (SQUARE_PX, SQUARE_PX, 3)
     assert 1 <= len(squares) <= 5
-    assert cut_squares(np.zeros((300, 400, 3), np.uint8), ~is_wall & False).shape == (0, SQUARE_PX, SQUARE_PX, 3)
+    assert cut_squares(np.zeros((300, 400, 3), np.uint8), np.zeros_like(is_wall)).shape == (0, SQUARE_PX, SQUARE_PX, 3)
 
 
 def test_a_picture_is_seen_along_a_street_in_its_colours() -> None:
