@@ -56,7 +56,7 @@ def crop_to_building(
 def _crop_to_sides(
     image: UInt8Array, hidden: BoolArray, seen: Surroundings, centre: float, aspect: float | None
 ) -> FacadeCrop:
-    """Cut off sky and street, and what is beyond the party walls to the neighbours."""
+    """Cut off sky, street and the neighbours beyond the party walls."""
     outside, labels = seen
     box = find_facade_box(outside, hidden)
     if box is None:

@@ -13,7 +13,7 @@ from facade_core.synth.facade import PaintedFacade, paint_facade
 ROWS = 40
 
 
-def painted(style: str = "brick") -> PaintedFacade:
+def paint_house(style: str = "brick") -> PaintedFacade:
     return paint_facade((18.0, 14.0), floors=5, columns=5, style=style, metres_per_pixel=0.0625, seed=2)
 
 
@@ -29,23 +29,23 @@ def put_over(facade: PaintedFacade, colour: tuple[int, int, int], share: float) 
 @pytest.mark.parametrize("colour", [(245, 246, 248), (150, 185, 230)])
 @pytest.mark.parametrize("share", [0.2, 1.0])
 def test_sky_beside_and_above_a_gable_is_counted(colour: tuple[int, int, int], share: float) -> None:
-    image, labels = put_over(painted(), colour, share)
+    image, labels = put_over(paint_house(), colour, share)
     assert ROWS - 4 <= count_sky_rows(image, labels) <= ROWS + 4
 
 
 @pytest.mark.parametrize("colour", [(60, 60, 65), (215, 190, 130)])
 def test_a_dark_roof_and_a_yellow_attic_are_no_sky(colour: tuple[int, int, int]) -> None:
-    assert count_sky_rows(*put_over(painted(), colour, 1.0)) == 0
+    assert count_sky_rows(*put_over(paint_house(), colour, 1.0)) == 0
 
 
 @pytest.mark.parametrize("style", ["brick", "plaster"])
 def test_a_facade_without_sky_stays_whole(style: str) -> None:
-    facade = painted(style)
+    facade = paint_house(style)
     assert count_sky_rows(facade.image, facade.labels) == 0
 
 
 def test_a_floor_with_sky_between_its_windows_is_of_dormers() -> None:
-    facade = painted()
+    facade = paint_house()
     found = find_floors_and_bays(facade.labels)
     assert found is not None
     _, bottom = found.floors[0]
@@ -55,7 +55,7 @@ def test_a_floor_with_sky_between_its_windows_is_of_dormers() -> None:
 
 
 def test_sky_beside_several_floors_takes_no_floor() -> None:
-    facade = painted()
+    facade = paint_house()
     found = find_floors_and_bays(facade.labels)
     assert found is not None
     image = facade.image.copy()
