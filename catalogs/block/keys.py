@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 
+def suggest_name(text: str) -> str:
+    """Return the text with what a block's name cannot hold replaced by hyphens; empty where nothing is left."""
+    return re.sub(r"[^\w.-]+", "-", text).strip("-.")[:MAX_NAME_LENGTH]
+
+
 def _check_even(value: int) -> int:
     if value % 2:
         raise ValueError("must be even, since the height of a panorama is half its width")
@@ -291,7 +296,7 @@ def _format_fault(fault: ErrorDetails) -> str:
         )
         return f"{key}: wrong number of entries, got {short_repr(value)}; give {wanted}"
     if kind == "string_pattern_mismatch":
-        usable = re.sub(r"[^\w.-]+", "-", str(value)).strip("-.")[:MAX_NAME_LENGTH]
+        usable = suggest_name(str(value))
         example = f", such as {usable}" if usable else ""
         return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only{example}"
     if kind == "string_too_short" or (kind == "string_type" and value is None):

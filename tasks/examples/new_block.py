@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from catalogs.block.geometry import SWAPPED_AXES_NOTE
+from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
@@ -45,7 +46,7 @@ _OPTIONS = {
 
 
 RECTIFIED_NOTE = (
-    "photos as taken from the street, not straight on, want `rectified: false` beside their path in the block file"
+    "photos as taken from the street, not straight on, need `rectified: false` beside their path in the block file"
 )
 
 
@@ -252,7 +253,7 @@ def _write_block_file(
     imagery = {"exemplars": {"path": path_in_block_file(library, path)}}
     frame = {} if geometry.crs is None else {"crs": geometry.crs}
     keys = {
-        "name": path.stem,
+        "name": suggest_name(path.stem) or path.stem,
         "area": [round(float(value), 6) for value in bounds],
         "buildings": {"path": path_in_block_file(geometry.buildings, path)} | frame,
         **(
@@ -268,8 +269,12 @@ def _write_block_file(
         try:
             block = _read_draft(draft, keys, options)
         except InputError as error:
-            if isinstance(area, SquareArea) and SWAPPED_AXES_NOTE in str(error):
+            if SWAPPED_AXES_NOTE not in str(error):
+                raise
+            if isinstance(area, SquareArea):
                 raise InputError(area.axis_order_message("no buildings are there")) from error
+            if isinstance(area, float):  # the area is that of the buildings: nobody wrote it
+                raise InputError(_swapped_file_message(geometry, bounds)) from error
             raise
         notify(
             f"planning {format_count(len(block.buildings), 'building')} and {format_count(len(block.streets), 'street')}"
@@ -293,6 +298,15 @@ def _write_block_file(
     finally:
         draft.unlink(missing_ok=True)
     return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
+
+
+def _swapped_file_message(geometry: MapFiles, bounds: Sequence[float]) -> str:
+    """Return the error message for buildings and streets in different axis orders."""
+    west, south = bounds[:2]
+    return (
+        f"--streets: one of {geometry.buildings} and {geometry.streets} has longitude and latitude swapped: buildings at "
+        f"longitude {west:.4f}, latitude {south:.4f}, streets the other way round; export that file again, longitude first"
+    )
 
 
 def _bounds(geometry: MapFiles, area: Sequence[float] | SquareArea | float) -> Sequence[float]:
@@ -350,7 +364,7 @@ def _classify_pictures(
     unplaced = tuple(name for name in others if name not in reasons)
     if posed and named:
         unused += [
-            (name, "panoramas and photos of facades want a folder each; only panoramas are used") for name in named
+            (name, "panoramas and photos of facades need a folder each; only panoramas are used") for name in named
         ]
     return tuple(sorted(posed)), named, tuple(unused + [(fault.id, fault.reason) for fault in broken]), unplaced
 

@@ -234,7 +234,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "jpeg-2000": (as_png(bytes_of("JPEG2000")), NONE_OF),
     "svg": (as_png(b"<svg xmlns='http://www.w3.org/2000/svg'/>"), NONE_OF),
     "text": (as_png(b"no picture"), NONE_OF),
-    "empty": (as_png(b""), NONE_OF),
+    "empty": (as_png(b""), r"a\.png is empty; copy it again, or remove it"),
     "zeros": (as_png(b"\0" * 1000), NONE_OF),
     "signature": (as_png(b"\x89PNG\r\n\x1a\n"), r"a\.png cannot be opened as a picture"),
     "no-width": (as_png(claimed(0, 9)), r"a\.png (cannot be opened|is 0 x 9)"),

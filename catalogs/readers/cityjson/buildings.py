@@ -331,7 +331,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
             missing += path is None and not is_pipe
             numbers[number] = -1 if path is None else found.setdefault(path, len(found))
     if missing:
-        reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"
+        reason = f"files read without {missing} of their {len(used)} texture images, which are missing"
         reading.remarks.append(Remark(reading.path.name, reason, None))
     reading.remarks += [Remark(image, OUTSIDE_FOLDER_REASON, None) for image in refused]
     reading.remarks += [

@@ -141,9 +141,11 @@ def open_picture(path: Path) -> Iterator[Image]:
     except Image.DecompressionBombError as error:
         raise _size_error(path, MAX_PIXELS) from error
     except UnidentifiedImageError as error:
+        if path.stat().st_size == 0:
+            raise ImageError(f"{path.name} is empty; copy it again, or remove it") from error
         raise ImageError(
             f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, "
-            "or of a kind of it that is not read; save it as PNG or JPEG of 8 bits"
+            "or a variant that is not read; save it as PNG or JPEG of 8 bits"
         ) from error
     except Exception as error:  # decoders raise errors of any class
         if is_system_error(error) and not (isinstance(error, OSError) and is_unreadable_file(error)):

@@ -175,6 +175,29 @@ def test_a_local_model_far_from_its_streets_is_refused_with_its_offset(exemplars
         write_new_block(tmp_path / "mine.yaml", MapFiles(houses, roads), 200.0, None, exemplars)
 
 
+def test_files_of_different_axis_orders_are_named_with_their_places(exemplars: Path, tmp_path: Path) -> None:
+    house, road = (
+        shapely.box(24.94, 60.17, 24.9403, 60.1702),
+        shapely.LineString([(24.939, 60.1699), (24.941, 60.1699)]),
+    )
+    for houses, roads, place in (
+        (shapely.transform(house, lambda xy: xy[:, ::-1]), road, r"longitude 60\.\d+, latitude 24\.\d+"),
+        (house, shapely.transform(road, lambda xy: xy[:, ::-1]), r"longitude 24\.\d+, latitude 60\.\d+"),
+    ):
+        files = tmp_path / "houses.geojson", tmp_path / "roads.geojson"
+        geopandas.GeoDataFrame({"height": [12.0]}, geometry=[houses], crs="EPSG:4326").to_file(files[0])
+        geopandas.GeoDataFrame({"id": ["1"]}, geometry=[roads], crs="EPSG:4326").to_file(files[1])
+        with pytest.raises(
+            InputError, match=rf"^--streets: one of .*houses.* has longitude and .* buildings at {place}, "
+        ):
+            write_new_block(tmp_path / "mine.yaml", MapFiles(*files), 200.0, None, exemplars)
+
+
+def test_a_file_name_with_spaces_gives_a_usable_name(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
+    write_new_block(tmp_path / "my block (2).yaml", osm, BOX, None, exemplars)
+    assert read_block(tmp_path / "my block (2).yaml").name == "my-block-2"
+
+
 def test_a_place_whose_coordinates_are_swapped_is_told_in_its_own_words(
     osm: MapFiles, exemplars: Path, tmp_path: Path
 ) -> None:

@@ -416,7 +416,7 @@ def test_missing_pictures_take_the_texture_with_them(write: Write, tmp_path: Pat
     assert {SEMANTICS[k] for k in shell.semantic[shell.texture == 0]} == {"roof"}
     assert not shell.uv[shell.texture == -1].any()
     (remark,) = models.remarks
-    assert remark.reason == "files with textures that are missing (1 of 2): their surfaces are read without"
+    assert remark.reason == "files read without 1 of their 2 texture images, which are missing"
 
 
 def test_the_default_theme_is_shown_else_the_first_by_name(write: Write, tmp_path: Path) -> None:
@@ -682,7 +682,7 @@ def test_delfshaven(data: Path) -> None:
     models = read_cityjson(data / "city" / "delfshaven" / "3-20-DELFSHAVEN.city.json")
     assert (models.crs, len(models.items), models.faults, models.textures) == ("EPSG:28992", 853, (), ())
     assert [remark.reason for remark in models.remarks] == [
-        "files with textures that are missing (148 of 148): their surfaces are read without"
+        "files read without 148 of their 148 texture images, which are missing"
     ]
     kinds = Counter(kind for model in models.items for kind in areas(model))
     assert kinds == {"roof": 853, "wall": 853, "ground": 853}
