@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 @click.option(
     "--streets", type=EXISTING_FILE, help="Streets of --buildings.  [default: derived from the gaps between buildings]"
 )
-@click.option(
-    "--crs", metavar="CRS", help="CRS of --buildings and --streets, such as EPSG:28992, where the files have none."
-)
+@click.option("--crs", metavar="CRS", help="CRS of --buildings, such as EPSG:28992, and of --streets that state none.")
 @click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Area in degrees of longitude and latitude.")
 @click.option("--around", nargs=2, type=float, metavar="LON LAT", help="Alternative to --bbox: centre of a square.")
 @click.option(

@@ -21,7 +21,7 @@ from catalogs.buildings.densest_square import densest_building_square, square_bo
 from catalogs.buildings.extents import Bounds
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import format_command, format_count, format_unit_reason
-from catalogs.readers.formats import read_buildings
+from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
@@ -259,7 +259,7 @@ def _write_block_file(
         **(
             {}
             if geometry.streets is None
-            else {"streets": {"path": path_in_block_file(geometry.streets, path)} | frame}
+            else {"streets": {"path": path_in_block_file(geometry.streets, path)} | _streets_frame(geometry)}
         ),
         "imagery": imagery,
         "seed": seed,
@@ -298,6 +298,17 @@ def _write_block_file(
     finally:
         draft.unlink(missing_ok=True)
     return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
+
+
+def _streets_frame(geometry: MapFiles) -> dict[str, str]:
+    """Return the CRS key of the streets: the given one if their file states none, as files of one block may differ."""
+    if geometry.crs is None or geometry.streets is None:
+        return {}
+    try:
+        stated = read_centrelines(geometry.streets).crs
+    except InputError as error:
+        raise InputError(f"{geometry.option_by_key()['streets.path']}: {error}") from error
+    return {"crs": geometry.crs} if stated is None else {}
 
 
 def _swapped_file_message(geometry: MapFiles, bounds: Sequence[float]) -> str:

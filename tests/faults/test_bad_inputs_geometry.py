@@ -115,6 +115,7 @@ UNITS: dict[str, tuple[Make, str]] = {
 }
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("case", UNITS)
 def test_a_broken_building_is_set_aside(case: str, tmp_path: Path) -> None:
     make, words = UNITS[case]

@@ -46,7 +46,9 @@ def note_rounded_coordinates(surfaces: Sequence[MeshSurface], name: str, metres_
     step = float(np.spacing(np.minimum(largest, _MAX_SINGLE).astype(np.float32)).max())
     # coordinates of the other axes show that the numbers are not whole by choice
     metres = step * metres_per_unit
-    if metres < _MIN_ROUNDING_M or not all((one.astype(np.float32) == one).all() for one in points):
+    with np.errstate(over="ignore"):  # larger numbers are no single precision either
+        is_single = all((one.astype(np.float32) == one).all() for one in points)
+    if metres < _MIN_ROUNDING_M or not is_single:
         return []
     if not any((one % step != 0).any() for one in points):
         return []

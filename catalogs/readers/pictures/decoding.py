@@ -154,6 +154,8 @@ def open_picture(path: Path) -> Iterator[Image]:
             raise ImageError(unreadable_message(path, error)) from error
         if isinstance(error, InputError):  # a folder, a pipe or a device
             raise ImageError(f"{error}") from error
+        if "image file is truncated" in str(error):
+            raise ImageError(f"{path.name} is cut off; {REMEDY}") from error
         reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
         raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
 

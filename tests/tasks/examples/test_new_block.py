@@ -175,6 +175,23 @@ def test_a_local_model_far_from_its_streets_is_refused_with_its_offset(exemplars
         write_new_block(tmp_path / "mine.yaml", MapFiles(houses, roads), 200.0, None, exemplars)
 
 
+def test_a_given_crs_is_for_streets_that_state_none(exemplars: Path, tmp_path: Path) -> None:
+    house, road = (
+        shapely.box(385_000.0, 6_672_000.0, 385_020.0, 6_672_020.0),
+        shapely.LineString([(384_990.0, 6_671_990.0), (385_030.0, 6_671_990.0)]),
+    )
+    houses, roads, bare = tmp_path / "houses.gpkg", tmp_path / "roads.geojson", tmp_path / "bare.gpkg"
+    geopandas.GeoDataFrame({"id": ["1"]}, geometry=[road], crs="EPSG:3067").to_crs(4326).to_file(roads)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that they have none is the matter
+        geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house]).to_file(houses)
+        geopandas.GeoDataFrame({"id": ["1"]}, geometry=[road]).to_file(bare)
+    for streets in (roads, bare):
+        file = tmp_path / f"{streets.stem}.yaml"
+        found = write_new_block(file, MapFiles(houses, streets, "EPSG:3067"), 200.0, None, exemplars)
+        assert (len(found.block.buildings), len(found.block.streets)) == (1, 1)
+
+
 def test_files_of_different_axis_orders_are_named_with_their_places(exemplars: Path, tmp_path: Path) -> None:
     house, road = (
         shapely.box(24.94, 60.17, 24.9403, 60.1702),
