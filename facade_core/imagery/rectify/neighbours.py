@@ -14,8 +14,9 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from facade_core.core.arrays import AnyArray, BoolArray, Float64Array, UInt8Array
 from facade_core.core.labels import FacadeClass
 
-# Rows at which pictures are compared.
+# Rows at which pictures are compared, and most columns: of wider ones the columns are compared coarser.
 WORKING_ROWS = 480
+MAX_WORKING_COLUMNS = 2400
 # Columns of a gap have windows in at most this share of their rows.
 MAX_WINDOW_SHARE = 0.04
 # Widest strip on each side of a gap that is compared, as a share of the height.
@@ -72,13 +73,15 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
     import cv2
 
     height, width = labels.shape
-    scale = WORKING_ROWS / height
-    size = (max(1, round(width * scale)), WORKING_ROWS)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+    columns = max(1, round(width * WORKING_ROWS / height))
+    squeeze = min(1.0, MAX_WORKING_COLUMNS / columns)  # memory would grow with the square of width over height
+    unit = WORKING_ROWS * squeeze  # columns as wide as the picture is high
+    size = (round(columns * squeeze), WORKING_ROWS)
+    scale = WORKING_ROWS / height * squeeze
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     classes = cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
     known = cv2.resize(unknown.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) == 0
-    channels = np.log(small + 12.0)
-    bright = channels.mean(axis=2)
+    bright = sum(np.log(small[..., band] + 12.0) for band in range(3)) / 3  # one band in float64 at a time
     window = (classes == FacadeClass.WINDOW) & known
     ledges = np.where(known, cv2.Sobel(bright, -1, 0, 1, ksize=3) / 4, 0.0)
     ledges = np.clip(ledges, -0.5, 0.5)
@@ -86,11 +89,11 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
     rows = np.maximum(known.sum(axis=0), 1)
     edges = upright.sum(axis=0) / np.maximum((known & ~window).sum(axis=0), 1)
     bare = (window.sum(axis=0) / rows <= MAX_WINDOW_SHARE) & (rows > 0.3 * WORKING_ROWS)
-    runs = [run for run in _runs(bare) if _are_wide(_strips(*run, size[0]))]
-    reach = round(STRIP_SHARE * WORKING_ROWS / 2)
+    runs = [run for run in _runs(bare) if _are_wide(_strips(*run, size[0], unit), unit)]
+    reach = round(STRIP_SHARE * unit / 2)
     found = []
     for place, (start, stop) in enumerate(runs):
-        near = _strips(start, stop, size[0])
+        near = _strips(start, stop, size[0], unit)
         profiles = [_ledge_profile(ledges, known, side) for side in near]
         lines = upright[:, start:stop].sum(axis=0) / rows[start:stop]
         lines = uniform_filter1d(lines, 3, mode="constant")  # a line leans by a little
@@ -100,21 +103,21 @@ def measure_gaps(image: UInt8Array, labels: UInt8Array, unknown: BoolArray) -> l
         pairs = [near]
         # a single column of windows may be a bay, with the facade continuing beyond it
         if place > 0:
-            pairs.append((_strips(*runs[place - 1], size[0])[0], near[1]))
+            pairs.append((_strips(*runs[place - 1], size[0], unit)[0], near[1]))
         if place + 1 < len(runs):
-            pairs.append((near[0], _strips(*runs[place + 1], size[0])[1]))
+            pairs.append((near[0], _strips(*runs[place + 1], size[0], unit)[1]))
         mismatches = [_measure_mismatch(ledges, window, known, pair) for pair in pairs]
         around = slice(max(0, start + column - reach), start + column + reach + 1)
         clutter = max(0.0, float(np.median(edges[around])) - MAX_EDGE_SHARE)
         line = float(lines[max(0, column - 2) : column + 3].max()) - clutter
-        features = [*min(mismatches, key=lambda mismatch: mismatch @ WEIGHTS[:2]), line, (stop - start) / WORKING_ROWS]
+        features = [*min(mismatches, key=lambda mismatch: mismatch @ WEIGHTS[:2]), line, (stop - start) / unit]
         found.append(GapEvidence(round((start + column + 0.5) / scale), np.array(features)))
     return found
 
 
-def _are_wide(sides: tuple[slice, slice]) -> bool:
+def _are_wide(sides: tuple[slice, slice], unit: float) -> bool:
     """Return whether strips are wide enough to compare."""
-    return all(side.stop - side.start >= MIN_STRIP_SHARE * WORKING_ROWS for side in sides)
+    return all(side.stop - side.start >= MIN_STRIP_SHARE * unit for side in sides)
 
 
 def _measure_mismatch(ledges: AnyArray, window: BoolArray, known: BoolArray, pair: tuple[slice, slice]) -> Float64Array:
@@ -131,9 +134,9 @@ def _runs(mask: BoolArray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in steps.reshape(-1, 2)]
 
 
-def _strips(start: int, stop: int, width: int) -> tuple[slice, slice]:
-    """Columns on both sides of a gap, without narrow ones at the ends of the picture."""
-    reach = round(STRIP_SHARE * WORKING_ROWS)
+def _strips(start: int, stop: int, width: int, unit: float) -> tuple[slice, slice]:
+    """Columns on both sides of a gap; `unit` columns are as wide as the picture is high."""
+    reach = round(STRIP_SHARE * unit)
     return slice(max(0, start - reach), start), slice(stop, min(width, stop + reach))
 
 
@@ -179,7 +182,7 @@ def choose_sides(
     First column, and the one after the last.
     """
     height, width = size
-    odds = np.array([_party_wall_log_odds(gap.features) for gap in gaps])
+    odds = np.array([party_wall_log_odds(gap.features) for gap in gaps])
     columns = np.array([gap.column for gap in gaps])
     sides = [(0, 0.0), *zip(columns.tolist(), np.logaddexp(0, -odds).tolist(), strict=True), (width, 0.0)]
     place = np.arange(width)
@@ -208,6 +211,6 @@ def choose_sides(
     return chosen
 
 
-def _party_wall_log_odds(features: Float64Array) -> float:
+def party_wall_log_odds(features: Float64Array) -> float:
     """Logarithm of the odds that a gap is a party wall."""
     return float(features @ WEIGHTS + BIAS)

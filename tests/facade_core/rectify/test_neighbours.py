@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -139,3 +141,16 @@ def test_the_proportions_of_the_wall_decide_in_doubt() -> None:
 def test_pictures_too_small_for_windows_have_no_gaps(shape: tuple[int, int]) -> None:
     image, labels = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
     assert measure_gaps(image, labels, np.zeros(shape, bool)) == []
+
+
+def test_a_wide_picture_takes_no_more_memory_than_one_five_times_as_wide_as_high() -> None:
+    image, labels, _ = paint_row(paint(12, 15.8, 7), paint(12, 15.8, 7))
+    peaks = []
+    for repeats in (3, 30):
+        wide = np.tile(image, (1, repeats, 1)), np.tile(labels, (1, repeats))
+        tracemalloc.start()
+        found = measure_gaps(*wide, wide[1] == 6)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert len(found) >= 4 * repeats
+    assert peaks[1] < 1.5 * peaks[0]
