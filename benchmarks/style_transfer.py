@@ -3,13 +3,14 @@
 A cut of Delfshaven is run with `imagery.style` of every fourth picture of ECP (Paris), then of CMP (several cities), and
 without imagery. Views at eye height are taken at the same places of all. The other pictures are seen as walls along a street,
 and a logistic regression learns from two thirds of them to which set a square of wall belongs, by the features of
-`benchmarks.look`. The pictures are reduced to the density of the block's textures. The mean over the squares of a view tells
-the style.
+`benchmarks.look`. The pictures are reduced to the density of the block's textures. A view is classified by the mean over its
+squares.
 
-real: share of the last third of pictures that it tells. told: share of the views in which it tells the style that was asked
-for; told_centred: with the mean of all views as the threshold, which cancels what sets renderings apart from pictures.
-ordered: share of places where the view of the first style is more like it than the view of the second is. default: share of
-the views without imagery, which show bare walls, that it takes for the first city. Needs the `train` extra.
+real_accuracy: share of the last third of pictures that are classified correctly. recall_first, recall_second: share of the
+views in each style that are classified as it; balanced_accuracy: their mean. balanced_accuracy_centred: with the mean of all
+views as the threshold, which cancels the difference between renderings and pictures. ordered: share of places where the view
+of the first style is more like it than the view of the second is. default_as_first: share of the views without imagery, which
+show bare walls, that are classified as the first city. Needs the `train` extra.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.street.translator.kernel_distance import image_features
 
 CITIES: tuple[DatasetRecipe, DatasetRecipe] = (ECP, CMP)
-# Every so many pictures are harvested; of the others every third is kept for `real`, and as many of each city are used.
+# Every so many pictures are harvested; of the others every third is kept for `real_accuracy`; as many of each city are used.
 HARVEST_STEP, REAL_STEP, MAX_REAL = 4, 3, 60
 VIEWS, SEED = 60, 24
 # Side of the squares of wall and distance between them, pixels; the smallest share of a square that shows walls, and the
@@ -53,10 +54,10 @@ WALL_DISTANCES_M, VIEWS_A_PICTURE = (5.0, 10.0), 3
 
 
 class StyleClassifier(NamedTuple):
-    """Classifier of squares of wall, and the share of unseen pictures that it tells."""
+    """Classifier of squares of wall, and the share of unseen pictures that it classifies correctly."""
 
     model: Pipeline
-    real: float
+    real_accuracy: float
 
     def score(self, squares: np.ndarray) -> float:
         """Return the mean log-odds of the second city over squares (n, h, w, 3)."""
@@ -129,8 +130,8 @@ def train_classifier(cities: Sequence[Sequence[LabelledFacade]]) -> StyleClassif
                 truth += [city] * len(squares)
     model = make_pipeline(StandardScaler(), LogisticRegression(C=0.01, class_weight="balanced", max_iter=2000))
     classifier = StyleClassifier(model.fit(np.concatenate(features), truth), 0.0)
-    told = [(classifier.score(squares) > 0) == bool(city) for city, squares in unseen]
-    return classifier._replace(real=float(np.mean(told)))
+    correct = [(classifier.score(squares) > 0) == bool(city) for city, squares in unseen]
+    return classifier._replace(real_accuracy=float(np.mean(correct)))
 
 
 def write_block(folder: Path, data: Path, pictures: Sequence[Path]) -> Path:
@@ -175,13 +176,15 @@ def summarise_scores(scores: np.ndarray) -> dict[str, float | int]:
     """Summarise log-odds (places, 3): in the style of the first city, of the second, and without imagery."""
     first, second, default = scores.T
     middle = np.mean([first, second])
-    told = {"first": float((first < 0).mean()), "second": float((second > 0).mean())}
-    shares = {f"told_{name}": share for name, share in told.items()} | {
-        "told": (told["first"] + told["second"]) / 2,
-        "told_centred": float(np.mean([first < middle, second > middle])),
+    recalls = float((first < 0).mean()), float((second > 0).mean())
+    shares = {
+        "recall_first": recalls[0],
+        "recall_second": recalls[1],
+        "balanced_accuracy": float(np.mean(recalls)),
+        "balanced_accuracy_centred": float(np.mean([first < middle, second > middle])),
         "ordered": float((first < second).mean()),
-        "default": float((default < 0).mean()),
-        "default_centred": float((default < middle).mean()),
+        "default_as_first": float((default < 0).mean()),
+        "default_as_first_centred": float((default < middle).mean()),
     }
     return {"views": len(scores)} | {name: round(share, 3) for name, share in shares.items()}
 
@@ -205,7 +208,8 @@ def main(arguments: list[str] | None = None) -> None:
     outputs.append(run_block(options.out.resolve() / "default", data, ()))
     real = [read_real(*city) for city in zip(CITIES, folders, pictures, strict=True)]
     classifier = train_classifier(real)
-    result = {"benchmark": "style_transfer", "first": names[0], "second": names[1], "real": round(classifier.real, 3)}
+    result = {"benchmark": "style_transfer", "first": names[0], "second": names[1]}
+    result["real_accuracy"] = round(classifier.real_accuracy, 3)
     print(json.dumps(result | summarise_scores(score_views(outputs, classifier)), indent=1))
 
 

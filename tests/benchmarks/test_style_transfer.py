@@ -1,4 +1,4 @@
-"""The style of a city told from views: squares of wall, real pictures along a street, and shares of scores."""
+"""The style of a city classified from views: squares of wall, real pictures along a street, and shares of scores."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def test_shares_are_of_the_style_asked_for() -> None:
     found = summarise_scores(np.array([[-2.0, 1.0, -1.0], [-1.0, -0.5, 1.0], [0.5, 2.0, 1.0], [-1.0, 1.0, 1.0]]))
     assert found == {
         "views": 4,
-        "told_first": 0.75,
-        "told_second": 0.75,
-        "told": 0.75,
-        "told_centred": 0.75,
+        "recall_first": 0.75,
+        "recall_second": 0.75,
+        "balanced_accuracy": 0.75,
+        "balanced_accuracy_centred": 0.75,
         "ordered": 1.0,
-        "default": 0.25,
-        "default_centred": 0.25,
+        "default_as_first": 0.25,
+        "default_as_first_centred": 0.25,
     }
 
 
