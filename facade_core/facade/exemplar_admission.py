@@ -18,6 +18,7 @@ from facade_core.facade.exemplar_quality import (
     ExemplarQuality,
     judge_exemplar,
 )
+from facade_core.facade.vegetation import measure_tree_share
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.floor_structure import count_floors
 
@@ -30,6 +31,12 @@ MIN_STRAIGHTNESS = 0.1
 # Largest hidden share of a picture, and of each third of its rows.
 MAX_HIDDEN_SHARE = 0.30
 MAX_HIDDEN_THIRD = 0.50
+# Largest share of trees that are not hidden, which completion leaves in the picture.
+MAX_TREE_SHARE = 0.02
+# Windows at the lower border, over those in the fullest row of pixels, from which it cuts through a floor, and its rows as a
+# share of the width.
+MIN_CUT_FLOOR_SHARE = 0.85
+FOOT_SHARE = 0.012
 # Largest share of windows that something hides in part.
 MAX_CUT_SHARE = 0.35
 # Share of an element's box that may be hidden without a loss.
@@ -115,6 +122,7 @@ def _explain_content(picture: FacadePicture) -> list[str]:
             not MIN_WINDOW_SHARE <= share <= MAX_WINDOW_SHARE,
             f"windows are {share:.0%} of it, where {MIN_WINDOW_SHARE:.0%} to {MAX_WINDOW_SHARE:.0%} are usual",
         ),
+        (_cuts_lowest_floor(picture.labels), "its lowest floor is cut off"),
         (confidence < MIN_WINDOW_CONFIDENCE, f"its windows are uncertain ({confidence:.0%} on average)"),
     )
     return [reason for is_wrong, reason in checks if is_wrong]
@@ -125,6 +133,7 @@ def _explain_quality(picture: FacadePicture, quality: ExemplarQuality) -> list[s
     windows, density = picture.windows(), 1 / picture.metres_per_pixel
     cut, deviation = _cut_share(picture.hidden, windows), _row_deviation(windows)
     shadow = (1 - quality.light) * MAX_SHADED_SHARE
+    trees = measure_tree_share(picture.image, picture.labels, picture.hidden)
     hidden = float(picture.hidden.mean())
     thirds = [float(rows.mean()) for rows in np.array_split(picture.hidden, 3)]
     third = int(np.argmax(thirds))
@@ -141,6 +150,7 @@ def _explain_quality(picture: FacadePicture, quality: ExemplarQuality) -> list[s
         ),
         (hidden > MAX_HIDDEN_SHARE, f"{hidden:.0%} of it is hidden"),
         (thirds[third] > MAX_HIDDEN_THIRD, f"{thirds[third]:.0%} of its {ZONES[third]} is hidden"),
+        (trees > MAX_TREE_SHARE, f"trees cover {trees:.0%} of it"),
         (cut > MAX_CUT_SHARE, f"{cut:.0%} of its windows are hidden in part"),
         (deviation > MAX_ROW_DEVIATION, f"its windows are in no rows (off by {deviation:.0%} of their height)"),
         (quality.straight < MIN_STRAIGHTNESS, "its columns of windows lean"),
@@ -149,6 +159,13 @@ def _explain_quality(picture: FacadePicture, quality: ExemplarQuality) -> list[s
         (light[bright] > MAX_BRIGHTNESS, f"its {ZONES[bright]} is overexposed"),
     )
     return [reason for is_wrong, reason in checks if is_wrong]
+
+
+def _cuts_lowest_floor(labels: UInt8Array) -> bool:
+    """Return whether the lower border cuts through a row of windows."""
+    window = labels == FacadeClass.WINDOW
+    foot = window[-max(2, round(FOOT_SHARE * labels.shape[1])) :].any(axis=0).mean()
+    return bool(foot > 0 and foot >= MIN_CUT_FLOOR_SHARE * window.mean(axis=1).max())
 
 
 def _cut_share(hidden: BoolArray, windows: Sequence[Element]) -> float:

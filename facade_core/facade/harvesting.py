@@ -19,6 +19,7 @@ from facade_core.facade.exemplar_admission import (
     FacadePicture,
     assess_candidate,
 )
+from facade_core.facade.neighbour_removal import find_own_columns
 from facade_core.facade.photo_facade import (
     NO_DOORS,
     ObservedPhoto,
@@ -109,7 +110,7 @@ def harvest_facade(
     _require_size(cut.hidden)
     image, hidden, outside = _limit_size(cut.image, cut.hidden, cut.outside)
     observed = observe_photo(image, hidden, PhotoMasks(outside=outside), models=models)
-    image, observed = _trim(image, observed)
+    image, observed = _trim(image, observed, outside)
     _require_size(observed.hidden)
     labels = fill_sky_and_unknown(observed.parsing.labels)
     if not any(each.label == "window" for each in observed.observed) or not count_floors(labels):
@@ -158,13 +159,13 @@ def _limit_size(image: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tup
     return resize_image(image, size), hidden, outside
 
 
-def _trim(image: UInt8Array, photo: ObservedPhoto) -> tuple[UInt8Array, ObservedPhoto]:
-    """Trim the borders that show no facade, bays and floors that the picture cuts through, and sky above the eaves."""
-    for find_part in (_seen_part, _whole_part):
-        image, photo = _cut_part(image, photo, find_part(photo))
-    height, width = photo.hidden.shape
-    sky = count_sky_rows(image, fill_sky_and_unknown(photo.parsing.labels))
-    return _cut_part(image, photo, (sky, height, 0, width))
+def _trim(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[UInt8Array, ObservedPhoto]:
+    """Trim borders that show no facade, bays and floors that the picture cuts through, neighbours, and sky above the eaves."""
+    for find_part in (_seen_part, _whole_part, _own_part, _part_below_sky):
+        y0, y1, x0, x1 = find_part(image, photo, outside)
+        image, photo = _cut_part(image, photo, (y0, y1, x0, x1))
+        outside = outside[y0:y1, x0:x1]
+    return image, photo
 
 
 def _cut_part(
@@ -182,7 +183,7 @@ def _cut_part(
     return np.ascontiguousarray(image[part]), cut
 
 
-def _seen_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
+def _seen_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns from the first to the last that are mostly seen; all if none is."""
     spans: list[int] = []
     for axis in (1, 0):
@@ -191,7 +192,7 @@ def _seen_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
     return spans[0], spans[1], spans[2], spans[3]
 
 
-def _whole_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
+def _whole_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
     """Rows and columns without the bays and the top floor that the borders cut through."""
     labels = photo.parsing.labels
     height, width = labels.shape
@@ -204,6 +205,18 @@ def _whole_part(photo: ObservedPhoto) -> tuple[int, int, int, int]:
     top = window[: max(2, round(margin)), x0:x1].any(axis=0).mean()
     y0 = structure.floor_cuts[1] if top > 0.1 and len(structure.floors) > 1 else 0
     return y0, height, x0, x1
+
+
+def _own_part(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+    """Rows and columns without the neighbours."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    return 0, len(labels), *find_own_columns(image, labels, photo.hidden, outside)
+
+
+def _part_below_sky(image: UInt8Array, photo: ObservedPhoto, outside: BoolArray) -> tuple[int, int, int, int]:
+    """Rows and columns without sky above the eaves."""
+    labels = fill_sky_and_unknown(photo.parsing.labels)
+    return count_sky_rows(image, labels, photo.hidden, outside), len(labels), 0, labels.shape[1]
 
 
 def _whole_columns(structure: FloorsAndBays, margin: float, width: int) -> tuple[int, int]:

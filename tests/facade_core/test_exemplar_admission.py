@@ -48,6 +48,28 @@ def shade(picture: FacadePicture) -> FacadePicture:
     return replace(picture, image=image)
 
 
+def plant_tree(picture: FacadePicture) -> FacadePicture:
+    """A tree of light and dark leaves stands before the lower half."""
+    image = picture.image.copy()
+    height, width = image.shape[:2]
+    leaves = np.random.default_rng(4).choice([0.5, 1.6], (height // 12 + 1, width // 12 + 1))
+    leaves = np.kron(leaves, np.ones((12, 12)))[:height, :width, None] * [50, 80, 30]
+    crown = cv2.circle(np.zeros((height, width), np.uint8), (width // 2, 3 * height // 4), height // 6, 1, -1) > 0
+    image[crown] = leaves[crown]
+    return replace(picture, image=image)
+
+
+def cut_foot(picture: FacadePicture) -> FacadePicture:
+    """The picture ends in the middle of the second floor's windows from above."""
+    rows = sorted({(each.y0, each.y1) for each in picture.windows()})
+    floor = next(span for span in rows if span[0] > rows[0][1])
+    end = round(sum(floor) / 2)
+    elements = [each for each in picture.elements if each.y1 <= end]
+    return replace(
+        picture, image=picture.image[:end], labels=picture.labels[:end], hidden=picture.hidden[:end], elements=elements
+    )
+
+
 def shift_columns(windows: list[Element]) -> list[Element]:
     """Each column two fifths of a window lower than the one on its left."""
     columns = sorted({each.x0 for each in windows})
@@ -67,6 +89,8 @@ def test_each_fault_is_named(sound: FacadePicture) -> None:
         "pixels per metre": replace(sound, metres_per_pixel=0.12),
         "its columns of windows lean": shear(sound),
         "a shadow covers": shade(sound),
+        "trees cover": plant_tree(sound),
+        "its lowest floor is cut off": cut_foot(sound),
         "its foot is too dark": replace(sound, image=dark),
         "in no rows": replace(sound, elements=shift_columns(windows)),
         "uncertain": replace(sound, elements=[replace(each, confidence=0.4) for each in windows]),

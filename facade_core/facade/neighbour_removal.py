@@ -1,0 +1,128 @@
+"""Neighbours beside a rectified facade that the crop of the photo has left in the picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.arrays import BoolArray, Float32Array, UInt8Array
+from facade_core.core.labels import FacadeClass
+from facade_core.core.resizing import resize_image
+from facade_core.imagery.rectify.neighbours import WORKING_ROWS, measure_gaps, party_wall_log_odds
+from facade_core.parsing.floor_structure import find_floors_and_bays
+
+# Share of the rows of a column outside the facade from which the column parts two houses.
+MIN_OUTSIDE_SHARE = 0.5
+# Log-odds of a party wall for each unit of CIELAB by which the colours of the wall differ; lightness counts by half, as shade
+# changes it.
+COLOUR_WEIGHT = 0.8
+LIGHTNESS_WEIGHT = 0.5
+# Width of the strips of wall that are compared, as a share of the height, and the pixels that a strip needs.
+STRIP_SHARE = 0.2
+MIN_STRIP_PIXELS = 20
+# Log-odds of a party wall from which all beyond it is cut off, and from which a single bay at a side is.
+MIN_LOG_ODDS = 0.0
+MIN_END_LOG_ODDS = -2.0
+# Half floors in which both strips show wall, and the share of them that may differ less.
+MIN_BANDS = 3
+BAND_QUANTILE = 0.2
+# Change of colour that shows a neighbour's strip at a side, which is too narrow for its rows to be compared; its widths, as
+# shares of the height and of the width; columns between those at which it is looked for, and windows in them.
+MIN_SIDE_CHANGE = 6.0
+MIN_SIDE_SHARE = 0.02
+MAX_SIDE_SHARE = 0.25
+SIDE_STEP_PX = 3
+MAX_WINDOW_SHARE = 0.04
+# Bays that remain of a facade.
+MIN_BAYS = 2
+
+
+def find_own_columns(image: UInt8Array, labels: UInt8Array, hidden: BoolArray, outside: BoolArray) -> tuple[int, int]:
+    """Find the columns of the widest house of MIN_BAYS bays or more in a rectified picture.
+
+    An exemplar loses little by a bay that was cut off, and shows two houses with a neighbour's. So every gap between windows
+    counts as a party wall that more probably is one than not, by the rows of ledges and windows (`measure_gaps`) and by the
+    colour of the wall on both sides, which differs on all floors. A narrow strip at a side is known by its colour alone. The
+    whole picture is returned where no house has as many bays.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 class ids, without sky.
+    hidden : (h, w) bool, pixels that do not show the facade.
+    outside : (h, w) bool, sky, street or neighbours by the parser.
+
+    Returns
+    -------
+    First column, and the one after the last.
+    """
+    height, width = labels.shape
+    factor = min(1.0, WORKING_ROWS / height)
+    size = max(8, round(height * factor)), max(8, round(width * factor))
+    small = resize_image(image, size)
+    classes = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+    unknown = cv2.resize((hidden | outside).astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    found = find_floors_and_bays(classes)
+    if found is None:
+        return 0, width
+    lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB) * np.float32([LIGHTNESS_WEIGHT, 1, 1])
+    wall = (classes == FacadeClass.WALL) & ~unknown
+    is_parted = outside.mean(axis=0) >= MIN_OUTSIDE_SHARE
+    gaps = measure_gaps(small, classes, unknown)
+    for number, gap in enumerate(gaps):
+        change = measure_colour_change(lab, wall, gap.column, found.floor_cuts)
+        least = MIN_END_LOG_ODDS if number in (0, len(gaps) - 1) else MIN_LOG_ODDS
+        if party_wall_log_odds(gap.features) + COLOUR_WEIGHT * change > least:
+            is_parted[min(width - 1, round(gap.column * width / size[1]))] = True
+    is_bare = (classes == FacadeClass.WINDOW).mean(axis=0) <= MAX_WINDOW_SHARE
+    for column in _find_side_strips(lab, wall, is_bare, found.floor_cuts):
+        is_parted[min(width - 1, round(column * width / size[1]))] = True
+    cuts = [-1, *np.flatnonzero(is_parted).tolist(), width]
+    bays = [(a + b) / 2 * width / size[1] for a, b in found.bays]
+    houses = [
+        (left + 1, right)
+        for left, right in zip(cuts[:-1], cuts[1:], strict=True)
+        if sum(left < bay < right for bay in bays) >= MIN_BAYS
+    ]
+    return max(houses, key=lambda house: house[1] - house[0], default=(0, width))
+
+
+def _find_side_strips(lab: Float32Array, wall: BoolArray, is_bare: BoolArray, floor_cuts: tuple[int, ...]) -> list[int]:
+    """Find the inner columns of strips of other colour at the sides, one a side at most."""
+    height, width = wall.shape
+    depths = range(round(MIN_SIDE_SHARE * height), round(MAX_SIDE_SHARE * min(width, height)), SIDE_STEP_PX)
+    found = []
+    for columns in (depths, [width - 1 - depth for depth in depths]):
+        changes = [measure_colour_change(lab, wall, one, floor_cuts) if is_bare[one] else 0.0 for one in columns]
+        if changes and max(changes) >= MIN_SIDE_CHANGE:
+            found.append(columns[int(np.argmax(changes))])
+    return found
+
+
+def measure_colour_change(lab: Float32Array, wall: BoolArray, column: int, floor_cuts: tuple[int, ...]) -> float:
+    """Measure by how much the wall's colour changes at a column on nearly all floors.
+
+    Parameters
+    ----------
+    lab : (h, w, 3) float32 colour.
+    wall : (h, w) bool, pixels of visible wall.
+    column : column between windows.
+    floor_cuts : borders of the floors.
+
+    Returns
+    -------
+    Change along the median change of all half floors that a share of 1 - BAND_QUANTILE exceeds; at least 0.
+    """
+    reach = round(STRIP_SHARE * len(wall))
+    sides = slice(max(0, column - reach), column), slice(column, column + reach)
+    changes = []
+    for top, bottom in zip(floor_cuts[:-1], floor_cuts[1:], strict=True):
+        for rows in (slice(top, (top + bottom) // 2), slice((top + bottom) // 2, bottom)):
+            left, right = (lab[rows, side][wall[rows, side]] for side in sides)
+            if min(len(left), len(right)) >= MIN_STRIP_PIXELS:
+                changes.append(np.median(right, axis=0) - np.median(left, axis=0))
+    if len(changes) < MIN_BANDS:
+        return 0.0
+    median = np.median(changes, axis=0)
+    along = np.array(changes) @ (median / max(float(np.linalg.norm(median)), 1e-6))
+    return max(0.0, float(np.quantile(along, BAND_QUANTILE)))

@@ -1,0 +1,57 @@
+"""Neighbours in a picture of painted houses: cut off by their colours, their rows, and what the parser finds between them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.facade.neighbour_removal import find_own_columns
+from facade_core.synth.facade import PaintedFacade, paint_facade
+
+
+def paint_house(width: float, columns: int, floors: int = 4) -> PaintedFacade:
+    return paint_facade((14.0, width), floors=floors, columns=columns, style="plaster", metres_per_pixel=0.03, seed=2)
+
+
+def find_columns(image: np.ndarray, labels: np.ndarray, outside: np.ndarray | None = None) -> tuple[int, int]:
+    nothing = np.zeros(labels.shape, bool)
+    return find_own_columns(image, labels, nothing, nothing if outside is None else outside)
+
+
+def test_one_house_stays_whole() -> None:
+    house = paint_house(13.0, 5)
+    assert find_columns(house.image, house.labels) == (0, house.labels.shape[1])
+
+
+def test_a_neighbour_of_another_colour_and_other_rows_is_cut_off() -> None:
+    house, neighbour = paint_house(13.0, 5), paint_house(8.0, 3, floors=5)
+    tinted = np.clip(neighbour.image * [0.6, 0.9, 0.6], 0, 255).astype(np.uint8)
+    both = np.concatenate([house.image, tinted], axis=1), np.concatenate([house.labels, neighbour.labels], axis=1)
+    left, right = find_columns(*both)
+    assert left == 0
+    assert abs(right - house.labels.shape[1]) < 0.05 * both[1].shape[1]
+
+
+def test_columns_outside_part_two_houses() -> None:
+    house = paint_house(13.0, 5)
+    width = house.labels.shape[1]
+    outside = np.zeros(house.labels.shape, bool)
+    outside[:, width // 5 : width // 5 + 4] = True
+    assert find_columns(house.image, house.labels, outside) == (width // 5 + 4, width)
+
+
+def test_the_picture_stays_whole_where_too_few_bays_would_remain() -> None:
+    house = paint_house(6.0, 2)
+    width = house.labels.shape[1]
+    outside = np.zeros(house.labels.shape, bool)
+    outside[:, width // 2 : width // 2 + 4] = True
+    assert find_columns(house.image, house.labels, outside) == (0, width)
+
+
+def test_a_narrow_strip_of_another_colour_is_cut_off() -> None:
+    house = paint_house(13.0, 5)
+    width = house.labels.shape[1]
+    image = house.image.copy()
+    image[:, : width // 30] = (120, 150, 90)
+    left, right = find_columns(image, house.labels)
+    assert abs(left - width // 30) <= 0.02 * width
+    assert right == width
