@@ -58,7 +58,7 @@ class ProgressLines:
         if running:
             return "; ".join(running)
         stage, ended = self._ended
-        return f"{stage}: ended {_format_clock(self.clock() - ended)} ago"
+        return f"{stage}: done; on the next step for {_format_clock(self.clock() - ended)}"
 
     def _describe(self, event: StageProgress, *, repeated: bool = False) -> str:
         seconds, done = self.clock() - self._begun[event.stage], event.finished - event.earlier

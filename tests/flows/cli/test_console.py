@@ -60,7 +60,7 @@ def test_a_repeated_line_has_the_counts_of_its_time() -> None:
     assert lines.describe() == "facades: 101 of 200, 1 failed, 0:02:40 so far, about 4 h 24 min left"
     lines.update(StageProgress("facades", 200, 200, failed=1, earlier=100))
     now[0] = 180.0
-    assert lines.describe() == "facades: ended 0:00:20 ago"
+    assert lines.describe() == "facades: done; on the next step for 0:00:20"
 
 
 @pytest.mark.parametrize(
