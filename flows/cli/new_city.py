@@ -19,9 +19,7 @@ from flows.cli.usage import BboxCommand
     "--buildings", type=EXISTING_FILE, help="Alternative to --osm: buildings in any format that a block file accepts."
 )
 @click.option("--streets", type=EXISTING_FILE, help="Streets of --buildings, along which the city is cut.")
-@click.option(
-    "--crs", metavar="CRS", help="CRS of --buildings and --streets, such as EPSG:28992, where the files have none."
-)
+@click.option("--crs", metavar="CRS", help="CRS of --buildings, such as EPSG:28992, and of --streets that state none.")
 @click.option(
     "--bbox", nargs=4, type=float, metavar="W S E N", help="Area in degrees of longitude and latitude.  [default: all]"
 )

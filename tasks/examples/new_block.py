@@ -259,7 +259,7 @@ def _write_block_file(
         **(
             {}
             if geometry.streets is None
-            else {"streets": {"path": path_in_block_file(geometry.streets, path)} | _streets_frame(geometry)}
+            else {"streets": {"path": path_in_block_file(geometry.streets, path)} | given_streets_frame(geometry)}
         ),
         "imagery": imagery,
         "seed": seed,
@@ -300,7 +300,7 @@ def _write_block_file(
     return NewBlock(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
 
 
-def _streets_frame(geometry: MapFiles) -> dict[str, str]:
+def given_streets_frame(geometry: MapFiles) -> dict[str, str]:
     """Return the CRS key of the streets: the given one if their file states none, as files of one block may differ."""
     if geometry.crs is None or geometry.streets is None:
         return {}

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import yaml
 
+from catalogs.block.keys import suggest_name
 from catalogs.block.paths import resolve_paths
 from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, CityFileSettings, validate_city_settings
 from facade_core.core.errors import InputError
-from tasks.examples.new_block import MapFiles, path_in_block_file, write_style_library
+from tasks.examples.new_block import MapFiles, given_streets_frame, path_in_block_file, write_style_library
 
 # Texels per metre of a new city: a quarter of the texels of a block's default.
 TEXELS_PER_METRE = 16
@@ -113,8 +114,7 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
     def quote(target: Path) -> str:
         return json.dumps(path_in_block_file(target, path), ensure_ascii=False)
 
-    def source(target: Path) -> str:
-        crs = inputs.map_files.crs
+    def source(target: Path, crs: str | None) -> str:
         return f"{{path: {quote(target)}{f', crs: {json.dumps(crs)}' if crs else ''}}}"
 
     streets = inputs.map_files.streets
@@ -132,10 +132,10 @@ def format_city_file(path: Path, inputs: CityInputs) -> str:
         panoramas = f"{about_panoramas}\n  panoramas: {{path: {quote(inputs.panoramas)}}}"
     return _TEMPLATE.format(
         file=path.name,
-        name=json.dumps(path.stem, ensure_ascii=False),
+        name=json.dumps(suggest_name(path.stem) or path.stem, ensure_ascii=False),
         area=f"{'' if inputs.area else '# '}area: {area}",
-        buildings=source(inputs.map_files.buildings),
-        streets=source(streets),
+        buildings=source(inputs.map_files.buildings, inputs.map_files.crs),
+        streets=source(streets, given_streets_frame(inputs.map_files).get("crs")),
         terrain="# Heights of the ground; without them it is flat.\n# terrain: {path: heights.tif}",
         block_size=DEFAULT_BLOCK_SIZE_M if inputs.block_size is None else inputs.block_size,
         exemplars=quote(inputs.exemplars or path.parent / "exemplars"),

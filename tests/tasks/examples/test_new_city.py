@@ -56,7 +56,10 @@ def test_given_files_are_named_and_nothing_is_written_over(tmp_path: Path) -> No
     assert written["cut"] == {"metres": 400}
     assert written["imagery"]["panoramas"] == {"path": "panoramas"}
     assert written["buildings"] == {"path": f"in/{named[0].name}", "crs": keys["crs"]}
+    assert written["streets"] == {"path": f"in/{named[1].name}", "crs": keys["crs"]}, "it states none"
     assert not (tmp_path / "exemplars").exists()
+    write_new_city(tmp_path / "a town.yaml", inputs)
+    assert yaml.safe_load((tmp_path / "a town.yaml").read_text())["name"] == "a-town"
     with pytest.raises(InputError, match="is there already"):
         write_new_city(tmp_path / "town.yaml", inputs)
 
@@ -66,7 +69,7 @@ def test_given_files_are_named_and_nothing_is_written_over(tmp_path: Path) -> No
     [
         ("town", False, None, "--streets: missing"),
         ("town", True, 3.0, "cut: .* is not understood"),
-        ("a town", True, None, "name: "),
+        ("!", True, None, "name: "),
     ],
 )
 def test_what_cannot_be_a_city_is_refused(
