@@ -1,9 +1,9 @@
 """Usable exemplars of a harvest: `python -m benchmarks.harvest --data DIR --out LIBRARY --sheet SHEET.jpg`.
 
 Harvests the pictures of a set of harvest.json and counts the exemplars by their verdicts by eye: usable, or the flaw. No
-threshold of the harvest was chosen on the pictures of either set (--set first, second). An exemplar without a verdict counts as
-unjudged: the code has changed since.
-The sheet shows only pictures whose licence permits a copy.
+threshold was chosen on the pictures of either set (--set first, second), but faults of the second led to rules (ADR 0165). An
+exemplar without a verdict counts as unjudged: the code has changed since. The sheet shows only pictures whose licence permits
+a copy.
 """
 
 from __future__ import annotations

@@ -208,7 +208,7 @@ def main(arguments: list[str] | None = None) -> None:
     outputs.append(run_block(options.out.resolve() / "default", data, ()))
     real = [read_real(*city) for city in zip(CITIES, folders, pictures, strict=True)]
     classifier = train_classifier(real)
-    result = {"benchmark": "style_transfer", "first": names[0], "second": names[1]}
+    result: dict[str, object] = {"benchmark": "style_transfer", "first": names[0], "second": names[1]}
     result["real_accuracy"] = round(classifier.real_accuracy, 3)
     print(json.dumps(result | summarise_scores(score_views(outputs, classifier)), indent=1))
 

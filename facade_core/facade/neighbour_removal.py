@@ -60,12 +60,13 @@ def find_own_columns(image: UInt8Array, labels: UInt8Array, hidden: BoolArray, o
     factor = min(1.0, WORKING_ROWS / height)
     size = max(8, round(height * factor)), max(8, round(width * factor))
     small = resize_image(image, size)
-    classes = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+    classes = np.asarray(cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
     unknown = cv2.resize((hidden | outside).astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST) > 0
     found = find_floors_and_bays(classes)
     if found is None:
         return 0, width
-    lab = cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB) * np.float32([LIGHTNESS_WEIGHT, 1, 1])
+    lab = np.asarray(cv2.cvtColor(small.astype(np.float32) / 255, cv2.COLOR_RGB2LAB), np.float32)
+    lab *= np.array([LIGHTNESS_WEIGHT, 1, 1], np.float32)
     wall = (classes == FacadeClass.WALL) & ~unknown
     is_parted = outside.mean(axis=0) >= MIN_OUTSIDE_SHARE
     gaps = measure_gaps(small, classes, unknown)
