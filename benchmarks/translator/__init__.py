@@ -2,12 +2,12 @@
 
 The test block is Ingolstadt with windows and doors as geometry, which no network is trained on; every wall is left to the
 translator. inference: seconds for a panorama on two threads. windows: IoU of windows that the parser finds in facades of the
-textured block with the model's own, against the same without texture and with swatches. shipped: what is
-shipped beside swatches and no texture; tables: the paper's tables 1 and 2; composites: a network that learns from streets of
-photos with and without texture, besides, beside one that does not and one of the paper's method alone;
---models holds the rows' networks, and those missing are trained with one budget each (extra: train). Distances are squared
-kernel distances of EfficientNet-Lite0's features of crops of the finished streets to panoramas held out, with the kernel
-(x . y + 1)^3, which is 125 for a picture and itself. pictures: one viewpoint by each translator, into --models.
+textured block with the model's own, against the same without texture and with the material field. sharpness: gradient
+energy of translated panoramas as a share of that of the painted ones. shipped: what is shipped beside the material field and
+no texture; tables: the paper's tables 1 and 2; --models holds the rows' networks, and those missing are trained with one
+budget each, on procedural streets and those of --from (extra: train). Distances are squared kernel distances of
+EfficientNet-Lite0's features of crops of the finished streets to panoramas held out, with the kernel (x . y + 1)^3, which is
+125 for a picture and itself. pictures: one viewpoint by each translator, into --models.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-PARTS = ("inference", "windows", "pictures", "shipped", "tables", "composites")
+PARTS = ("inference", "windows", "sharpness", "pictures", "shipped", "tables")
 
 
 def main() -> None:
@@ -31,16 +31,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.translator", description=__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of real data")
     parser.add_argument("--models", type=Path, default=Path("out/translator"), help="networks of the tables' rows")
+    parser.add_argument("--from", type=Path, action="append", default=[], dest="runs", help="runs that rows learn from")
     parser.add_argument("--only", choices=PARTS, action="append", help="parts to measure, all without")
     options = parser.parse_args()
     result: dict[str, Any] = {"benchmark": "translator", "load_before": round(os.getloadavg()[0], 1)}
     measured = {
         "inference": inference,
         "windows": windows,
+        "sharpness": sharpness,
         "pictures": pictures,
         "shipped": shipped,
         "tables": tables,
-        "composites": composites,
     }
     for part in options.only or PARTS:
         result[part] = measured[part](options)
@@ -52,37 +53,30 @@ def inference(options: argparse.Namespace) -> dict[str, Any]:
     """Median seconds of the shipped network by panorama size."""
     from facade_core.street.translator import neural_translator
 
-    network, found = neural_translator.load_translator(), {}
+    network, found = neural_translator.load_colour_network(), {}
     for width in (512, 1024, 2048):
         image = np.random.default_rng(0).integers(0, 255, (width // 2, width, 3), dtype=np.uint8)
-        network.translate_image(image)
+        known = np.zeros(image.shape[:2], bool)
+        network.translate_image(image, known)
         seconds = []
         for _ in range(5):
             begun = time.perf_counter()
-            network.translate_image(image)
+            network.translate_image(image, known)
             seconds.append(time.perf_counter() - begun)
         found[f"{width} x {width // 2}"] = round(statistics.median(seconds), 3)
     return found
 
 
 def windows(options: argparse.Namespace) -> dict[str, Any]:
-    """Windows in the textured block by the shipped network, by swatches and without texture."""
+    """Windows in the textured block by the shipped network, by the material field and without texture."""
     from benchmarks.translator import openings
     from benchmarks.translator.scenes import ingolstadt, walk
     from facade_core.street.propagation.render import render_panorama
-    from facade_core.street.translator import neural_translator
-    from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
-    network, swatches = neural_translator.load_translator(), MaterialFieldTranslator(scene, streets, seed=7)
-    translators = {
-        "neural": lambda panorama, _: network.translate(panorama),
-        "exemplar": lambda panorama, _: swatches.translate(panorama),
-        "untextured": lambda _, bare: bare.rgb,
-    }
     views = [viewpoint for street in own for viewpoint in street]
     panoramas: dict[str, list[Any]] = {}
-    for name, translate in translators.items():
+    for name, translate in _translators(scene, streets).items():
         panoramas[name] = []
         for street in own:
             walked = walk(scene, street, translate)
@@ -92,24 +86,48 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
     return openings.measure(scene, views, panoramas)
 
 
-def pictures(options: argparse.Namespace) -> dict[str, Any]:
-    """One viewpoint of the test block without texture, by swatches and by the shipped network."""
-    from PIL import Image
-
-    from benchmarks.translator.scenes import between, ingolstadt, walk
-    from facade_core.street.propagation.render import render_panorama
+def sharpness(options: argparse.Namespace) -> dict[str, Any]:
+    """Gradient energy of translated panoramas over that of the painted ones, by viewpoint."""
+    from benchmarks.street.truth import interval
+    from benchmarks.translator.scenes import WIDTH, ingolstadt, walk
     from facade_core.street.translator import neural_translator
     from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
-    network, swatches = neural_translator.load_translator(), MaterialFieldTranslator(scene, streets, seed=7)
-    street = own[0]
-    rows = []
-    for translate in (
-        lambda _, bare: bare.rgb,
-        lambda panorama, _: swatches.translate(panorama),
-        lambda panorama, _: network.translate(panorama),
-    ):
+    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)
+    shares: list[float] = []
+
+    def translate(panorama: Any, _: Any) -> np.ndarray:
+        painted, translated = painter.translate(panorama), network.translate(panorama)
+        shown = (panorama.chart >= 0) & ~panorama.textured
+        if shown.any():
+            shares.append(_energy(translated, shown) / _energy(painted, shown))
+        return translated
+
+    for street in own:
+        walk(scene, street, translate)
+    return {"width": WIDTH, "viewpoints": len(shares), "share": interval(shares)}
+
+
+def _energy(rgb: np.ndarray, shown: np.ndarray) -> float:
+    """Mean squared gradient of brightness, of pixels whose neighbours are shown too."""
+    grey = rgb.astype(np.float64) @ np.array([0.299, 0.587, 0.114])
+    inside = shown[:-1, :-1] & shown[1:, :-1] & shown[:-1, 1:]
+    down, right = np.diff(grey, axis=0)[:, :-1], np.diff(grey, axis=1)[:-1]
+    return float((down**2 + right**2)[inside].mean())
+
+
+def pictures(options: argparse.Namespace) -> dict[str, Any]:
+    """One viewpoint of the test block without texture, by the material field and by the shipped network."""
+    from PIL import Image
+
+    from benchmarks.translator.scenes import between, ingolstadt, walk
+    from facade_core.street.propagation.render import render_panorama
+
+    scene, own, streets = ingolstadt(options.data)
+    street, rows = own[0], []
+    for translate in _translators(scene, streets).values():
         walked = walk(scene, street, translate)
         rows.append(render_panorama(scene, walked.window, between(street)[len(street) // 2], (512, 1024)).rgb[80:400])
     options.models.mkdir(parents=True, exist_ok=True)
@@ -118,13 +136,26 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
     return {"untextured, exemplar, neural from above": str(path)}
 
 
+def _translators(scene: Any, streets: Any) -> dict[str, Any]:
+    """No texture, the material field and the shipped network."""
+    from facade_core.street.translator import neural_translator
+    from facade_core.street.translator.translators import MaterialFieldTranslator
+
+    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    network = neural_translator.NeuralTranslator(neural_translator.load_colour_network(), painter)
+    return {
+        "untextured": lambda _, bare: bare.rgb,
+        "exemplar": lambda panorama, _: painter.translate(panorama),
+        "neural": lambda panorama, _: network.translate(panorama),
+    }
+
+
 def shipped(options: argparse.Namespace) -> dict[str, Any]:
     """What is shipped, of the tables."""
     from benchmarks.translator import rows
     from facade_core.street.translator import neural_translator
 
-    network = neural_translator.load_translator()
-    return rows.shipped_alone(options.data, lambda panorama, _: network.translate(panorama))
+    return rows.shipped_alone(options.data, neural_translator.load_colour_network())
 
 
 def tables(options: argparse.Namespace) -> dict[str, Any]:
@@ -132,18 +163,6 @@ def tables(options: argparse.Namespace) -> dict[str, Any]:
     from benchmarks.translator import rows
     from facade_core.street.translator import neural_translator
 
-    seconds = rows.train_rows(options.data, options.models, rows.ROWS)
-    network = neural_translator.load_translator()
-    found = rows.measure(options.data, options.models, lambda panorama, _: network.translate(panorama))
-    return found | {"training_seconds_a_step": seconds}
-
-
-def composites(options: argparse.Namespace) -> dict[str, Any]:
-    """What composite streets bring."""
-    from benchmarks.translator import rows
-    from facade_core.street.translator import neural_translator
-
-    seconds = rows.train_rows(options.data, options.models, rows.COMPOSITES)
-    network = neural_translator.load_translator()
-    found = rows.composites(options.data, options.models, lambda panorama, _: network.translate(panorama))
+    seconds = rows.train_rows(options.data, options.models, rows.ROWS, runs=options.runs)
+    found = rows.measure(options.data, options.models, neural_translator.load_colour_network())
     return found | {"training_seconds_a_step": seconds}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,16 @@ from benchmarks.street.truth import interval
 from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
+from facade_core.street.lighting.sky import add_sky
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.training_steps import TrainingRecipe, stack_texture_and_grey, tensor_to_image
-from facade_core.street.translator.translators import MaterialFieldTranslator
+from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
+from facade_core.street.translator.neural_translator import ColourNetwork, NeuralTranslator
+from facade_core.street.translator.training_steps import TrainingRecipe, stack_inputs, tensor_to_image
+from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
 
 # Budget of each row.
-BUDGET = TrainingRecipe(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
+BUDGET = TrainingRecipe(width=16, steps=300, batch=2, check=300)
 ROWS = {
     "CUT": replace(BUDGET, conditioned=False),
     "PUT 1": replace(BUDGET, masked=False, equirectangular=False, merged=False),
@@ -29,26 +31,23 @@ ROWS = {
     "PUT 4": replace(BUDGET, equirectangular=False),
     "full": BUDGET,
 }
-# Of the paper's method alone, of the shipped recipe, and of that with composite streets: longer, as every other step is theirs.
-LONGER = replace(BUDGET, steps=900, check=900)
-COMPOSITES = {
-    "CUT, longer": replace(LONGER, conditioned=False),
-    "full, longer": LONGER,
-    "full and composites": LONGER,
-}
 # Where the rows of a panorama begin that show facades, as a share of its height: no road and little sky.
 FACADES_FROM = 0.28
 # Where those begin that show the ground.
 GROUND_FROM = 0.63
 PLACES = ("toulouse", "strasbourg_stra_1")
+# Folders of the pictures that rows and the shipped network learn from, without PLACES.
+STYLE = ("panoramas", "city/amsterdam/panoramas", "streetphotos/swiss/train")
+# Held out; country roads; other cuts of photos in the Swiss test set.
+EXCLUDED = ("toulouse", "outskirts", "IMG_0772", "IMG_5873", "IMG_6008")
 SIDE = 128
 
 
-def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
+def measure(data: Path, models: Path, shipped: ColourNetwork) -> dict[str, Any]:
     """Kernel distances of every row and blending, means over streets with 95 % bootstrap intervals, and which of the paper's
     orderings hold: only those whose paired differences' intervals exclude zero."""
     scene, own, streets = ingolstadt(data)
-    real = _real(data)
+    real, painter = _real(data), MaterialFieldTranslator(scene, streets, seed=7)
     by_row: dict[str, dict[str, Any]] = {}
 
     def score(name: str, translate: Translate, blending: Blending) -> None:
@@ -56,13 +55,13 @@ def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
 
     for blending in BLENDINGS:
         for name in ("CUT", "full"):
-            score(name, network(_file(models, name), ROWS[name]), blending)
+            score(name, network(_file(models, name), ROWS[name], painter), blending)
     for name in ("PUT 1", "PUT 2", "PUT 3", "PUT 4"):
-        score(name, network(_file(models, name), ROWS[name]), "weighted")
-    by_row |= _untrained(scene, own, streets, shipped, real)
+        score(name, network(_file(models, name), ROWS[name], painter), "weighted")
+    by_row |= _untrained(scene, own, painter, shipped, real)
     table = _table(by_row)
     return {
-        "budget": {"steps": BUDGET.steps, "of_them_warm": BUDGET.warm, "width": BUDGET.width, "crop": BUDGET.crop},
+        "budget": {"steps": BUDGET.steps, "width": BUDGET.width, "batch": BUDGET.batch},
         "real": PLACES,
         "streets": len(own),
         "crops": int(8 * sum(len(between(views)) for views in own)),
@@ -71,43 +70,23 @@ def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
     }
 
 
-def composites(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
-    """What composite streets bring: three rows of one budget beside those of what is shipped, and which is nearer."""
-    scene, own, streets = ingolstadt(data)
-    real = _real(data)
-    by_row = {
-        f"{name}, weighted": _scores(scene, own, network(_file(models, name), course), "weighted", real)
-        for name, course in COMPOSITES.items()
-    }
-    by_row |= _untrained(scene, own, streets, shipped, real)
-    others = [name for name in by_row if not name.startswith("full and")]
-    claims = [("full and composites, weighted", other) for other in others]
-    return {
-        "budget": {"steps": LONGER.steps, "of_them_warm": LONGER.warm, "width": LONGER.width, "crop": LONGER.crop},
-        "real": PLACES,
-        "streets": len(own),
-        "rows": _table(by_row),
-        "orderings": {kind: _verdicts(by_row, kind, claims) for kind in ("full", "crop", "ground")},
-    }
-
-
-def shipped_alone(data: Path, shipped: Translate) -> dict[str, Any]:
+def shipped_alone(data: Path, shipped: ColourNetwork) -> dict[str, Any]:
     """The rows of what is shipped: the network, swatches and no texture."""
     scene, own, streets = ingolstadt(data)
-    return {"real": PLACES, "streets": len(own), "rows": _table(_untrained(scene, own, streets, shipped, _real(data)))}
+    painter = MaterialFieldTranslator(scene, streets, seed=7)
+    return {"real": PLACES, "streets": len(own), "rows": _table(_untrained(scene, own, painter, shipped, _real(data)))}
 
 
 def _untrained(
     scene: Scene,
     own: list[list[Viewpoint]],
-    streets: Any,
-    shipped: Translate,
+    painter: MaterialFieldTranslator,
+    shipped: ColourNetwork,
     real: dict[str, np.ndarray],
 ) -> dict[str, dict[str, Any]]:
-    swatches = MaterialFieldTranslator(scene, streets, seed=7)
     translators: dict[str, Translate] = {
-        "exemplar (swatches)": lambda panorama, _: swatches.translate(panorama),
-        "shipped network": shipped,
+        "exemplar (material field)": lambda panorama, _: painter.translate(panorama),
+        "shipped network": lambda panorama, _: NeuralTranslator(shipped, painter).translate(panorama),
         "untextured": lambda _, bare: bare.rgb,
     }
     return {
@@ -123,23 +102,32 @@ def _table(by_row: dict[str, dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def network(path: Path, course: TrainingRecipe) -> Translate:
+def network(path: Path, recipe: TrainingRecipe, painter: Translator) -> Translate:
     """A row's network as a translator."""
     import torch
 
-    from facade_core.street.translator.network import Generator, image_to_tensor
+    from facade_core.street.translator.network import Generator, apply_grid, image_to_tensor
 
-    generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
+    generator = Generator(recipe.width, bands=recipe.bands, equirectangular=recipe.equirectangular)
     generator.load_state_dict(torch.load(path, weights_only=True))
     generator.eval()
 
     def translate(panorama: RenderedPanorama, bare: RenderedPanorama) -> np.ndarray:
-        grey, partial = image_to_tensor(bare.rgb), image_to_tensor(panorama.rgb if course.conditioned else bare.rgb)
-        known = torch.from_numpy(panorama.textured & course.conditioned)[None, None]
-        given = stack_texture_and_grey(partial, grey, known, course)
+        plain = image_to_tensor(add_sky(painter.translate(bare), bare.depth))
+        partial = image_to_tensor(add_sky(painter.translate(panorama), panorama.depth))
+        known = torch.from_numpy(panorama.textured | np.isinf(panorama.depth))[None, None]
+        if not recipe.conditioned:
+            partial, known = plain, torch.zeros_like(known)
         with torch.no_grad():
-            entry = generator.gather_inputs(given, [(0, len(bare.rgb))])
-            rgb = tensor_to_image(generator.decode(generator.run_blocks(entry, True, []), True)[0])
+            inputs = torch.nn.functional.interpolate(
+                stack_inputs(partial, plain, known, recipe), (NETWORK_HEIGHT, 2 * NETWORK_HEIGHT), mode="area"
+            )
+            entry = generator.gather_inputs(inputs, [(0, NETWORK_HEIGHT)])
+            grid = generator.decode(generator.run_blocks(entry, True, []), True)
+            rgb = tensor_to_image(apply_grid(grid, partial)[0])
+        if recipe.conditioned:
+            kept = known[0, 0].numpy()
+            rgb[kept] = tensor_to_image(partial[0])[kept]
         rgb[panorama.chart < 0] = 0
         return rgb
 
@@ -197,10 +185,10 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
     from facade_core.street.translator.kernel_distance import image_features
-    from tasks.training.translator import PanoramaSplitPrefixes, list_pictures, read_panorama_sets
+    from tasks.training.translator import PictureSplitPrefixes, list_pictures, read_picture_sets
 
-    held_out = read_panorama_sets(list_pictures([data / "panoramas"]), PanoramaSplitPrefixes(PLACES))[1]
-    turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
+    held_out = read_picture_sets(list_pictures([data / "panoramas"]), PictureSplitPrefixes(PLACES))[1]
+    turned = [np.roll(image, shift, axis=1) for image in (one.image for one in held_out) for shift in range(0, 128, 13)]
     return {kind: image_features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
 
 
@@ -208,6 +196,7 @@ def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:
     """The paper's orderings: holds, does not hold (the contrary does), or undecided."""
     claims = [(f"{name}, weighted", f"{name}, no blend") for name in ("CUT", "full")]
     claims += [(f"{name}, no blend", f"{name}, average") for name in ("CUT", "full")]
+    claims += [(f"{name}, weighted", f"{name}, two frames") for name in ("CUT", "full")]
     claims += [(f"full, {blending}", f"CUT, {blending}") for blending in BLENDINGS]
     order = ["full", "PUT 4", "PUT 3", "PUT 2", "PUT 1"]
     claims += [(f"{a}, weighted", f"{b}, weighted") for a, b in zip(order[:-1], order[1:], strict=True)]
@@ -224,37 +213,30 @@ def _verdicts(by_row: dict[str, dict[str, Any]], kind: str, claims: list[tuple[s
     return verdicts
 
 
-def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, seed: int = 0) -> dict[str, float]:
+def train_rows(
+    data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, runs: Sequence[Path], seed: int = 0
+) -> dict[str, float]:
     """Train the rows that `models` does not hold yet; seconds a step of each."""
     import time
 
     import torch
 
-    import tasks.training.composites
     from facade_core.street.translator import training, training_steps
-    from tasks.training.translator import (
-        PanoramaSplitPrefixes,
-        list_pictures,
-        read_panorama_sets,
-        render_training_views,
-    )
+    from tasks.training.street_renderings import render_training_views
+    from tasks.training.translator import PictureSplitPrefixes, list_pictures, read_picture_sets
 
     missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:
         return {}
-    blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
-    os.environ["STREETLOOM_DATA"] = str(data)  # which the blocks' files name
-    folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
-    learnt, judged, _ = read_panorama_sets(
-        list_pictures(folders), PanoramaSplitPrefixes(("strasbourg_stra_1",), ("toulouse",))
+    learnt, judged, _ = read_picture_sets(
+        list_pictures([data / folder for folder in STYLE]), PictureSplitPrefixes(("strasbourg_stra_1",), EXCLUDED)
     )
-    rendered, rendered_judged = render_training_views([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
+    rendered, rendered_judged = render_training_views(runs, seed=seed)
     domains = training_steps.TrainingDomains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
-        paired = tasks.training.composites.render_composites(data, seed=seed) if name == "full and composites" else []
         begun = time.perf_counter()
-        trained = training.train_generator(replace(domains, paired=paired), rows[name], seed=seed)
+        trained = training.train_generator(domains, rows[name], seed=seed)
         seconds[name] = round((time.perf_counter() - begun) / rows[name].steps, 2)
         models.mkdir(parents=True, exist_ok=True)
         torch.save(dict(trained.weights), _file(models, name))

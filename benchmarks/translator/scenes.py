@@ -25,9 +25,10 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 WIDTH = 512
 TEXELS_PER_METRE = 10.0
-STREETS, VIEWPOINTS = 6, 12
-Blending = Literal["no blend", "average", "weighted"]
-BLENDINGS: tuple[Blending, ...] = ("no blend", "average", "weighted")
+STREETS, VIEWPOINTS = 6, 8
+# two frames: the weighting of the authors' released code, softmax of minus the metres over a frame and the one before it.
+Blending = Literal["no blend", "average", "two frames", "weighted"]
+BLENDINGS: tuple[Blending, ...] = ("no blend", "average", "two frames", "weighted")
 # What a translator is given: the panorama as the engine renders it, and the same without any texture.
 Translate = Callable[[RenderedPanorama, RenderedPanorama], np.ndarray]
 # Metres by which what a viewpoint sees may be off what the one before saw.
@@ -74,6 +75,7 @@ def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, bl
     charts = np.unique(np.concatenate([scene.visible_charts(viewpoint, WIDTH) for viewpoint in viewpoints]))
     window, empty = _window(scene, charts), _window(scene, charts)
     total, count = np.zeros((len(window.colour), 3), np.int64), np.zeros(len(window.colour), np.int64)
+    held: tuple[np.ndarray, np.ndarray] | None = None
     differences = []
     before: tuple[RenderedPanorama, np.ndarray] | None = None
     for viewpoint in viewpoints:
@@ -87,13 +89,26 @@ def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, bl
             taken = np.flatnonzero(latest.provenance)
             total[taken] += latest.colour[taken]
             count[taken] += 1
-            mean = np.floor(total[taken] / count[taken, None] + 0.5).astype(np.uint8)
-            window.colour[taken] = mean if blending == "average" else latest.colour[taken]
+            metres = np.where(latest.provenance > 0, latest.state.top_distance[:, 0] / 1000, np.inf)
+            if blending == "average":
+                window.colour[taken] = np.floor(total[taken] / count[taken, None] + 0.5).astype(np.uint8)
+            elif blending == "two frames" and held is not None:
+                window.colour[taken] = _mix_frames(latest.colour[taken], metres[taken], *(part[taken] for part in held))
+            else:
+                window.colour[taken] = latest.colour[taken]
             window.provenance[taken] = Provenance.TRANSLATED
+            window.state.views[taken] += np.minimum(latest.state.views[taken], 1)
+            held = latest.colour, metres
         if before is not None:
             differences.append(_difference(*before, panorama, rgb))
         before = (panorama, rgb)
     return Walk(window, float(np.mean(differences)))
+
+
+def _mix_frames(latest: np.ndarray, metres: np.ndarray, earlier: np.ndarray, earlier_metres: np.ndarray) -> np.ndarray:
+    """Mix the colours (n, 3) of two frames by softmax of minus their distances, inf where a frame does not see a texel."""
+    share = (1 / (1 + np.exp(np.minimum(metres - earlier_metres, 50.0))))[:, None]
+    return np.floor(share * latest + (1 - share) * earlier + 0.5).astype(np.uint8)
 
 
 def between(viewpoints: Sequence[Viewpoint]) -> list[Viewpoint]:

@@ -61,7 +61,11 @@ def block_digest(block: Block) -> str:
 
 def model_file_digests(models: TrainedModelFiles) -> list[list[str]]:
     """Return for each model that a block names: its name and the digests of its files."""
-    single = {"parser": TrainedModelFiles(parser=models.parser), "layout": TrainedModelFiles(layout=models.layout)}
+    single = {
+        "parser": TrainedModelFiles(parser=models.parser),
+        "layout": TrainedModelFiles(layout=models.layout),
+        "translator": TrainedModelFiles(translator=models.translator),
+    }
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
 

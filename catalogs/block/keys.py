@@ -189,10 +189,11 @@ class ImagerySection(_Keys):
 
 
 class ModelsSection(_Keys):
-    """Section `models`: model files that replace the shipped parser and layout model."""
+    """Section `models`: model files that replace the shipped parser, layout model and translator."""
 
     parser: Annotated[str, Field(min_length=1)] | None = None
     layout: Annotated[str, Field(min_length=1)] | None = None
+    translator: Annotated[str, Field(min_length=1)] | None = None
 
 
 # Characters of a block's name.

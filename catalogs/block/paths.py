@@ -65,6 +65,8 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
         named["models.parser"] = [keys.models.parser]
     if keys.models.layout:
         named["models.layout"] = [keys.models.layout]
+    if keys.models.translator:
+        named["models.translator"] = [keys.models.translator]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
     if imagery.cameras:

@@ -173,11 +173,10 @@ def build_block(keys: BlockFileSettings, file: BlockFileErrorContext) -> Block:
         files = resolve_paths(keys, file.path)
     except ValueError as error:
         raise BlockFileError(hide_variable_values(f"{file.path}: {error}", file.path)) from error
-    if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
+    if keys.models.translator and keys.texture.translator != "neural":
         raise file.make_error(
-            "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
+            "models.translator", "is used with texture.translator: neural only; set that, or remove it"
         )
-
     if keys.part is not None:
         return _read_part(keys, files, file)
     pictures = _read_pictures(keys, files, file)
@@ -353,8 +352,8 @@ def _read_materials(files: NamedFiles, file: BlockFileErrorContext) -> tuple[Mat
 
 
 def _model_files(files: NamedFiles) -> TrainedModelFiles:
-    parser, layout = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
-    return TrainedModelFiles(parser and parser.absolute(), layout and layout.absolute())
+    named = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout", "translator"))
+    return TrainedModelFiles(*(path and path.absolute() for path in named))
 
 
 def set_digest(block: Block, file: BlockFileErrorContext) -> Block:

@@ -84,37 +84,3 @@ def replace_front_images(street: SyntheticStreet, photos: Sequence[UInt8Array]) 
         image = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
         painted.append(replace(facade, image=image))
     return replace(street, facades=tuple(painted))
-
-
-def ground_photo_painter(
-    street: SyntheticStreet, roadway: tuple[UInt8Array, float], pavement: tuple[UInt8Array, float]
-) -> GroundPaint:
-    """Return a function that paints the ground from two photographs with a kerb between them.
-
-    Parameters
-    ----------
-    street : the street.
-    roadway, pavement : seamless photograph (h, w, 3) uint8, and its width in metres.
-    """
-    across = np.array([-street.axis[1], street.axis[0]])
-
-    def paint(places: Float64Array) -> Float32Array:
-        along, aside = (places - STREET_ORIGIN_M) @ street.axis, (places - STREET_ORIGIN_M) @ across
-        road, kerb = (_sample_tiled(picture, along, aside) for picture in (roadway, pavement))
-        colour = np.where((np.abs(aside) < 4.5)[:, None], road, kerb)
-        edge = np.abs(np.abs(aside) - 4.6) < 0.1
-        colour[edge] = kerb[edge].mean(axis=1, keepdims=True)
-        return colour
-
-    return paint
-
-
-def _sample_tiled(picture: tuple[UInt8Array, float], x: Float64Array, y: Float64Array) -> Float32Array:
-    """Sample a seamless picture, repeated in both directions, at metres x, y; colours (n, 3) float32."""
-    image, metres = picture
-    rows, columns = image.shape[:2]
-    density = columns / metres
-    sampled: Float32Array = image[
-        (y * density).astype(np.int64) % rows, (x * density).astype(np.int64) % columns
-    ].astype(np.float32)
-    return sampled

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.output import print_line
-from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, EXISTING_OUT, FOLDER
+from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, FOLDER
 
 if TYPE_CHECKING:
     from catalogs.published.folders import Folder
@@ -23,7 +23,7 @@ def train() -> None:
     Examples:
       streetloom train parser --data ../shared/data --out parser/
       streetloom train parser --corrections out/mine --out mine/
-      streetloom train translator --from out/mine --out mine/
+      streetloom train translator --style my-city/ --from out/mine --out mine/
     """
 
 
@@ -149,81 +149,55 @@ def train_window_types(data: Path, out: Path) -> None:
 
 
 @train.command("translator")
-@click.option("--real", type=EXISTING_FOLDER, multiple=True, help="Folder of street panoramas, twice as wide as high.")
 @click.option(
-    "--from",
-    "runs",
+    "--style",
     type=EXISTING_FOLDER,
     multiple=True,
-    help="Run with camera panoramas, and its block to render.",
+    required=True,
+    metavar="PICTURES",
+    help="Folder of a city's street photos and panoramas (twice as wide as high).",
 )
 @click.option(
-    "--blocks",
-    type=EXISTING_FILE,
-    multiple=True,
-    help="Block file whose streets are rendered in addition to procedural ones.",
+    "--from", "runs", type=EXISTING_FOLDER, multiple=True, metavar="OUT", help="Run whose streets are rendered."
 )
 @click.option(
-    "--judge-by",
-    multiple=True,
-    help="Name prefix of panoramas that rank checkpoints; default: the last fifth.",
+    "--judge-by", multiple=True, help="Name prefix of pictures that rank checkpoints; default: the last fifth."
 )
-@click.option("--leave-out", multiple=True, help="Name prefix of panoramas to exclude.")
-@click.option(
-    "--composites",
-    type=EXISTING_FOLDER,
-    metavar="DATA",
-    help="Folder with facades/ and materials/, for additional training streets of their photos, with and without texture.",
-)
+@click.option("--leave-out", multiple=True, help="Name prefix of pictures to exclude.")
 @click.option("--out", type=FOLDER, required=True, help="Folder of translator.onnx, its .json and the training state.")
-@click.option("--recipe", type=click.Choice(["small", "full"]), default="small", show_default=True)
-@click.option("--steps", type=click.IntRange(1), help="Number of steps, instead of the recipe's.")
+@click.option("--steps", type=click.IntRange(1), help="Number of steps.  [default: 1200]")
 @click.option("--seed", default=0, show_default=True, help="0 for the shipped network.")
 def train_translation_network(
-    real: tuple[Path, ...],
+    style: tuple[Path, ...],
     runs: tuple[Path, ...],
-    blocks: tuple[Path, ...],
     judge_by: tuple[str, ...],
     leave_out: tuple[str, ...],
-    composites: Path | None,
     out: Path,
-    recipe: str,
     steps: int | None,
     seed: int,
 ) -> None:
-    """Train the network that textures streets in the style of a city's panoramas (extra: train; `make train-setup`).
+    """Train the network that gives painted streets the colours of a city's pictures (extra: train; `make train-setup`).
 
-    small: about an hour on one core, the recipe of the shipped network; --steps trains longer. full: for an accelerator.
-    Stores a picture of every checkpoint in OUT and exports the best one. Resumes from the last checkpoint.
+    Renders procedural streets and those of runs. Stores a picture of every checkpoint in OUT and exports the best one.
+    Resumes from the last checkpoint. A block file selects the result by `texture: {translator: neural}` and
+    `models: {translator: OUT/translator.onnx}`.
 
     \b
     Examples:
-      streetloom train translator --from out/mine --out translator/
-      streetloom train translator --from out/mine --composites ../shared/data --out translator/
-      streetloom train translator --real my-city/ --judge-by oldtown --out translator/
-      streetloom train translator --real ../shared/data/panoramas --real ../shared/data/city/amsterdam/panoramas
-        --judge-by strasbourg_stra_1 --leave-out toulouse --blocks catalogs/examples/blocks/helsinki.yaml
-        --blocks catalogs/examples/blocks/delfshaven.yaml --out translator/
+      streetloom train translator --style my-city/ --out translator/
+      streetloom train translator --style my-city/ --from out/mine --out translator/
+      streetloom train translator --style my-city/ --judge-by market_ --leave-out night_ --out translator/
     """
     from dataclasses import replace
 
-    from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
+    from facade_core.street.translator.training import RECIPE
     from flows.step_reporter import show_progress
-    from tasks.training.translator import PanoramaSplitPrefixes, train_translator
+    from tasks.training.translator import PictureSplitPrefixes, train_translator
 
-    course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE
-    if steps is not None:
-        course = replace(course, steps=steps)
+    recipe = RECIPE if steps is None else replace(RECIPE, steps=steps)
     with show_progress(quiet=False):
         model = train_translator(
-            real,
-            blocks,
-            out,
-            seed=seed,
-            recipe=course,
-            split=PanoramaSplitPrefixes(judge_by, leave_out),
-            runs=runs,
-            paired=composites,
+            style, runs, out, seed=seed, recipe=recipe, split=PictureSplitPrefixes(judge_by, leave_out)
         )
     print_line(model)
 

@@ -40,7 +40,7 @@ _PATHS = (
     "imagery.photos.path",
     "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.cameras.path", "imagery.cameras.poses",
     "imagery.cameras.control", "imagery.aerial.path", "texture.roof_material.path",
-    "texture.materials", "models.parser", "models.layout",
+    "texture.materials", "models.parser", "models.layout", "models.translator",
 )  # fmt: skip
 
 

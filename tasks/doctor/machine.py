@@ -107,7 +107,7 @@ def _shipped_models() -> dict[Path, Callable[[Path], object]]:
         layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
         layouts.SHIPPED_LAYOUT_NETWORK: load_layout_network,
         window_types.SHIPPED_WINDOW_METRIC: window_types.load_window_metric,
-        neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_translator,
+        neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_colour_network,
     }
 
 

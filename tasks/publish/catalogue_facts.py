@@ -86,8 +86,8 @@ STREET_MODEL = CataloguedModel(
     {
         "Panoramax, Strasbourg": "Licence Ouverte / CC BY-SA",
         "Amsterdam's panoramas": "open data of the city",
-        "renderings of Helsinki": "ODbL",
-        "renderings of Delfshaven": "open data of Rotterdam",
+        "Swiss street photos": "CC BY 4.0",
+        "renderings of Delfshaven": "open data of Rotterdam, ECP facades (MIT)",
     },
 )
 
@@ -220,7 +220,8 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
             if own.layout_network is not None:
                 used.append(_custom_model(own.layout_network, network))
     if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
-        used.append(STREET_MODEL)
+        own_network = run.models.translator
+        used.append(STREET_MODEL if own_network is None else _custom_model(own_network, STREET_MODEL))
     found = []
     for model in used:
         data = model.path.read_bytes()

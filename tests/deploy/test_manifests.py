@@ -14,7 +14,6 @@ import yaml
 
 from deploy.certificates import settings
 from facade_core.export.models.page_packing import MAX_PAGE_TEXELS
-from facade_core.street.translator.neural_translator import MAX_NETWORK_PIXELS
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.shared import memory
@@ -189,7 +188,7 @@ def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
     photo = MAX_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
     for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, page_memory(MAX_PAGE_TEXELS**2)):
         assert memory.LIBRARY_BYTES + unit <= shared_out
-    assert street_memory(10_000_000, 10_000_000, network=MAX_NETWORK_PIXELS) <= shared_out
+    assert street_memory(10_000_000, 10_000_000, network=2048 * 1024) <= shared_out
     for limit in (
         COMPOSE["services"]["worker"]["deploy"]["resources"]["limits"]["memory"],
         dict(pods())["worker"]["spec"]["template"]["spec"]["containers"][0]["resources"]["limits"]["memory"],

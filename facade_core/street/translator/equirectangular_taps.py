@@ -35,28 +35,26 @@ def kernel_taps(height: int) -> tuple[Float32Array, Float32Array]:
     return rows.reshape(height, TAP_COUNT).astype(np.float32), columns.reshape(height, TAP_COUNT).astype(np.float32)
 
 
-def gather_taps(image: Float32Array, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> Float32Array:
-    """Gather the taps of some rows and columns of a whole panorama, bilinearly.
+def gather_taps(image: Float32Array, rows: tuple[int, int]) -> Float32Array:
+    """Gather the taps of some rows of a whole panorama, bilinearly.
 
     Parameters
     ----------
     image : (bands, h, 2 h) float32.
     rows : first and last + 1.
-    columns : first and last + 1, all if None; may exceed the width, since columns wrap at +-180 degrees.
 
     Returns
     -------
     (bands * TAP_COUNT, rows, columns) float32.
     """
-    left, right = columns or (0, image.shape[2])
     tap_rows, tap_columns = kernel_taps(image.shape[1])
-    out = np.empty((len(image) * TAP_COUNT, rows[1] - rows[0], right - left), np.float32)
-    _gather_rows(image, tap_rows[slice(*rows)], tap_columns[slice(*rows)], left, out)
+    out = np.empty((len(image) * TAP_COUNT, rows[1] - rows[0], image.shape[2]), np.float32)
+    _gather_rows(image, tap_rows[slice(*rows)], tap_columns[slice(*rows)], out)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _gather_rows(image: Float32Array, rows: Float32Array, columns: Float32Array, left: int, out: Float32Array) -> None:
+def _gather_rows(image: Float32Array, rows: Float32Array, columns: Float32Array, out: Float32Array) -> None:
     bands, height, width = image.shape
     count = out.shape[2]
     line = np.empty(count + 1, np.float32)
@@ -67,7 +65,7 @@ def _gather_rows(image: Float32Array, rows: Float32Array, columns: Float32Array,
             first, second = max(above, 0), min(above + 1, height - 1)
             whole = int(np.floor(columns[r, k]))
             right = np.float32(columns[r, k] - whole)
-            start = (left + whole) % width
+            start = whole % width
             for band in range(bands):
                 upper, lower = image[band, first], image[band, second]
                 for c in range(min(count + 1, width - start)):

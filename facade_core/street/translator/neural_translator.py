@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,12 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
+from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import ModelFileError
 from facade_core.core.model_file import open_inference_session
-from facade_core.geometry.raycast import MISS
+from facade_core.street.lighting.sky import add_sky
 from facade_core.street.propagation.render import RenderedPanorama
+from facade_core.street.translator.colour_grid import NETWORK_HEIGHT, TRAINED_ROWS, apply_colour_grid
 from facade_core.street.translator.equirectangular_taps import gather_taps
+from facade_core.street.translator.translators import MaterialFieldTranslator
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -26,18 +27,14 @@ if TYPE_CHECKING:
 
 SHIPPED_TRANSLATOR = Path(__file__).parent / "models" / "translator.onnx"
 # Increase it when the meaning of inputs or outputs changes.
-TRANSLATOR_VERSION = 1
+TRANSLATOR_VERSION = 2
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
-# Receptive field of an output, pixels; a multiple of the network's stride of 4.
-RECEPTIVE_MARGIN = 96
-# Pixels per call of the network, margin included; it needs about 2 kB of memory per pixel.
-MAX_NETWORK_PIXELS = 600_000
 
 
 @dataclass(frozen=True)
-class NeuralTranslator:
-    """Trained network that continues from the texture of a partially textured panorama.
+class ColourNetwork:
+    """Trained network that predicts the colour transforms of a painted panorama.
 
     Attributes
     ----------
@@ -46,48 +43,56 @@ class NeuralTranslator:
 
     session: InferenceSession
 
-    def translate(self, panorama: RenderedPanorama) -> UInt8Array:
-        """Return the fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
-        rgb = self.translate_image(panorama.rgb)
-        rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
-        return rgb
+    def translate_image(self, image: UInt8Array, known: BoolArray) -> UInt8Array:
+        """Translate the colours of a whole panorama.
 
-    def translate_image(self, image: UInt8Array) -> UInt8Array:
-        """Translate a whole panorama (h, 2 h, 3) uint8 in tiles that equal the whole.
+        Parameters
+        ----------
+        image : (h, 2 h, 3) uint8, painted everywhere.
+        known : (h, 2 h) bool, pixels whose colours are given by photos or by earlier viewpoints.
 
-        Raises
-        ------
-        ModelError
-            The width is not a multiple of 8.
+        Returns
+        -------
+        (h, 2 h, 3) uint8.
         """
-        height, width = image.shape[:2]
-        if width % 8:
-            raise ModelFileError(
-                f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width"
-            )
-        planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
-        out = np.empty((height, width, 3), np.uint8)
-        for top, bottom, left, right in _tiles(height, width):
-            first, last = max(top - RECEPTIVE_MARGIN, 0), min(bottom + RECEPTIVE_MARGIN, height)
-            reach = RECEPTIVE_MARGIN if right - left < width else 0
-            seen = gather_taps(planes, (first, last), (left - reach, right + reach))
-            rgb = self.session.run(None, {"seen": seen[None]})[0][0]
-            tile = rgb[:, top - first : bottom - first, reach : reach + right - left].transpose(1, 2, 0)
-            out[top:bottom, left:right] = np.clip((tile + 1) * 127.5 + 0.5, 0, 255)
-        return out
+        import cv2
+
+        size = (2 * NETWORK_HEIGHT, NETWORK_HEIGHT)
+        reduced = cv2.resize(
+            np.dstack([image, np.where(known, np.uint8(255), np.uint8(0))]), size, interpolation=cv2.INTER_AREA
+        )
+        planes = np.ascontiguousarray(reduced.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
+        seen = gather_taps(planes, (0, NETWORK_HEIGHT))
+        grid = self.session.run(None, {"seen": seen[None]})[0][0]
+        # training never shows the ground right below: it takes the transforms above it
+        lowest = round(TRAINED_ROWS[1] * grid.shape[2])
+        grid[:, :, lowest:] = grid[:, :, lowest - 1 : lowest]
+        return apply_colour_grid(grid, image)
 
 
-def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
-    """Yield tiles (top, bottom, left, right) of a panorama; one tile if it is small."""
-    side = math.isqrt(MAX_NETWORK_PIXELS) - 2 * RECEPTIVE_MARGIN
-    down, across = (height, width) if height * width <= MAX_NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
-    for top in range(0, height, down):
-        for left in range(0, width, across):
-            yield top, min(top + down, height), left, min(left + across, width)
+@dataclass(frozen=True)
+class NeuralTranslator:
+    """Translator that paints untextured pixels from the material field and translates the colours of the picture.
+
+    Attributes
+    ----------
+    network : trained network.
+    painter : painter of untextured pixels.
+    """
+
+    network: ColourNetwork
+    painter: MaterialFieldTranslator
+
+    def translate(self, panorama: RenderedPanorama) -> UInt8Array:
+        """Return the fully textured panorama, (h, w, 3) uint8, with the sky."""
+        painted = add_sky(self.painter.translate(panorama), panorama.depth)
+        known = panorama.textured | np.isinf(panorama.depth)
+        # known pixels stay as they are: changed again by every viewpoint they would drift
+        return np.where(known[..., None], painted, self.network.translate_image(painted, known))
 
 
-def load_translator(path: Path = SHIPPED_TRANSLATOR) -> NeuralTranslator:
-    """Load the translator of an .onnx file with its .json record.
+def load_colour_network(path: Path = SHIPPED_TRANSLATOR) -> ColourNetwork:
+    """Load the network of an .onnx file with its .json record.
 
     Raises
     ------
@@ -97,11 +102,11 @@ def load_translator(path: Path = SHIPPED_TRANSLATOR) -> NeuralTranslator:
     for file in (path, path.with_suffix(".json")):
         if not file.is_file():
             raise ModelFileError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
-    return _load_cached(path.resolve(), path.stat().st_mtime_ns)
+    return _load_cached(path.resolve(), tuple(file.stat().st_mtime_ns for file in (path, path.with_suffix(".json"))))
 
 
 @lru_cache(maxsize=2)
-def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
+def _load_cached(path: Path, _modified: tuple[int, ...]) -> ColourNetwork:
     try:
         record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         version = record["version"]
@@ -111,7 +116,7 @@ def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
         ) from error
     if version != TRANSLATOR_VERSION:
         raise ModelFileError(f"{path}: made for another version of the translator; train it anew with this version")
-    return NeuralTranslator(open_inference_session(path, record, threads=_INTRA_OP_THREADS))
+    return ColourNetwork(open_inference_session(path, record, threads=_INTRA_OP_THREADS))
 
 
 def write_translator(content: bytes, path: Path, record: Mapping[str, object]) -> None:

@@ -13,6 +13,7 @@ import copy
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from hashlib import blake2b
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict
@@ -21,18 +22,18 @@ import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError, ModelFileError
+from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION
+from facade_core.street.translator.training_crops import random_real_crop, random_rendering_crop
 from facade_core.street.translator.training_steps import (
     TrainingDomains,
     TrainingParts,
     TrainingRecipe,
     crops_to_tensors,
-    stack_texture_and_grey,
-    step_paired,
-    step_restoration,
+    simulate_earlier,
+    stack_inputs,
     step_unpaired,
     tensor_to_image,
 )
-from facade_core.street.translator.training_views import random_panorama_crop, random_rendering_crop
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -46,16 +47,16 @@ CheckpointCallback = Callable[[int, float, UInt8Array], None]
 
 LEARNING_RATE = 2e-4
 ADAM_BETAS = (0.5, 0.999)
-WARMUP_RATE = 4e-4
 # Share of the steps at the full rate: the paper's 150 of 200 epochs.
 CONSTANT_RATE_SHARE = 0.75
+# Largest share of the averaged weights that a step keeps; the losses' own weights swing between colours.
+AVERAGE_DECAY = 0.998
 _EVALUATION_CROPS = 64
 _EVALUATION_SEED = 12345
 
 
-# One hour on a shared core, and a recipe for an accelerator.
-SMALL_RECIPE = TrainingRecipe(width=32, steps=1800, warm=400, crop=(96, 192), batch=1, check=300)
-FULL_RECIPE = TrainingRecipe(width=64, steps=150_000, warm=3000, crop=(256, 512), batch=4, check=2500)
+# About ten minutes on an idle core.
+RECIPE = TrainingRecipe(width=16, steps=1200, batch=4, check=300)
 
 
 @dataclass(frozen=True)
@@ -77,9 +78,10 @@ class TranslatorCheckpoint:
 
 
 class _TrainingState(TypedDict):
-    """State of a run in its file: states of the `TrainingParts`, `done` of `steps`, distances and best weights."""
+    """State of a run in its file: states of the `TrainingParts`, `done` of `steps`, distances, average and best weights."""
 
     generator: dict[str, Tensor]
+    average: dict[str, Tensor]
     discriminator: dict[str, Tensor]
     patches: dict[str, Tensor]
     first: dict[str, object]
@@ -101,8 +103,6 @@ def train_generator(
     sample: CheckpointCallback | None = None,
 ) -> TranslatorCheckpoint:
     """Train a generator and return the checkpoint nearest to the held-out real panoramas.
-
-    With pairs every other step learns from them.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def train_generator(
     from facade_core.street.translator.network import Discriminator, Generator, PatchEmbedding, initialise_weights
 
     for name, items in vars(domains).items():
-        if name != "paired" and not len(items):
+        if not items:
             raise ImageError(f"no pictures in {name}; give at least one place to learn from and one to judge by")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     random = torch.Generator().manual_seed(seed)
@@ -144,14 +144,14 @@ def train_generator(
         "first": first,
         "second": second,
     }
-    identity = (
-        f"{seed} {asdict(replace(recipe, steps=0))} {[len(items) for items in vars(domains).values() if len(items)]}"
-    )
+    identity = f"{TRANSLATOR_VERSION} {seed} {asdict(replace(recipe, steps=0))} {_domains_digest(domains)}"
     done, distances = 0, dict[int, float]()
-    best = copy.deepcopy(generator.state_dict())
+    average = copy.deepcopy(generator).requires_grad_(False)
+    best = copy.deepcopy(average.state_dict())
     if state is not None and state.is_file():
         saved = _read_state(state, identity, recipe)
         generator.load_state_dict(saved["generator"])
+        average.load_state_dict(saved["average"])
         discriminator.load_state_dict(saved["discriminator"])
         patches.load_state_dict(saved["patches"])
         first.load_state_dict(saved["first"])
@@ -162,23 +162,16 @@ def train_generator(
         report("translator", number, recipe.steps)
         for optimiser in (first, second):
             for group in optimiser.param_groups:
-                group["lr"] = (
-                    WARMUP_RATE if number < recipe.warm else LEARNING_RATE * learning_rate_share(number, recipe.steps)
-                )
-        learn = (
-            step_restoration
-            if number < recipe.warm
-            else step_paired
-            if domains.paired and number % 2
-            else step_unpaired
-        )
-        loss = learn(domains, recipe, parts, (seed, number), device)
+                group["lr"] = LEARNING_RATE * learning_rate_share(number, recipe.steps)
+        loss = step_unpaired(domains, recipe, parts, (seed, number), device)
         if not math.isfinite(loss):
             raise ModelFileError(f"training diverged at step {number}: train with another --seed")
+        for kept, latest in zip(average.parameters(), generator.parameters(), strict=True):
+            kept.lerp_(latest.detach(), 1 - min(AVERAGE_DECAY, (1 + number) / (10 + number)))
         if (number + 1) % recipe.check == 0 or number + 1 == recipe.steps:
-            distance, sheet = evaluate_generator(generator, domains, recipe, device)
+            distance, sheet = evaluate_generator(average, domains, recipe, device)
             if distance < min(distances.values(), default=math.inf):
-                best = copy.deepcopy(generator.state_dict())
+                best = copy.deepcopy(average.state_dict())
             distances[number + 1] = distance
             if sample:
                 sample(number + 1, distance, sheet)
@@ -187,6 +180,7 @@ def train_generator(
                     state,
                     {
                         "generator": generator.state_dict(),
+                        "average": average.state_dict(),
                         "discriminator": discriminator.state_dict(),
                         "patches": patches.state_dict(),
                         "first": first.state_dict(),
@@ -202,6 +196,15 @@ def train_generator(
     return TranslatorCheckpoint(
         {name: value.cpu() for name, value in best.items()}, best_step, distances[best_step], distances
     )
+
+
+def _domains_digest(domains: TrainingDomains) -> str:
+    """Return a digest of all pictures of the domains."""
+    digest = blake2b(digest_size=8)
+    for items in vars(domains).values():
+        for item in items:
+            digest.update(np.ascontiguousarray(item.image).data)
+    return digest.hexdigest()
 
 
 def require_torch() -> None:
@@ -220,8 +223,7 @@ def evaluate_generator(
 ) -> tuple[float, UInt8Array]:
     """Compute the kernel distance of translated held-out renderings to held-out real crops.
 
-    Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a
-    street.
+    Known pixels keep their colours, as in a street.
 
     Returns
     -------
@@ -230,21 +232,19 @@ def evaluate_generator(
     import torch
 
     from facade_core.street.translator.kernel_distance import image_features, kernel_distance
+    from facade_core.street.translator.network import apply_grid, reduce_image
 
     rng = np.random.default_rng(_EVALUATION_SEED)
-    rendered = [random_rendering_crop(domains.judged_rendered, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
-    real = [random_panorama_crop(domains.judged_real, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
+    rendered = [random_rendering_crop(domains.judged_rendered, rng) for _ in range(_EVALUATION_CROPS)]
+    real = [random_real_crop(domains.judged_real, rng) for _ in range(_EVALUATION_CROPS)]
     translated = []
     with torch.no_grad():
         for crop in rendered:
-            plain, mask = crops_to_tensors([crop], device)
-            if not recipe.conditioned:
-                mask = torch.zeros_like(mask)
-            out = generator(stack_texture_and_grey(plain, plain, torch.zeros_like(mask), recipe), [crop.place])
-            if mask.any():
-                partial = torch.where(mask, out, plain)
-                out = generator(stack_texture_and_grey(partial, plain, mask, recipe), [crop.place])
-            translated.append(tensor_to_image(out[0]))
+            plain, given, earlier = crops_to_tensors([crop], device)
+            partial, known, _ = simulate_earlier(generator, plain, given, earlier, [crop.place], recipe)
+            grid = generator(reduce_image(stack_inputs(partial, plain, known, recipe)), [crop.place])
+            kept = known if recipe.conditioned else given
+            translated.append(tensor_to_image(torch.where(kept, partial, apply_grid(grid, partial))[0]))
     distance = kernel_distance(image_features(translated), image_features([crop.image for crop in real]))
     sheet = [np.concatenate([crop.image, out]) for crop, out in zip(rendered[:8], translated[:8], strict=True)]
     return distance, np.concatenate([np.concatenate(sheet[:4], 1), np.concatenate(sheet[4:], 1)])

@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
-from facade_core.street.translator.training_views import (
+from facade_core.street.translator.training_crops import (
+    RealPicture,
     TrainingCrop,
-    TrainingPair,
     TrainingRendering,
-    imitate_rendering,
-    random_pair_crop,
-    random_panorama_crop,
+    random_real_crop,
     random_rendering_crop,
 )
 
@@ -38,9 +36,14 @@ TEMPERATURE = 0.07
 PATCHES_PER_OUTPUT = 256
 ADVERSARIAL_WEIGHT = 1.0
 CONSISTENCY_WEIGHT = 10.0
+# Of the difference from the viewpoint's translation alone where nothing is known; without it walls get stripes.
+AGREEMENT_WEIGHT = 30.0
 CONTRAST_RENDERED_WEIGHT = 0.5
 CONTRAST_REAL_WEIGHT = 0.5
-PAIR_WEIGHT = 10.0
+# Of squared differences between neighbouring cells of a grid; without it the transforms paint coloured clouds.
+SMOOTHNESS_WEIGHT = 20.0
+# Of the change of hue and saturation; without it the discriminator's swings colour plaster green and paving blue.
+CHROMA_WEIGHT = 5.0
 # Without normalisation one crop of sky alone could drive the output to white for good.
 MAX_GRADIENT_NORM = 0.5
 
@@ -53,20 +56,16 @@ class TrainingRecipe:
     ----------
     width : channels of the first layer.
     steps : number of steps.
-    warm : number of first steps that only restore real crops.
-    crop : height and width, pixels.
     batch : crops of either domain per step.
     check : steps between checkpoints.
     conditioned : input contains earlier texture.
     masked : consistency loss only where texture existed.
     equirectangular : first convolution on the sphere.
-    merged : texture and grey rendering in one RGB image.
+    merged : earlier texture and painted rendering in one RGB image.
     """
 
     width: int
     steps: int
-    warm: int
-    crop: tuple[int, int]
     batch: int
     check: int
     conditioned: bool = True
@@ -77,7 +76,7 @@ class TrainingRecipe:
     @property
     def bands(self) -> int:
         """Return the number of input channels."""
-        return 3 if self.merged else 4
+        return 4 if self.merged else 7
 
 
 @dataclass(frozen=True)
@@ -86,16 +85,14 @@ class TrainingDomains:
 
     Attributes
     ----------
-    rendered, real : renderings and real panoramas (h, w, 3) uint8 to learn from.
-    judged_rendered, judged_real : renderings and panoramas of other places to evaluate by.
-    paired : pairs to learn from.
+    rendered, real : renderings and real pictures to learn from.
+    judged_rendered, judged_real : renderings and real pictures of other places to evaluate by.
     """
 
     rendered: Sequence[TrainingRendering]
-    real: Sequence[UInt8Array]
+    real: Sequence[RealPicture]
     judged_rendered: Sequence[TrainingRendering]
-    judged_real: Sequence[UInt8Array]
-    paired: Sequence[TrainingPair] = ()
+    judged_real: Sequence[RealPicture]
 
 
 class TrainingParts(TypedDict):
@@ -108,135 +105,95 @@ class TrainingParts(TypedDict):
     second: Optimizer
 
 
-def step_restoration(
-    domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
-) -> float:
-    """Train the generator alone to restore real crops from their shading.
-
-    Crops keep simulated earlier texture. Not in the paper: this step learns street colours in minutes that take the
-    losses of `step_unpaired` a day on two cores.
-
-    Returns
-    -------
-    The loss.
-    """
-    import torch
-
-    generator, rng = parts["generator"], np.random.default_rng(seeds)
-    real = [random_panorama_crop(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
-    known = [random_rendering_crop(domains.rendered, recipe.crop, rng).textured for _ in range(recipe.batch)]
-    photo, _ = crops_to_tensors(real, device)
-    grey = [np.repeat(imitate_rendering(crop.image)[..., None], 3, 2) for crop in real]
-    plain, mask = crops_to_tensors(
-        [TrainingCrop(g, k, c.place) for g, k, c in zip(grey, known, real, strict=True)], device
-    )
-    if not recipe.conditioned:
-        mask = torch.zeros_like(mask)
-    restored = generator(
-        stack_texture_and_grey(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real]
-    )
-    loss = (restored - photo).abs().mean()
-    _optimise(parts["first"], loss)
-    return float(loss.detach())
-
-
 def step_unpaired(
     domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
 ) -> float:
-    """Train the generator and the discriminator by one unpaired step.
+    """Train the generator and the discriminator by one step.
 
     Returns
     -------
     The generator's loss.
     """
     import torch
-    from torch.nn import functional
+
+    from facade_core.street.translator.network import apply_grid, reduce_image
 
     generator, discriminator, patches = parts["generator"], parts["discriminator"], parts["patches"]
     rng = np.random.default_rng(seeds)
-    rendered = [random_rendering_crop(domains.rendered, recipe.crop, rng) for _ in range(recipe.batch)]
-    real = [random_panorama_crop(domains.real, recipe.crop, rng) for _ in range(recipe.batch)]
-    plain, mask = crops_to_tensors(rendered, device)
-    photo, _ = crops_to_tensors(real, device)
-    places = [crop.place for crop in (*rendered, *real)]
-    rendered_places = places[: recipe.batch]
-    mixed = torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda")
-    with mixed:
-        with torch.no_grad():
-            if not recipe.conditioned:
-                mask = torch.zeros_like(mask)
-            if mask.any():
-                # simulate an earlier viewpoint's output, blurred once by the atlas
-                translated = generator(
-                    stack_texture_and_grey(plain, plain, torch.zeros_like(mask), recipe), rendered_places
-                )
-                earlier = functional.avg_pool2d(
-                    functional.pad(translated.float(), (1, 1, 1, 1), mode="replicate"), 3, 1
-                )
-                partial = torch.where(mask, earlier, plain)
-            else:
-                partial = plain
-            keys = generator.encode(
-                stack_texture_and_grey(plain, plain, torch.ones_like(mask), recipe), rendered_places
-            )
-        inputs = torch.cat([stack_texture_and_grey(partial, plain, mask, recipe), _encoder_input(photo, recipe)])
-        features = [inputs]
-        encoded = generator.run_blocks(generator.gather_inputs(inputs, places), False, features)
-        translated, restored = generator.decode(encoded, False).float().split(recipe.batch)
-        photo_keys = [feature[recipe.batch :].detach() for feature in features]
-        discriminator.requires_grad_(True)
-        fake_score, real_score = discriminator(translated.detach()), discriminator(photo)
-        loss = 0.5 * (fake_score.square().mean() + (real_score - 1).square().mean())
-        _optimise(parts["second"], loss)
-        discriminator.requires_grad_(False)
-        total = ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
-        if recipe.conditioned:
-            compared = mask if recipe.masked else torch.ones_like(mask)
-            total = total + CONSISTENCY_WEIGHT * ((translated - partial) * compared).abs().mean()
-        total = total + CONTRAST_RENDERED_WEIGHT * _patch_contrast(
-            generator, patches, translated, keys, rendered_places, recipe, rng
-        )
-        other = places[recipe.batch :]
-        total = total + CONTRAST_REAL_WEIGHT * _patch_contrast(
-            generator, patches, restored, photo_keys, other, recipe, rng
-        )
+    rendered = [random_rendering_crop(domains.rendered, rng) for _ in range(recipe.batch)]
+    real = [random_real_crop(domains.real, rng) for _ in range(recipe.batch)]
+    (plain, given, earlier), (photo, unknown, _) = crops_to_tensors(rendered, device), crops_to_tensors(real, device)
+    rendered_places, real_places = [crop.place for crop in rendered], [crop.place for crop in real]
+    partial, known, alone = simulate_earlier(generator, plain, given, earlier, rendered_places, recipe)
+    with torch.no_grad():
+        keys = generator.encode(_encoder_input(plain, recipe), rendered_places)
+    inputs = torch.cat([stack_inputs(partial, plain, known, recipe), stack_inputs(photo, photo, unknown, recipe)])
+    reduced = reduce_image(inputs)
+    features = [reduced]
+    places = [*rendered_places, *real_places]
+    grids = generator.decode(generator.run_blocks(generator.gather_inputs(reduced, places), False, features), False)
+    translated, restored = apply_grid(grids, torch.cat([partial, photo])).split(recipe.batch)
+    photo_keys = [feature[recipe.batch :].detach() for feature in features]
+    discriminator.requires_grad_(True)
+    fake_score, real_score = discriminator(translated.detach()), discriminator(photo)
+    loss = 0.5 * (fake_score.square().mean() + (real_score - 1).square().mean())
+    _optimise(parts["second"], loss)
+    discriminator.requires_grad_(False)
+    total = ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
+    if recipe.conditioned:
+        compared = known if recipe.masked else torch.ones_like(known)
+        total = total + CONSISTENCY_WEIGHT * ((translated - partial) * compared).abs().mean()
+        total = total + AGREEMENT_WEIGHT * ((translated - alone) * ~compared).abs().mean()
+    total = total + CONTRAST_RENDERED_WEIGHT * _patch_contrast(
+        generator, patches, translated, keys, rendered_places, recipe, rng
+    )
+    total = total + CONTRAST_REAL_WEIGHT * _patch_contrast(
+        generator, patches, restored, photo_keys, real_places, recipe, rng
+    )
+    total = total + SMOOTHNESS_WEIGHT * _grid_roughness(grids)
+    total = total + CHROMA_WEIGHT * (_chroma(translated) - _chroma(partial)).abs().mean()
     _optimise(parts["first"], total)
     return float(total.detach())
 
 
-def step_paired(
-    domains: TrainingDomains, recipe: TrainingRecipe, parts: TrainingParts, seeds: tuple[int, int], device: TorchDevice
-) -> float:
-    """Train the generator alone on pairs, with a fixed discriminator.
+def _grid_roughness(grids: Tensor) -> Tensor:
+    """Compute the mean squared difference between neighbouring transforms, in places and in brightness."""
+    return sum(grids.diff(dim=axis).square().mean() for axis in (2, 3, 4))
 
-    The loss is the distance to the true image and the discriminator's score. Not in the paper, which has no pairs.
-    Earlier texture is simulated by the true image, blurred once as by the atlas.
+
+def _chroma(image: Tensor) -> Tensor:
+    """Return the colours less their mean over the bands."""
+    return image - image.mean(1, keepdim=True)
+
+
+def simulate_earlier(
+    generator: Generator,
+    plain: Tensor,
+    given: Tensor,
+    earlier: Tensor,
+    places: Sequence[tuple[int, int]],
+    recipe: TrainingRecipe,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Simulate what earlier viewpoints left: their translation, blurred once by the atlas.
 
     Returns
     -------
-    The loss.
+    partial : (n, 3, h, w) painted images with translated earlier parts.
+    known : (n, 1, h, w) bool, given and earlier pixels.
+    alone : (n, 3, h, w) translation without earlier parts, which the translation of the others agrees with.
     """
     import torch
     from torch.nn import functional
 
-    generator, discriminator, rng = parts["generator"], parts["discriminator"], np.random.default_rng(seeds)
-    pairs = [random_pair_crop(domains.paired, recipe.crop, rng) for _ in range(recipe.batch)]
-    plain, mask = crops_to_tensors([crop for crop, _, _ in pairs], device)
-    photo, valid = crops_to_tensors([TrainingCrop(image, valid, crop.place) for crop, image, valid in pairs], device)
+    from facade_core.street.translator.network import apply_grid, reduce_image
+
     if not recipe.conditioned:
-        mask = torch.zeros_like(mask)
-    discriminator.requires_grad_(False)
-    mixed = torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda")
-    with mixed:
-        earlier = functional.avg_pool2d(functional.pad(photo, (1, 1, 1, 1), mode="replicate"), 3, 1)
-        partial = torch.where(mask, earlier, plain)
-        translated = generator(
-            stack_texture_and_grey(partial, plain, mask, recipe), [crop.place for crop, _, _ in pairs]
-        ).float()
-        distance = ((translated - photo).abs() * valid).sum() / (3 * valid.sum()).clamp(min=1)
-        total = PAIR_WEIGHT * distance + ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
-    _optimise(parts["first"], total)
-    return float(total.detach())
+        return plain, torch.zeros_like(given), plain
+    with torch.no_grad():
+        grids = generator(reduce_image(stack_inputs(plain, plain, given, recipe)), places)
+        alone = apply_grid(grids, plain)
+        blurred = functional.avg_pool2d(functional.pad(alone, (1, 1, 1, 1), mode="replicate"), 3, 1)
+    return torch.where(earlier, blurred, plain), given | earlier, alone
 
 
 def _optimise(optimiser: Optimizer, loss: Tensor) -> None:
@@ -274,39 +231,46 @@ def _patch_contrast(
         targets = patches(keys, positions)
     loss = 0.0
     for query, key in zip(patches(features, positions), targets, strict=True):
-        scores = query.float() @ key.float().transpose(1, 2) / TEMPERATURE
+        scores = query @ key.transpose(1, 2) / TEMPERATURE
         right = torch.arange(scores.shape[1], device=scores.device).expand(len(scores), -1)
         loss = loss + functional.cross_entropy(scores.flatten(0, 1), right.flatten())
     return loss / len(features)
 
 
-def crops_to_tensors(crops: Sequence[TrainingCrop], device: TorchDevice) -> tuple[Tensor, Tensor]:
-    """Convert crops to images (n, 3, h, w) in -1..1 and masks (n, 1, h, w) bool."""
+def crops_to_tensors(crops: Sequence[TrainingCrop], device: TorchDevice) -> tuple[Tensor, Tensor, Tensor]:
+    """Convert crops to images (n, 3, h, w) in -1..1, and masks of given and of earlier pixels (n, 1, h, w) bool."""
     import torch
 
     from facade_core.street.translator.network import image_to_tensor
 
-    mask = torch.from_numpy(np.stack([crop.textured for crop in crops]))[:, None]
-    return image_to_tensor(np.stack([crop.image for crop in crops])).to(device), mask.to(device)
+    given, earlier = (
+        torch.from_numpy(np.stack(masks))[:, None].to(device)
+        for masks in zip(*((crop.given, crop.earlier) for crop in crops), strict=True)
+    )
+    return image_to_tensor(np.stack([crop.image for crop in crops])).to(device), given, earlier
 
 
-def stack_texture_and_grey(partial: Tensor, bare: Tensor, mask: Tensor, recipe: TrainingRecipe) -> Tensor:
-    """Compose the generator's input of a partially textured image.
+def stack_inputs(partial: Tensor, plain: Tensor, known: Tensor, recipe: TrainingRecipe) -> Tensor:
+    """Compose the generator's input: an image whose known pixels have their colours, and the mask of these.
 
-    It is one RGB image, or texture and grey rendering as separate channels.
+    Not merged, it is known texture alone, the image without it, and the mask.
     """
     import torch
 
+    mask = 2 * known.to(partial.dtype) - 1
     if recipe.merged:
-        return partial
-    return torch.cat([torch.where(mask, partial, -torch.ones_like(partial)), bare[:, :1]], 1)
+        return torch.cat([partial, mask], 1)
+    return torch.cat([torch.where(known, partial, -torch.ones_like(partial)), plain, mask], 1)
 
 
 def _encoder_input(image: Tensor, recipe: TrainingRecipe) -> Tensor:
-    """Compose the encoder's input of a fully textured image."""
+    """Compose the encoder's input of a fully textured image, reduced."""
     import torch
 
-    return image if recipe.merged else torch.cat([image, image.mean(1, keepdim=True)], 1)
+    from facade_core.street.translator.network import reduce_image
+
+    everywhere = torch.ones_like(image[:, :1], dtype=torch.bool)
+    return reduce_image(stack_inputs(image, image, everywhere, recipe))
 
 
 def tensor_to_image(image: Tensor) -> UInt8Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from catalogs.file_digest import file_digest
@@ -70,7 +71,7 @@ def facade_keys(
         if source in ("photo", "panoramas"):
             parts["privacy"] = run.privacy
         if source in ("photo", "panoramas", "own"):
-            parts |= model_key_parts(run.models)
+            parts |= model_key_parts(replace(run.models, translator=None))
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":

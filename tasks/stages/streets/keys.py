@@ -114,6 +114,8 @@ def _settings(run: Run, plan: Plan) -> dict[str, object]:
         settings["roof_material"] = [file_digest(path), metres_per_pixel]
     if run.materials:
         settings["materials"] = material_digests(run)
+    if run.texture.translator == "neural" and run.models.translator:
+        settings["network"] = file_digest(run.models.translator)
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 

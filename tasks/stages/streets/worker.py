@@ -18,7 +18,6 @@ from facade_core.core.arrays import AnyArray, BoolArray, Int32Array, Int64Array,
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sky import add_sky
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import mark_first_visible, propagate_panorama
@@ -54,16 +53,17 @@ class StreetWorkerContext:
 def load_street_worker_context(run: Run) -> StreetWorkerContext:
     """Load the plan and the translator of a run, once per process."""
     plan = load_run_plan(run)
-    if run.texture.translator == "neural":
-        return StreetWorkerContext(plan, neural_translator.load_translator(), None)
     laid, own = (
         roof_material(run.roof_material, run.texture.texels_per_metre),
         grain_tables_from_pictures(run.materials),
     )
-    swatches = MaterialFieldTranslator(
+    painter = MaterialFieldTranslator(
         plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own
     )
-    return StreetWorkerContext(plan, swatches, swatches.materials)
+    if run.texture.translator == "neural":
+        network = neural_translator.load_colour_network(run.models.translator or neural_translator.SHIPPED_TRANSLATOR)
+        return StreetWorkerContext(plan, neural_translator.NeuralTranslator(network, painter), None)
+    return StreetWorkerContext(plan, painter, painter.materials)
 
 
 @dataclass
@@ -135,7 +135,7 @@ def _process_viewpoint(run: Run, group: StoreGroup, street: int, step: int, stre
     if here.field is None:
         panorama = render_panorama(here.plan.scene, progress.window, viewpoint, size)
         lap("render")
-        rgb = add_sky(here.translator.translate(panorama), panorama.depth)
+        rgb = here.translator.translate(panorama)
         lap("translate")
         propagate_panorama(here.plan.scene, progress.window, viewpoint, rgb, charts_seen=panorama.chart)
         passes = _shared_pixels_digest(here.plan, panorama.chart, rgb)

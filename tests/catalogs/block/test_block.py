@@ -81,9 +81,9 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("texture:", {}, "texture: holds nothing where keys are expected"),
         ("texture: {walls: brick}", {}, "texture.walls: 'brick' is not known; choose 'exemplar' or 'translate'"),
         (
-            "texture: {translator: neural, panorama_width: 500}",
+            "models: {translator: block.yaml}",
             {},
-            "texture.panorama_width: the neural translator takes multiples of 8; 512 is what it learnt at",
+            "models.translator: is used with texture.translator: neural only; set that, or remove it",
         ),
         ("texture: {panorama_width: 1023}", {}, "texture.panorama_width: must be even"),
         ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),

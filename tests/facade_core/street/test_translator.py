@@ -1,34 +1,42 @@
-"""The neural translator: the first convolution on the sphere, bands that are equal to the whole, and broken files."""
+"""The neural translator: taps on the sphere, transforms of colours that keep edges and wrap, crops, and broken files."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from facade_core.core.errors import ModelFileError
+from facade_core.street.lighting.sky import add_sky
 from facade_core.street.translator import neural_translator
+from facade_core.street.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, TRAINED_ROWS, apply_colour_grid
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
-from facade_core.street.translator.training_views import (
-    PANORAMA_WIDTHS,
-    USED_ROWS,
+from facade_core.street.translator.training_crops import (
+    CROP,
+    PANORAMA_HEIGHT,
+    RealPicture,
     TrainingRendering,
-    imitate_rendering,
-    random_panorama_crop,
+    random_real_crop,
     random_rendering_crop,
+    resample_photo,
 )
 
 RNG = np.random.default_rng(3)
+ROWS, COLUMNS = 8, 16
 
 
-def smooth(height: int) -> np.ndarray:
-    """A panorama without detail finer than ten pixels, (h, 2 h, 3) uint8."""
-    import cv2
+def noise(height: int) -> np.ndarray:
+    return RNG.integers(0, 255, (height, 2 * height, 3), dtype=np.uint8)
 
-    coarse = RNG.integers(0, 255, (height // 8, height // 4, 3), dtype=np.uint8)
-    return cv2.resize(np.concatenate([coarse, coarse[:, :1]], 1), (2 * height, height), interpolation=cv2.INTER_CUBIC)
+
+def random_grid() -> np.ndarray:
+    """Return transforms near the identity."""
+    offsets = RNG.normal(0, 0.2, (COEFFICIENTS, BRIGHTNESS_BINS, ROWS, COLUMNS))
+    return (offsets + np.eye(3, 4).reshape(COEFFICIENTS, 1, 1, 1)).astype(np.float32)
 
 
 def test_at_the_equator_the_taps_are_the_pixels_around() -> None:
@@ -58,81 +66,129 @@ def test_a_turned_panorama_is_seen_turned() -> None:
     np.testing.assert_array_equal(turned, np.roll(gather_taps(plane, (0, 32)), 17, axis=2))
 
 
-@pytest.mark.long
-def test_tiles_are_equal_to_the_whole_and_there_is_no_seam_at_180_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    network, image = neural_translator.load_translator(), smooth(256)
-    whole = network.translate_image(image)
-    assert whole.std() > 5
-    assert (network.translate_image(np.roll(image, 200, axis=1)) == np.roll(whole, 200, axis=1)).all()
-    monkeypatch.setattr(neural_translator, "MAX_NETWORK_PIXELS", (2 * neural_translator.RECEPTIVE_MARGIN + 100) ** 2)
-    assert (network.translate_image(image) == whole).all()
+def plain_transform(grid: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """Apply a grid pixel by pixel: the weighted mean of the eight matrices around each."""
+    height, width = image.shape[:2]
+    out = np.empty_like(image)
+    for i, j in np.ndindex(height, width):
+        colour = image[i, j] / 127.5 - 1
+        brightness = colour @ [0.299, 0.587, 0.114]
+        y = np.clip((i + 0.5) * ROWS / height - 0.5, 0, ROWS - 1)
+        x = (j + 0.5) * COLUMNS / width - 0.5
+        b = np.clip((brightness + 1) / 2 * BRIGHTNESS_BINS - 0.5, 0, BRIGHTNESS_BINS - 1)
+        matrix = np.zeros(COEFFICIENTS)
+        for row in range(ROWS):
+            for column in (int(np.floor(x)), int(np.floor(x)) + 1):
+                for level in range(BRIGHTNESS_BINS):
+                    near = [1 - abs(a - c) for a, c in ((y, row), (x, column), (b, level))]
+                    matrix += np.prod(np.maximum(near, 0)) * grid[:, level, row, column % COLUMNS]
+        value = matrix.reshape(3, 4) @ np.append(colour, 1)
+        out[i, j] = np.clip((value + 1) * 127.5 + 0.5, 0, 255)
+    return out
 
 
-def test_a_far_change_changes_nothing() -> None:
-    network, image = neural_translator.load_translator(), smooth(256)
-    changed = image.copy()
-    changed[-20:] = 255 - changed[-20:]
-    before, after = network.translate_image(image), network.translate_image(changed)
-    assert (before != after).any()
-    assert (
-        before[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]
-        == after[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]
-    ).all()
+def test_transforms_are_interpolated_between_places_and_brightness() -> None:
+    grid, image = random_grid(), noise(24)
+    ours, plain = apply_colour_grid(grid, image), plain_transform(grid, image)
+    assert np.abs(ours.astype(int) - plain).max() <= 1
+    assert np.abs(ours.astype(int) - image).mean() > 5
 
 
-def test_a_width_the_network_does_not_take_is_refused() -> None:
-    with pytest.raises(ModelFileError, match=r"100 pixels wide.*change panorama_width"):
-        neural_translator.load_translator().translate_image(np.zeros((50, 100, 3), np.uint8))
+def test_the_identity_changes_nothing() -> None:
+    grid = np.zeros((COEFFICIENTS, BRIGHTNESS_BINS, ROWS, COLUMNS), np.float32)
+    grid += np.eye(3, 4, dtype=np.float32).reshape(COEFFICIENTS, 1, 1, 1)
+    image = noise(32)
+    np.testing.assert_array_equal(apply_colour_grid(grid, image), image)
+
+
+def test_transforms_wrap_at_180_degrees() -> None:
+    grid, image = random_grid(), noise(32)
+    turned = apply_colour_grid(np.roll(grid, 3, axis=3), np.roll(image, 3 * 64 // COLUMNS, axis=1))
+    np.testing.assert_array_equal(turned, np.roll(apply_colour_grid(grid, image), 3 * 64 // COLUMNS, axis=1))
+
+
+def test_the_shipped_network_keeps_every_edge_at_any_size() -> None:
+    network = neural_translator.load_colour_network()
+    for height in (100, 256):
+        image = np.full((height, 2 * height, 3), 90, np.uint8)
+        image[:, 70:100] = 150  # a stripe
+        out = network.translate_image(image, np.zeros(image.shape[:2], bool))
+        steps = np.abs(np.diff(out[height // 2].astype(int).mean(axis=1)))
+        assert set(np.argsort(steps)[-2:].tolist()) == {69, 99}
+
+
+def test_the_shipped_network_keeps_a_turned_panorama() -> None:
+    network, image = neural_translator.load_colour_network(), noise(256)
+    known = RNG.random((256, 512)) < 0.5
+    whole = network.translate_image(image, known)
+    turned = network.translate_image(np.roll(image, 64, axis=1), np.roll(known, 64, axis=1))
+    assert np.abs(turned.astype(int) - np.roll(whole, 64, axis=1)).max() <= 1
 
 
 def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ModelFileError, match=r"none\.onnx: no such file"):
-        neural_translator.load_translator(tmp_path / "none.onnx")
+        neural_translator.load_colour_network(tmp_path / "none.onnx")
     path = tmp_path / "t.onnx"
     record = json.loads(neural_translator.SHIPPED_TRANSLATOR.with_suffix(".json").read_text())
     path.write_bytes(neural_translator.SHIPPED_TRANSLATOR.read_bytes()[:-1])
     path.with_suffix(".json").write_text(json.dumps(record))
     with pytest.raises(ModelFileError, match="checksum differs"):
-        neural_translator.load_translator(path)
+        neural_translator.load_colour_network(path)
     neural_translator.write_translator(b"not a network", path, {"version": neural_translator.TRANSLATOR_VERSION})
     with pytest.raises(ModelFileError, match="not a model that onnxruntime reads"):
-        neural_translator.load_translator(path)
-    neural_translator.write_translator(neural_translator.SHIPPED_TRANSLATOR.read_bytes(), path, {"version": 0})
+        neural_translator.load_colour_network(path)
+    neural_translator.write_translator(neural_translator.SHIPPED_TRANSLATOR.read_bytes(), path, {"version": 1})
     with pytest.raises(ModelFileError, match="another version"):
-        neural_translator.load_translator(path)
+        neural_translator.load_colour_network(path)
     path.with_suffix(".json").write_text("[]")
     with pytest.raises(ModelFileError, match="not the record of a translator"):
-        neural_translator.load_translator(path)
+        neural_translator.load_colour_network(path)
 
 
 def test_crops_show_the_street_and_know_where_they_are() -> None:
-    grey = np.repeat(np.arange(512, dtype=np.uint16)[:, None] // 2, 1024, 1).astype(np.uint8)
-    views = [TrainingRendering(grey, grey > 100)]
-    rng, places, known = np.random.default_rng(0), set(), 0
+    rows = np.repeat(np.arange(PANORAMA_HEIGHT)[:, None] // 2, 2 * PANORAMA_HEIGHT, 1).astype(np.uint8)
+    image = np.repeat(rows[..., None], 3, 2)
+    views = [TrainingRendering(image, rows < 100, rows > 120)]
+    rng, earlier = np.random.default_rng(0), 0
     for _ in range(40):
-        crop = random_rendering_crop(views, (64, 128), rng)
+        crop = random_rendering_crop(views, rng)
         first, height = crop.place
-        assert crop.image.shape == (64, 128, 3)
-        assert height in [width // 2 for width in PANORAMA_WIDTHS]
-        assert USED_ROWS[0] * height - 1 <= first
-        assert first + 64 <= USED_ROWS[1] * height + 1
-        np.testing.assert_allclose(crop.image[0, 0], first / height * 256, atol=3)
-        places.add(height)
-        known += bool(crop.textured.any())
-    assert len(places) == len(PANORAMA_WIDTHS)
-    assert 0 < known < 40
-    photo = random_panorama_crop([np.repeat(grey[..., None], 3, 2)], (64, 128), rng)
-    assert not photo.textured.any()
+        assert crop.image.shape == (*CROP, 3)
+        assert TRAINED_ROWS[0] * height - 1 <= first
+        assert first + CROP[0] / 2 <= TRAINED_ROWS[1] * height + 1
+        assert crop.image[0, 0, 0] == first
+        np.testing.assert_array_equal(crop.given, crop.image[..., 0] < 100)
+        earlier += bool(crop.earlier.any())
+    assert 0 < earlier < 40
+    real = random_real_crop([RealPicture(image)], rng)
+    assert real.image.shape == (*CROP, 3)
+    assert not real.given.any()
 
 
-def test_a_real_crop_without_its_detail_looks_like_a_rendering() -> None:
-    photo = np.zeros((60, 80, 3), np.uint8)
-    photo[:20] = (180, 200, 240)
-    photo[20:] = RNG.integers(40, 60, (40, 80, 1))
-    photo[30:40, 20:30] = 20
-    grey = imitate_rendering(photo)
-    assert (grey[:18] == 0).all()
-    assert grey[22:].min() >= 100
-    assert grey[35, 25] < grey[50, 60] - 20
-    steps = [np.abs(np.diff(image[45:55, 50:70].astype(int))).mean() for image in (grey, photo[..., 0])]
-    assert steps[0] < steps[1]
+@pytest.mark.parametrize("size", [(300, 400), (400, 300), (90, 400)])
+def test_a_photo_takes_its_place_around_the_horizon(size: tuple[int, int]) -> None:
+    photo = np.zeros((*size, 3), np.uint8)
+    photo[: size[0] // 2] = 200
+    found = resample_photo(photo)
+    assert found.image.shape == (*CROP, 3)
+    assert found.top == (PANORAMA_HEIGHT - CROP[0]) // 2
+    assert (found.image[: CROP[0] // 2 - 2] > 190).all()
+    assert (found.image[CROP[0] // 2 + 2 :] < 10).all()
+    assert random_real_crop([found], np.random.default_rng(0)).place == (found.top // 2, PANORAMA_HEIGHT // 2)
+
+
+def test_known_pixels_and_the_sky_stay_as_they_are() -> None:
+    """Every viewpoint translates what the ones before it left, so that a change of known pixels would add up."""
+    height = 64
+    image = noise(height)
+    known = RNG.random((height, 2 * height)) < 0.5
+    depth = np.full((height, 2 * height), 5.0, np.float32)
+    depth[:10] = np.inf
+    panorama = SimpleNamespace(rgb=image, textured=known, depth=depth)
+    painter = SimpleNamespace(translate=lambda panorama: panorama.rgb)
+    network = neural_translator.load_colour_network()
+    out = neural_translator.NeuralTranslator(network, cast(Any, painter)).translate(cast(Any, panorama))
+    kept = known & np.isfinite(depth)
+    np.testing.assert_array_equal(out[kept], image[kept])
+    np.testing.assert_array_equal(out[:10], add_sky(image, depth)[:10])
+    assert (out[~known & np.isfinite(depth)] != image[~known & np.isfinite(depth)]).any()

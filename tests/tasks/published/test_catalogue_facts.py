@@ -67,6 +67,10 @@ def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     assert network.trained_on == {"our photos": "ours"}
     assert network.sha256 == hashlib.sha256(b"weights").hexdigest()
     assert layouts.file == "facade_core/facade/layout/models/layouts.json"
+    settings = TextureSettings(translator="neural")
+    neural = SimpleNamespace(texture=settings, models=TrainedModelFiles(translator=tmp_path / "mine.onnx"))
+    (street,) = models_used(cast(Any, neural), [], [{"status": "done"}])
+    assert (street.file, street.title) == ("mine.onnx", "street translator of the block")
     (tmp_path / "layouts.json").write_text("{}")
     own = SimpleNamespace(texture=TextureSettings(), models=TrainedModelFiles(layout=tmp_path / "layouts.json"))
     assert [model.file for model in models_used(cast(Any, own), [{"lattice": {}}], [])][1:] == ["layouts.json"]

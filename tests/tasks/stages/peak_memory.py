@@ -241,12 +241,12 @@ def drawn(height, width):
 
 
 def network(height, width):
-    from facade_core.street.translator.neural_translator import load_translator
+    from facade_core.street.translator.neural_translator import load_colour_network
 
-    translator, image = load_translator(), np.zeros((height, width, 3), np.uint8)
+    network, image = load_colour_network(), np.zeros((height, width, 3), np.uint8)
 
     def unit():
-        translator.translate_image(image)
+        network.translate_image(image, np.zeros((height, width), bool))
         return height * width
 
     return unit

@@ -21,7 +21,7 @@ from catalogs.block.keys import SunSettings
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
-from facade_core.core.types import Building, BuildingShell, Pose, Street
+from facade_core.core.types import Building, BuildingShell, Pose, Street, TrainedModelFiles
 from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
@@ -425,6 +425,16 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
     for before, now in ((plain, once), (once, wider)):
         for one, other in zip(before, now, strict=True):
             assert diff_key_parts(one, other) == ["settings"]
+
+
+def test_an_own_translator_is_in_the_keys_of_streets_that_use_it(tmp_path: Path) -> None:
+    plan, path = planned("near", "streets"), tmp_path / "mine.onnx"
+    path.write_bytes(b"weights")
+    for translator, told in (("neural", ["settings"]), ("exemplar", [])):
+        run = changed(RUN, {"translator": translator})
+        own = replace(run, models=TrainedModelFiles(translator=path))
+        before, now = (street_keys(each, plan, seeded(plan, {}, {}), 0).street for each in (run, own))
+        assert diff_key_parts(before, now) == told
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:

@@ -124,7 +124,7 @@ def test_a_surface_fits_what_it_declares() -> None:
 
 
 def test_a_panorama_fits_what_the_network_declares() -> None:
-    taken, pixels = measured("network", (32, 64), (512, 1024))
+    taken, pixels = measured("network", (32, 64), (1024, 2048))
     assert_fits(street_memory(0, 0, network=pixels), taken)
 
 
