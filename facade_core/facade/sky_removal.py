@@ -26,6 +26,8 @@ MAX_BORDER_SHARE = 0.02
 BORDER_RIM_PX = 4
 # Share of a row that shows the sky from which the row is not of the facade.
 MIN_SKY_ROW_SHARE = 0.02
+# The same from which floors beside the sky are cut off with it: a slit between two houses is narrower.
+MIN_BESIDE_SHARE = 0.05
 # Floors beside which sky is cut off with it: these remain, and they reach no farther down than this share of the height.
 MIN_REMAINING_FLOORS = 2
 MAX_CUT_SHARE = 0.4
@@ -48,9 +50,11 @@ def count_sky_rows(image: UInt8Array, labels: UInt8Array, hidden: BoolArray, out
     found = find_floors_and_bays(labels)
     if found is None:
         return 0
-    rows = np.flatnonzero(find_even_sky(image, labels, hidden, outside).mean(axis=1) >= MIN_SKY_ROW_SHARE)
-    last = int(rows[-1]) + 1 if len(rows) else 0
-    beside = sum((top + bottom) / 2 <= last for top, bottom in found.floors)
+    share = find_even_sky(image, labels, hidden, outside).mean(axis=1)
+    last, last_wide = (
+        int(np.flatnonzero(np.append(True, share >= least))[-1]) for least in (MIN_SKY_ROW_SHARE, MIN_BESIDE_SHARE)
+    )
+    beside = sum((top + bottom) / 2 <= last_wide for top, bottom in found.floors)
     if beside == 0 or len(found.floors) - beside < MIN_REMAINING_FLOORS or last > MAX_CUT_SHARE * len(labels):
         return min(last, found.floors[0][0])
     return max(found.floor_cuts[beside], min(last, found.floors[beside][0]))

@@ -22,6 +22,9 @@ MIN_LEAF_DEVIATION = 3.0
 MIN_TREE_SHARE = 0.01
 # Largest width of a tree over its height; green plinths and the signs of shops are wider.
 MAX_TREE_ASPECT = 3.0
+# Largest share of a tree's pixels in windows, and of its bounding box that it fills: green shutters exceed one of them.
+MAX_WINDOW_SHARE = 0.7
+MAX_FILLED_SHARE = 0.85
 # Trees begin below this share of the height; plants on a roof terrace are above.
 FIRST_TREE_ROW_SHARE = 1 / 3
 
@@ -51,10 +54,15 @@ def measure_tree_share(image: UInt8Array, labels: UInt8Array, hidden: BoolArray)
     crowns = cv2.morphologyEx(crowns, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     crowns[: round(FIRST_TREE_ROW_SHARE * height)] = 0
     count, parts, stats, _ = cv2.connectedComponentsWithStats(crowns)
-    trees = [
-        part
-        for part in range(1, count)
-        if stats[part, cv2.CC_STAT_AREA] >= MIN_TREE_SHARE * crowns.size
-        and stats[part, cv2.CC_STAT_WIDTH] <= MAX_TREE_ASPECT * stats[part, cv2.CC_STAT_HEIGHT]
-    ]
+    windows = np.bincount(parts.ravel(), (classes == FacadeClass.WINDOW).ravel(), minlength=count)
+    trees = []
+    for part in range(1, count):
+        wide, high, area = (
+            stats[part, cv2.CC_STAT_WIDTH],
+            stats[part, cv2.CC_STAT_HEIGHT],
+            stats[part, cv2.CC_STAT_AREA],
+        )
+        is_shutter = windows[part] > MAX_WINDOW_SHARE * area or area > MAX_FILLED_SHARE * wide * high
+        if area >= MIN_TREE_SHARE * crowns.size and wide <= MAX_TREE_ASPECT * high and not is_shutter:
+            trees.append(part)
     return float((np.isin(parts, trees) & seen).mean())

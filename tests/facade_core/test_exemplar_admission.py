@@ -10,6 +10,7 @@ import pytest
 
 from facade_core.core.types import Element
 from facade_core.facade.exemplar_admission import FacadePicture, assess_candidate
+from facade_core.facade.vegetation import measure_tree_share
 from facade_core.synth.facade import paint_facade
 
 
@@ -75,6 +76,22 @@ def shift_columns(windows: list[Element]) -> list[Element]:
     columns = sorted({each.x0 for each in windows})
     down = {x0: 0.4 * place * windows[0].height for place, x0 in enumerate(columns)}
     return [replace(each, y0=each.y0 + down[each.x0], y1=each.y1 + down[each.x0]) for each in windows]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_green_shutters_are_no_trees(sound: FacadePicture, beside: bool) -> None:
+    image = sound.image.copy()
+    image[:] = (150, 80, 60)
+    slats = np.where(np.arange(len(image)) // 2 % 2, 1.5, 0.6)[:, None, None] * [45, 85, 40]
+    for window in sound.windows():
+        shift = round(window.width) + 3 if beside else 0
+        rows, columns = (
+            slice(round(window.y0), round(window.y1)),
+            slice(round(window.x0) + shift, round(window.x1) + shift),
+        )
+        image[rows, columns] = np.broadcast_to(slats, image.shape)[rows, columns]
+    assert measure_tree_share(image, sound.labels, sound.hidden) == 0
+    assert measure_tree_share(plant_tree(sound).image, sound.labels, sound.hidden) > 0.02
 
 
 def test_each_fault_is_named(sound: FacadePicture) -> None:

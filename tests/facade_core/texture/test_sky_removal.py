@@ -79,6 +79,15 @@ def test_floors_of_a_narrower_tower_are_cut_off_with_the_sky_that_the_parser_fin
     assert count_sky_rows(facade.image, facade.labels, outside, outside) == found.floor_cuts[2]
 
 
+def test_a_slit_of_sky_beside_a_neighbour_takes_no_floor() -> None:
+    facade = paint_house()
+    found = find_floors_and_bays(facade.labels)
+    assert found is not None
+    outside = np.zeros(facade.labels.shape, bool)
+    outside[: found.floors[1][1], : outside.shape[1] // 25] = True
+    assert count_sky_rows(facade.image, facade.labels, outside, outside) <= found.floors[0][0]
+
+
 def test_sky_below_a_border_without_data_is_counted() -> None:
     image, labels = put_over(paint_house(), (245, 246, 248), 1.0)
     hidden = np.zeros(labels.shape, bool)
