@@ -3,11 +3,11 @@
 The test block is Ingolstadt with windows and doors as geometry, which no network is trained on; every wall is left to the
 translator. inference: seconds for a panorama on two threads. windows: IoU of windows that the parser finds in facades of the
 textured block with the model's own, against the same without texture and with the material field. sharpness: gradient
-energy of translated panoramas as a share of that of the painted ones. shipped: what is shipped beside the material field and
-no texture; tables: the paper's tables 1 and 2; --models holds the rows' networks, and those missing are trained with one
-budget each, on procedural streets and those of --from (extra: train). Distances are squared kernel distances of
-EfficientNet-Lite0's features of crops of the finished streets to panoramas held out, with the kernel (x . y + 1)^3, which is
-125 for a picture and itself. pictures: one viewpoint by each translator, into --models.
+energy of translated panoramas, divided by that of the painted ones. shipped: kernel distances of the shipped network, the
+material field and no texture. tables: the paper's tables 1 and 2; --models holds the rows' networks, and those missing are
+trained with one budget each, on procedural streets and those of --from (extra: train). Distances are squared kernel
+distances of EfficientNet-Lite0's features of crops of the finished streets to panoramas held out, with the kernel
+(x . y + 1)^3, which is 125 for a picture and itself. pictures: one viewpoint by each translator, into --models.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def main() -> None:
     measured = {
         "inference": inference,
         "windows": windows,
-        "sharpness": sharpness,
+        "sharpness": measure_sharpness,
         "pictures": pictures,
-        "shipped": shipped,
+        "shipped": measure_shipped,
         "tables": tables,
     }
     for part in options.only or PARTS:
@@ -86,7 +86,7 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
     return openings.measure(scene, views, panoramas)
 
 
-def sharpness(options: argparse.Namespace) -> dict[str, Any]:
+def measure_sharpness(options: argparse.Namespace) -> dict[str, Any]:
     """Gradient energy of translated panoramas over that of the painted ones, by viewpoint."""
     from benchmarks.street.truth import interval
     from benchmarks.translator.scenes import WIDTH, ingolstadt, walk
@@ -150,8 +150,8 @@ def _translators(scene: Any, streets: Any) -> dict[str, Any]:
     }
 
 
-def shipped(options: argparse.Namespace) -> dict[str, Any]:
-    """What is shipped, of the tables."""
+def measure_shipped(options: argparse.Namespace) -> dict[str, Any]:
+    """Kernel distances of the shipped network, of the material field and without texture."""
     from benchmarks.translator import rows
     from facade_core.street.translator import neural_translator
 

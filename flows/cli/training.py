@@ -165,7 +165,7 @@ def train_window_types(data: Path, out: Path) -> None:
 )
 @click.option("--leave-out", multiple=True, help="Name prefix of pictures to exclude.")
 @click.option("--out", type=FOLDER, required=True, help="Folder of translator.onnx, its .json and the training state.")
-@click.option("--steps", type=click.IntRange(1), help="Number of steps.  [default: 1200]")
+@click.option("--steps", type=click.IntRange(1), help="Number of steps, instead of the recipe's.")
 @click.option("--seed", default=0, show_default=True, help="0 for the shipped network.")
 def train_translation_network(
     style: tuple[Path, ...],

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -14,18 +15,16 @@ from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
-from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.lighting.sky import add_sky
 from facade_core.street.propagation.propagate import propagate_panorama
-from facade_core.street.propagation.render import render_panorama
+from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.training_crops import PANORAMA_HEIGHT, TrainingRendering
-from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
+from facade_core.street.translator.translators import MaterialFieldTranslator, paint_bare_pixels
 from facade_core.synth.street_truth import synthetic_street
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.shared.materials import material_field, rebuild_material_field
@@ -75,7 +74,7 @@ def render_procedural_street(*, seed: int, bare: bool) -> list[TrainingRendering
         charts = np.arange(len(street.scene.charts))
         return _allocate_buffer(street.scene, charts, given)
 
-    return render_sequence(street.scene, viewpoints, (make_buffer(), make_buffer()), painter)
+    return render_sequence(street.scene, viewpoints, (make_buffer(), make_buffer()), painter.translate)
 
 
 def render_run_sequences(run: Path, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
@@ -87,8 +86,10 @@ def render_run_sequences(run: Path, count: int, *, seed: int) -> Iterator[list[T
     """
     if not (run / "store").is_dir():
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
-    group, plan = open_root(session := open_repository(run / "store").readonly_session(BRANCH)), read_plan(session)
-    painter = _RunPainter(group, plan)
+    session = open_repository(run / "store").readonly_session(BRANCH)
+    group, plan = open_root(session), read_plan(session)
+    field = rebuild_material_field(group, plan) or material_field(plan, cast(int, group.attrs["seed"]), None)
+    paint = partial(paint_bare_pixels, materials=field, normals=plan.scene.charts.normals())
     rng = np.random.default_rng(seed)
     wall = plan.scene.charts.kind == ChartKind.WALL
     shown = np.bincount(plan.views[wall[plan.views[:, 1]], 0], minlength=len(plan.viewpoints))
@@ -105,11 +106,14 @@ def render_run_sequences(run: Path, count: int, *, seed: int) -> Iterator[list[T
         viewpoints = plan.street_viewpoints(street)[first : first + VIEWPOINTS_PER_SEQUENCE]
         charts = np.unique(np.concatenate([plan.charts_of_viewpoint(v.id) for v in viewpoints]))
         buffers = (read_base_layer(plan, group, charts), read_base_layer(plan, group, charts))
-        yield render_sequence(plan.scene, viewpoints, buffers, painter)
+        yield render_sequence(plan.scene, viewpoints, buffers, paint)
 
 
 def render_sequence(
-    scene: Scene, viewpoints: Sequence[Viewpoint], buffers: tuple[TexelBuffer, TexelBuffer], painter: Translator
+    scene: Scene,
+    viewpoints: Sequence[Viewpoint],
+    buffers: tuple[TexelBuffer, TexelBuffer],
+    paint: Callable[[RenderedPanorama], UInt8Array],
 ) -> list[TrainingRendering]:
     """Render viewpoints of one street in order, each with what its predecessors have translated.
 
@@ -118,27 +122,18 @@ def render_sequence(
     scene : the block's geometry.
     viewpoints : viewpoints of the street.
     buffers : the given texels, twice; the second takes what the viewpoints see.
-    painter : painter of untextured pixels.
+    paint : paints the untextured pixels of a panorama.
     """
     given, taken = buffers
     renderings = []
     for viewpoint in viewpoints:
         panorama = render_panorama(scene, given, viewpoint, _SIZE)
         sky = np.isinf(panorama.depth)
-        image = add_sky(painter.translate(panorama), panorama.depth)
+        image = add_sky(paint(panorama), panorama.depth)
         known = render_panorama(scene, taken, viewpoint, _SIZE).textured
         renderings.append(TrainingRendering(image, panorama.textured | sky, known & ~panorama.textured))
         propagate_panorama(scene, taken, viewpoint, image, charts_seen=panorama.chart)
     return renderings
-
-
-class _RunPainter(MaterialFieldTranslator):
-    """Painter with the material field of a run."""
-
-    def __init__(self, group: StoreGroup, plan: Plan) -> None:
-        self._normal = plan.scene.charts.normals()
-        field = rebuild_material_field(group, plan)
-        self.materials = field or material_field(plan, cast(int, group.attrs["seed"]), None)
 
 
 def _allocate_buffer(scene: Scene, charts: np.ndarray, given: dict[int, UInt8Array]) -> TexelBuffer:

@@ -10,8 +10,6 @@ from facade_core.core.numba_cache import njit
 # Height of the panorama that the network sees, and what a training image is reduced by to that size.
 NETWORK_HEIGHT = 256
 REDUCTION = 2
-# Pixels of the network's panorama along a side of a cell.
-CELL_PIXELS = 8
 BRIGHTNESS_BINS = 8
 # Rows of a panorama that training shows, as shares of its height: others show the zenith, and below the car of a survey or a
 # banner. The lowest row shows ground at 3.4 m from a camera at 2.5 m.

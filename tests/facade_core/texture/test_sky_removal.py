@@ -70,22 +70,15 @@ def test_sky_beside_several_floors_takes_no_floor() -> None:
     assert count_rows(image, facade.labels) <= found.floors[0][0]
 
 
-def test_floors_of_a_narrower_tower_are_cut_off_with_the_sky_that_the_parser_finds() -> None:
+@pytest.mark.parametrize(("share", "is_cut"), [(1 / 8, True), (1 / 25, False)])
+def test_sky_of_the_parser_takes_floors_beside_a_tower_and_none_beside_a_slit(share: float, is_cut: bool) -> None:
     facade = paint_house()
     found = find_floors_and_bays(facade.labels)
     assert found is not None
     outside = np.zeros(facade.labels.shape, bool)
-    outside[: found.floors[1][1], : outside.shape[1] // 8] = True
-    assert count_sky_rows(facade.image, facade.labels, outside, outside) == found.floor_cuts[2]
-
-
-def test_a_slit_of_sky_beside_a_neighbour_takes_no_floor() -> None:
-    facade = paint_house()
-    found = find_floors_and_bays(facade.labels)
-    assert found is not None
-    outside = np.zeros(facade.labels.shape, bool)
-    outside[: found.floors[1][1], : outside.shape[1] // 25] = True
-    assert count_sky_rows(facade.image, facade.labels, outside, outside) <= found.floors[0][0]
+    outside[: found.floors[1][1], : round(share * outside.shape[1])] = True
+    rows = count_sky_rows(facade.image, facade.labels, outside, outside)
+    assert rows == found.floor_cuts[2] if is_cut else rows <= found.floors[0][0]
 
 
 def test_sky_below_a_border_without_data_is_counted() -> None:
