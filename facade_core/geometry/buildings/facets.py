@@ -225,7 +225,7 @@ def _orient_outward(
     below = np.where(normal[:, 2] > 0, behind, ahead)
     down = np.where(closed, above & ~below, winds_down & (above | (low < UNDERSIDE_M)))
     down = np.where(above & below, winds_down, down)
-    down = np.where(facet_semantic == _CEILING, True, np.where((facet_semantic == _ROOF) & ~closed, False, down))
+    down = np.where(facet_semantic == _CEILING, True, np.where((facet_semantic == _ROOF) & (not closed), False, down))
     flip = np.where(upright, np.where(decided, flip, reverse), (normal[:, 2] < 0) != down)
     return np.where(flip[:, None], -normal, normal)
 
