@@ -1,4 +1,4 @@
-"""Small runs of every numba kernel, which fill numba's cache before units run.
+"""Small runs of every numba kernel of a run with default settings, which fill numba's cache before units run.
 
 Compilation takes a minute on a new machine. Without the warm-up, all workers would compile everything at the same time.
 """

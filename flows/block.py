@@ -38,7 +38,7 @@ from tasks.engine.forecast import describe_rejected_inputs, forecast_work
 from tasks.engine.outcome import UnitOutcomeCounts, list_units_with_rejections
 from tasks.engine.outline import PlanSummary
 from tasks.engine.pending import PendingUnits, find_pending_units
-from tasks.engine.progress import begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
@@ -260,6 +260,7 @@ def run_streets(
     outcomes = find_finished_streets(run, order, outline.after)
     for street in outcomes:
         del waits[street]
+    begin_stage("streets", len(order), len(outcomes))
     ended: SimpleQueue[tuple[int, TaskFuture[UnitOutcomeCounts]]] = SimpleQueue()
     under_way = 0
     while waits or under_way:
@@ -272,6 +273,7 @@ def run_streets(
             del waits[street]
             under_way += 1
         _take_next_result(ended, outcomes)
+        report_progress("streets", 1)
         under_way -= 1
     record_partial_run(run, chosen is not None)
     outcome = sum((outcomes[street] for street in order), UnitOutcomeCounts())

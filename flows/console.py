@@ -38,8 +38,11 @@ class ProgressLines:
 
     def update(self, event: StageProgress) -> str | None:
         """Return the line of an event, None between two tenths."""
-        self._begun.setdefault(event.stage, self.clock())
         before = self._newest.get(event.stage)
+        if before and event.finished < before.finished:  # the stage has begun again
+            before = None
+        if before is None:
+            self._begun[event.stage] = self.clock()
         self._newest[event.stage] = event
         if event.finished >= event.total:
             self._ended = event.stage, self.clock()

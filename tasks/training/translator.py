@@ -83,6 +83,10 @@ def train_translator(
     record = {
         "seed": seed,
         "training_set": [*names, *(f"rendered/{run.resolve().name}" for run in runs), "rendered/procedural"],
+        "trained_on": {
+            **{folder.resolve().name: "that of its pictures" for folder in style},
+            **{f"renderings of {run.resolve().name}": "that of its pictures and map" for run in runs},
+        },
         "held_out": [*split.validation, *split.excluded],
         "best_step": trained.step,
         "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},

@@ -12,6 +12,7 @@ from typing import TypeVar
 from tasks.engine.compute.attempts import SubmittedUnit
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import current_worker_name
+from tasks.engine.progress import begin_stage, report_progress
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +24,8 @@ RUNS_PER_THREAD, AHEAD, MIN_RUN_ITEMS = 4, 2, 8
 
 
 def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """Apply a function to slices of items on the workers; return the results in order."""
+    """Apply a function to slices of items on the workers, with their progress; return the results in order."""
+    begin_stage("rays", len(items))
     workers = compute.result()
     length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
     waiting = deque(range(0, len(items), length))
@@ -36,6 +38,7 @@ def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], l
             runs.append(workers.submit(_timed_call, function, items[first : first + length]))
         made, about = runs.popleft().result()
         found += made
+        report_progress("rays", len(made))
         log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
     return found
 

@@ -61,6 +61,9 @@ def test_a_repeated_line_has_the_counts_of_its_time() -> None:
     lines.update(StageProgress("facades", 200, 200, failed=1, earlier=100))
     now[0] = 180.0
     assert lines.describe() == "facades: done; on the next step for 0:00:20"
+    assert lines.update(StageProgress("pages", 0, 4)) == "pages: 4", "the stage has begun again"
+    now[0] = 190.0
+    assert lines.update(StageProgress("pages", 1, 4)) == "pages: 1 of 4, about 30 s left"
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from facade_core.plan.plan_tables import read_plan
 from flows.block import _publish_connection
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import MIN_RUN_ITEMS, map_on_workers
+from tasks.engine.progress import StageProgress, add_listener
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest import task as stage
 from tasks.stages.ingest.planning import make_plan, plan_reuse_key, update_plan_panoramas
@@ -125,7 +126,12 @@ def test_a_plan_whose_rays_are_cast_by_workers_is_the_same(tmp_path: Path) -> No
     ready: Future[Compute] = Future()
     with connect(2, None, str(out)) as compute:
         ready.set_result(compute)
+        told: list[StageProgress] = []
+        stop = add_listener(told.append)
         ingest_block.fn(create_run(read, out), read, partial(map_on_workers, ready))
+        stop()
+    rays = [event.finished for event in told if event.stage == "rays" and event.total == len(alone.viewpoints)]
+    assert (rays[0], rays[-1]) == (0, len(alone.viewpoints))
     assert len(alone.viewpoints) > MIN_RUN_ITEMS, "there is more than one run of them"
     assert_equal(read_plan(open_repository(out / "store").readonly_session(BRANCH)), alone)
 
