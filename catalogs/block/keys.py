@@ -270,7 +270,8 @@ def _format_fault(fault: ErrorDetails) -> str:
     if kind in _UNKNOWN_KEY_TYPES and key in CITY_KEYS:
         return f"{key}: is a key of a city, and this is to be one block; run it with `streetloom city`"
     if kind in _UNKNOWN_KEY_TYPES:
-        return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggest_key(key[:60])}"
+        shown = key if len(key) <= 60 else key[:57] + "..."
+        return _describe_joined_key(key, shown) or f"{shown}: unknown key; {_suggest_key(key[:60])}"
     if kind == "missing":
         example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
         example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
@@ -278,6 +279,8 @@ def _format_fault(fault: ErrorDetails) -> str:
         )
         return f"{key}: missing; write {example}"
     if kind in ("model_type", "dataclass_type"):
+        if isinstance(value, str) and (joined := _describe_joined_key(f"{key}.{value}", short_repr(value))):
+            return f"{key}: {joined}"
         inner = [k.removeprefix(key + ".") for k in value_ranges() if k.startswith(key + ".")]
         example = (
             f"path: {' '.join(value.split())[:60]}"
@@ -317,6 +320,14 @@ def format_dotted_key(loc: Sequence[str | int]) -> str:
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
     return key.lstrip(".")
+
+
+def _describe_joined_key(text: str, shown: str) -> str | None:
+    """Return the message for a known key and its value without a space between them."""
+    key, _, value = text.partition(":")
+    if key not in value_ranges() or not value:
+        return None
+    return f"{shown} needs a space after the colon; write {key.rpartition('.')[2]}: {value[:60]}"
 
 
 def _suggest_key(key: str) -> str:

@@ -41,6 +41,9 @@ _CORE_SCHEMA = (
     ),
 )
 _OCTAL = re.compile(r"[-+]?0[0-9]+")
+_TAB_PROBLEM = "found character '\\t' that cannot start any token"  # as PyYAML words it
+# Key and value without the space between them; not an address such as s3://bucket.
+_JOINED_KEY = re.compile(r"\s*(\w+):((?!//)\S+)")
 
 
 def read_yaml(path: Path) -> JsonValue:
@@ -60,9 +63,12 @@ def read_yaml(path: Path) -> JsonValue:
         return content
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-        raise ValueError(
-            f"{_error_location(error, text)}not valid YAML ({' '.join(str(problem).split())}); mend that line"
-        ) from error
+        location = _error_location(error, text)
+        if problem == _TAB_PROBLEM:
+            raise ValueError(f"{location}a tab; indent and separate with spaces") from error
+        if joined := _find_joined_key(error, text):
+            raise ValueError(joined) from error
+        raise ValueError(f"{location}not valid YAML ({' '.join(str(problem).split())}); mend that line") from error
 
 
 def _read_text(path: Path) -> str:
@@ -82,7 +88,7 @@ def _read_text(path: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError("is not UTF-8 text; a block file is YAML") from None
+        raise ValueError("is not UTF-8 text; a block file is YAML: save it as UTF-8") from None
 
 
 def _error_location(error: Exception, text: str) -> str:
@@ -90,6 +96,18 @@ def _error_location(error: Exception, text: str) -> str:
         return f"line {mark.line + 1}, column {mark.column + 1}: "
     position = getattr(error, "position", None)  # set for characters that YAML does not allow
     return f"line {text.count(chr(10), 0, position) + 1}: " if isinstance(position, int) else ""
+
+
+def _find_joined_key(error: Exception, text: str) -> str | None:
+    """Return the message for a value that follows its colon at once, on the line of a syntax error or above it."""
+    if (mark := getattr(error, "problem_mark", None)) is None:
+        return None
+    lines = text.splitlines()
+    for index in (mark.line, mark.line - 1):
+        if 0 <= index < len(lines) and (found := _JOINED_KEY.match(lines[index])):
+            key, value = (part[:60] for part in found.groups())
+            return f"line {index + 1}: {key}:{value} needs a space after the colon; write {key}: {value}"
+    return None
 
 
 class _EventSource(Protocol):
@@ -134,16 +152,21 @@ def _loader() -> type[yaml.SafeLoader]:
                 self.depth -= 1
 
         def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
-            lines: dict[str, int] = {}
-            for key, _ in node.value:
+            first: dict[str, tuple[int, bool]] = {}
+            for key, value in node.value:
                 line = _line_number(key)
                 if not isinstance(key, yaml.ScalarNode):
                     raise ValueError(f"line {line}: a list or keys in place of a key; write text before the colon")
-                if key.value in lines:  # PyYAML silently takes the last one
-                    raise ValueError(
-                        f"line {line}: {key.value}: given twice (also on line {lines[key.value]}); remove one"
+                holds_keys = isinstance(value, yaml.MappingNode)
+                if key.value in first:  # PyYAML silently takes the last one
+                    first_line, first_holds_keys = first[key.value]
+                    remedy = (
+                        f"put the keys of both under one {key.value}"
+                        if holds_keys and first_holds_keys
+                        else "remove one"
                     )
-                lines[key.value] = line
+                    raise ValueError(f"line {line}: {key.value}: given twice (also on line {first_line}); {remedy}")
+                first[key.value] = (line, holds_keys)
             return super().construct_mapping(node, deep=deep)
 
     def construct_text(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> str:
