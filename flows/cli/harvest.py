@@ -42,11 +42,13 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
       streetloom harvest panoramas/ street.jpg --out style/ --most 60 --licence CC-BY-SA-4.0
     """
     from catalogs.printable_text import format_count
+    from flows.cli.first_run import note_first_run
     from flows.cli.interrupts import exit_on_signal
     from flows.step_reporter import show_progress
     from tasks.harvest.library import harvest_style_library
 
     exit_on_signal()
+    note_first_run()
     with show_progress(quiet=False):
         found = harvest_style_library(pictures, out, most=most, workers=workers, licence=licence)
     for fault in found.faults[:MAX_LISTED_FAULTS]:
@@ -69,4 +71,4 @@ def harvest(pictures: tuple[Path, ...], out: Path, most: int, licence: str | Non
         )
         sys.exit(2)
     path = json.dumps(str(out.resolve()), ensure_ascii=False)
-    print_line(f"ready: write imagery: {{exemplars: {{path: {path}}}}} into a block file")
+    print_line(f"ready: in the block file, under imagery, write exemplars: {{path: {path}}}")

@@ -102,8 +102,9 @@ def _list_pictures(folder: Path, kind: str) -> tuple[list[Path], list[Fault]]:
     ]
     if not found:
         remedy = faults[0].reason if faults else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
-        if within := [folder / fault.id for fault in faults if (folder / fault.id).is_dir()]:
-            remedy = f"did you mean {within[0]}?"
+        near = [folder.parent] if any(is_picture_name(path.name) for path in folder.parent.iterdir()) else []
+        if near := [*near, *(folder / fault.id for fault in faults if (folder / fault.id).is_dir())]:
+            remedy = f"did you mean {near[0]}?"
         raise InputError(f"{folder} holds no pictures; {remedy}")
     return found, faults
 

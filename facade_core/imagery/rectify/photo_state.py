@@ -1,4 +1,4 @@
-"""Photos that are upside down or taken at night, by where the parser sees sky, roof and ground floor, and by brightness."""
+"""Photos that are turned or taken at night, by where the parser sees sky, roof and ground floor, and by brightness."""
 
 from __future__ import annotations
 
@@ -13,10 +13,16 @@ from facade_core.core.resizing import resize_image
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.parsing.segmenter import Surroundings, segment_surroundings
 
-# Evidence below which a photo is also looked at upside down,
+# Evidence below which a photo is also looked at upside down and on either side,
 MIN_UPRIGHT_EVIDENCE = 0.03
 # and by how much more there must be then.
 MIN_UPRIGHT_GAIN = 0.04
+# What rights a photo, by the quarter turns counterclockwise.
+REMEDIES = {
+    1: "it lies on its side; turn it counterclockwise by 90 degrees",
+    2: "it is upside down; turn it by 180 degrees",
+    3: "it lies on its side; turn it clockwise by 90 degrees",
+}
 # Longest side of the picture in which night is looked for before a photo is rectified.
 DAYLIGHT_SIDE_PX = 640
 # Largest median brightness of the sky at night, of 255, in a photo as taken.
@@ -41,7 +47,7 @@ AT_NIGHT = "it was taken at night: its walls would be dark by day; give one take
 def check_photo_state(
     image: UInt8Array, hidden: BoolArray, seen: Surroundings, *, model: str | Path | None = None
 ) -> None:
-    """Raise ImageError for a rectified photo that is upside down, or was taken at night.
+    """Raise ImageError for a rectified photo that is upside down or on its side, or was taken at night.
 
     Parameters
     ----------
@@ -52,10 +58,10 @@ def check_photo_state(
     """
     upright = _upright_evidence(seen.labels, hidden)
     if upright < MIN_UPRIGHT_EVIDENCE:
-        turned, turned_hidden = np.ascontiguousarray(image[::-1, ::-1]), np.ascontiguousarray(hidden[::-1, ::-1])
-        labels = segment_surroundings(turned, turned_hidden, model=model).labels
-        if _upright_evidence(labels, turned_hidden) > max(upright, 0.0) + MIN_UPRIGHT_GAIN:
-            raise ImageError("it is upside down; turn it by 180 degrees")
+        turned = {turns: _evidence_turned(image, hidden, turns, model) for turns in REMEDIES}
+        best = max(turned, key=turned.__getitem__)
+        if turned[best] > max(upright, 0.0) + MIN_UPRIGHT_GAIN:
+            raise ImageError(REMEDIES[best])
     _require_daylight(
         image, hidden, seen.outside, MIN_RECTIFIED_SKY_SHARE, MAX_RECTIFIED_NIGHT_SKY, MAX_NIGHT_SKY_RATIO
     )
@@ -106,6 +112,12 @@ def _require_daylight(
     lit, middle = np.percentile(brightness[facade], [90, 50]).tolist()
     if lit < MIN_LIT_BRIGHTNESS or sky < min(max_night_sky, max_ratio * middle):
         raise ImageError(AT_NIGHT)
+
+
+def _evidence_turned(image: UInt8Array, hidden: BoolArray, turns: int, model: str | Path | None) -> float:
+    """Return the upright evidence of a picture after some quarter turns counterclockwise."""
+    turned, turned_hidden = (np.ascontiguousarray(np.rot90(each, turns)) for each in (image, hidden))
+    return _upright_evidence(segment_surroundings(turned, turned_hidden, model=model).labels, turned_hidden)
 
 
 def _upright_evidence(labels: UInt8Array, hidden: BoolArray) -> float:

@@ -13,7 +13,7 @@ from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.atlas_spec import ArraySpec
-from facade_core.core.errors import StoreError
+from facade_core.core.errors import ImageError, StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resize_with_labels
 from facade_core.core.zarr_types import StoreGroup
@@ -21,6 +21,7 @@ from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
+from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.context import current_worker_name
@@ -74,6 +75,11 @@ def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data_mask(picture.rgb)
+    if (slope := measure_level_slope(picture.rgb, hidden)) > MAX_LEVEL_SLOPE_DEG:
+        raise ImageError(
+            f"its level lines slope by {slope:.0f} degrees; it is not rectified: "
+            "`streetloom harvest` makes exemplars from street photos"
+        )
     private = detect_faces_plates_text(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     prepared = prepare_exemplar(

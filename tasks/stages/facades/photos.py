@@ -23,6 +23,11 @@ from tasks.stages.shared.images import read_bounded_picture, read_exposure_value
 
 # A photo whose facade is so many times too wide or too high for its wall shows another wall.
 MAX_STRETCH = 2.5
+# A photo that is enlarged by more than this is blurred on its wall.
+MAX_ENLARGEMENT = 2.0
+BLURRED = (
+    "it has less than half of the pixels a side that its wall has texels: the wall is blurred; give a larger photo"
+)
 # Lines of text are legible from this score and number of letters on.
 LEGIBLE_SCORE = 0.85
 LEGIBLE_LETTERS = 4
@@ -38,7 +43,7 @@ class PhotoCropQuality(NamedTuple):
     kept : share of the rectified picture that was cut out.
     found : whether a facade was found.
     stretched : how many times wider, for its height, the wall is than the cut.
-    notes : what was left out, in words.
+    notes : what was left out or is blurred, in words.
     """
 
     kept: float
@@ -110,7 +115,8 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     if is_mirrored(cut.image, found.lines):
         raise ImageError(f"{path.name}: it is mirrored: its signs read from right to left; flip it")
     seen = found.rescale(across, down)
-    fit = PhotoCropQuality(cut.kept, cut.has_facade, across / down, cut.notes)
+    blurred = (BLURRED,) if min(across, down) > MAX_ENLARGEMENT else ()
+    fit = PhotoCropQuality(cut.kept, cut.has_facade, across / down, (*cut.notes, *blurred))
     return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit, cut)
 
 
@@ -165,8 +171,9 @@ def crop_facade_photo(
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
     except ImageError as error:
         raise ImageError(f"{path.name}: {error}") from error
-    if not rectified and (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
-        raise ImageError(f"{path.name}: its level lines still slope by {slope:.0f} degrees; {REMEDY}")
+    if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
+        remedy = "it is not rectified: set `rectified: false` of photos" if rectified else REMEDY
+        raise ImageError(f"{path.name}: its level lines slope by {slope:.0f} degrees; {remedy}")
     x0, y0, x1, y1 = cut.box
     corners = np.array([[x0, y0, 1], [x1, y0, 1], [x1, y1, 1], [x0, y1, 1]]) @ np.linalg.inv(homography).T
     return CroppedPhoto(

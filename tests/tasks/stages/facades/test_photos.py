@@ -22,7 +22,7 @@ from facade_core.parsing.segmenter import Surroundings
 from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.facades.photos import crop_facade_photo, read_facade_photo
+from tasks.stages.facades.photos import BLURRED, crop_facade_photo, read_facade_photo
 from tasks.stages.shared.images import capture_date, read_focal_length_px
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
@@ -48,7 +48,7 @@ def test_a_photo_as_taken_is_rectified_to_its_facade(tmp_path: Path) -> None:
     Image.fromarray(from_below(PAINTED.image)).save(path)
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
     truth = cv2.resize(PAINTED.image, size[::-1], interpolation=cv2.INTER_AREA)
-    as_taken, *_ = read_facade_photo(path, True, size)
+    as_taken = cv2.resize(from_below(PAINTED.image), size[::-1], interpolation=cv2.INTER_AREA)
     rectified, hidden, *_ = read_facade_photo(path, False, size)
     assert rectified.shape == truth.shape
     assert hidden.mean() < 0.2
@@ -150,6 +150,29 @@ def test_a_photo_that_is_upside_down_is_refused(tmp_path: Path) -> None:
     Image.fromarray(PAINTED.image[::-1, ::-1]).save(path)
     with pytest.raises(ImageError, match=r"w1-f6\.png: it is upside down; turn it by 180 degrees"):
         crop_facade_photo(path, True)
+
+
+@pytest.mark.parametrize(("turns", "way"), [(1, "clockwise"), (3, "counterclockwise")])
+def test_a_photo_on_its_side_is_refused(tmp_path: Path, turns: int, way: str) -> None:
+    path = tmp_path / "w1-f6.png"
+    Image.fromarray(np.rot90(PAINTED.image, turns)).save(path)
+    with pytest.raises(ImageError, match=rf"w1-f6\.png: it lies on its side; turn it {way} by 90 degrees"):
+        crop_facade_photo(path, True)
+
+
+def test_a_photo_as_taken_is_no_rectified_one(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f6.png"
+    Image.fromarray(from_below(PAINTED.image)).save(path)
+    with pytest.raises(ImageError, match=r"slope by \d+ degrees; it is not rectified: set `rectified: false`"):
+        crop_facade_photo(path, True)
+
+
+def test_a_small_photo_is_said_to_be_blurred(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f6.png"
+    Image.fromarray(PAINTED.image).save(path)
+    size = np.array(PAINTED.labels.shape)
+    assert BLURRED not in read_facade_photo(path, True, tuple((size * 1.5).astype(int))).fit.notes
+    assert BLURRED in read_facade_photo(path, True, tuple(size * 3)).fit.notes
 
 
 def test_a_photo_taken_at_night_is_refused(tmp_path: Path) -> None:
