@@ -116,7 +116,7 @@ def _require_daylight(
 
 def _evidence_turned(image: UInt8Array, hidden: BoolArray, turns: int, model: str | Path | None) -> float:
     """Return the upright evidence of a picture after some quarter turns counterclockwise."""
-    turned, turned_hidden = (np.ascontiguousarray(np.rot90(each, turns)) for each in (image, hidden))
+    turned, turned_hidden = np.ascontiguousarray(np.rot90(image, turns)), np.ascontiguousarray(np.rot90(hidden, turns))
     return _upright_evidence(segment_surroundings(turned, turned_hidden, model=model).labels, turned_hidden)
 
 
