@@ -35,7 +35,8 @@ def _check_area(area: list[float]) -> list[float]:
     west, south, east, north = area
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
         turned = "; west and east, or south and north, are changed about" if west > east or south > north else ""
-        raise ValueError(f"must be [west, south, east, north] in degrees of longitude and latitude{turned}")
+        unit = ", not in metres" if max(map(abs, area)) > 360 else ""
+        raise ValueError(f"must be [west, south, east, north] in degrees of longitude and latitude{unit}{turned}")
     return area
 
 

@@ -19,6 +19,7 @@ from catalogs.block.keys import suggest_name
 from catalogs.block.reader import Block, read_block
 from catalogs.buildings.densest_square import densest_building_square, square_bounds
 from catalogs.buildings.extents import Bounds
+from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use, parse_crs
 from catalogs.features import safe_file_stem
 from catalogs.printable_text import format_command, format_count, format_unit_reason
 from catalogs.readers.formats import read_buildings, read_centrelines
@@ -84,7 +85,8 @@ class SquareArea:
 
     def axis_order_message(self, reason: str) -> str:
         """Return the error message for swapped longitude and latitude."""
-        return f"--around: {reason}; longitude comes first: write --around {self.latitude:g} {self.longitude:g}"
+        swapped = _format_numbers((self.latitude, self.longitude))
+        return f"--around: {reason}; longitude comes first: write --around {swapped}"
 
 
 @dataclass(frozen=True)
@@ -322,10 +324,40 @@ def _swapped_file_message(geometry: MapFiles, bounds: Sequence[float]) -> str:
 
 def _bounds(geometry: MapFiles, area: Sequence[float] | SquareArea | float) -> Sequence[float]:
     if isinstance(area, SquareArea):
+        _reject_metres(geometry, "--around", (area.longitude, area.latitude))
         if abs(area.latitude) >= 90.0:
-            raise InputError(area.axis_order_message(f"{area.latitude:g} is no latitude"))
+            raise InputError(area.axis_order_message(f"{_format_numbers([area.latitude])} is no latitude"))
         return square_bounds(area.longitude, area.latitude, area.size)
-    return _densest_bounds(geometry, area) if isinstance(area, float) else area
+    if isinstance(area, float):
+        return _densest_bounds(geometry, area)
+    _reject_metres(geometry, "--bbox", area)
+    return area
+
+
+def _reject_metres(geometry: MapFiles, option: str, values: Sequence[float]) -> None:
+    """Raise InputError where the x and y of places cannot be degrees; it has the same places in degrees if they are known."""
+    sizes = np.abs(values)
+    if sizes.max() <= 180.0 and sizes.min() <= 90.0:
+        return
+    message = f"{option}: {_format_numbers(values)}; longitude and latitude in degrees are needed"
+    frame = None
+    with suppress(InputError):
+        # map extracts are in degrees
+        stated = geometry.crs or (
+            None if geometry.streets == geometry.buildings else read_buildings(geometry.buildings).crs
+        )
+        frame = parse_crs(stated) if stated else None
+    if frame is not None and frame.is_projected:
+        x, y = np.reshape(np.asarray(values, dtype=float), (-1, 2)).T
+        places = np.column_stack(coordinate_transform(frame, LONLAT)(x, y))
+        if np.isfinite(places).all() and not note_outside_area_of_use(frame, *places.mean(axis=0).tolist()):
+            degrees = _format_numbers(places.round(5).ravel().tolist())
+            raise InputError(f"{message}: write {option} {degrees} (from {frame.to_string()})")
+    raise InputError(message)
+
+
+def _format_numbers(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.12g}" for value in values)
 
 
 def _densest_bounds(geometry: MapFiles, size: float) -> Bounds:

@@ -114,6 +114,11 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("", {"buildings": "buildings: {path: facades}"}, "facades is a folder; name a file in it"),
         ("", {"buildings": ""}, "buildings: missing; write buildings: {path: FILE}"),
         ("", {"streets": "streets: {path: city.osm.pbf, names: [Mikkonkatu]}"}, "did you mean Mikonkatu?"),
+        (
+            "",
+            {"area": "area: [1841780, 5173080, 1841800, 5173100]"},
+            "area: must be [west, south, east, north] in degrees of longitude and latitude, not in metres, got",
+        ),
         ("", {"area": "area: [24.947, 60.165, 24.940, 60.169]"}, "area: must be [west, south, east, north]"),
         (
             "",

@@ -229,6 +229,31 @@ def test_a_place_whose_coordinates_are_swapped_is_told_in_its_own_words(
         write_new_block(tmp_path / "mine.yaml", osm, SquareArea(10.0, 10.0, 200.0), None, exemplars)
 
 
+def test_metres_in_place_of_degrees_are_named_with_the_place_in_degrees(exemplars: Path, tmp_path: Path) -> None:
+    ring = shapely.box(1_841_780, 5_173_080, 1_841_800, 5_173_100)
+    houses = tmp_path / "houses.gpkg"
+    geopandas.GeoDataFrame({"id": ["1"]}, geometry=[ring], crs="EPSG:3946").to_file(houses)
+    unstated = tmp_path / "houses.geojson"
+    geopandas.GeoDataFrame(
+        {"id": ["1"]}, geometry=[shapely.box(4.82, 45.76, 4.8201, 45.7601)], crs="EPSG:4326"
+    ).to_file(unstated)
+    square, box = SquareArea(1_841_800.0, 5_173_100.0, 200.0), (1_841_780.0, 5_173_080.0, 1_841_800.0, 5_173_100.5)
+    needed = "longitude and latitude in degrees are needed"
+    place = r"4\.8\d+ 45\.7\d+"
+    for file, area, expected in (
+        (houses, square, rf"--around: 1841800 5173100; {needed}: write --around {place} \(from EPSG:3946\)"),
+        (
+            houses,
+            box,
+            rf"--bbox: 1841780 5173080 1841800 5173100.5; {needed}: write --bbox {place} {place} \(from EPSG:3946\)",
+        ),
+        (unstated, square, rf"--around: 1841800 5173100; {needed}"),
+        (unstated, SquareArea(100.0, 120.0, 200.0), rf"--around: 100 120; {needed}"),
+    ):
+        with pytest.raises(InputError, match=f"^{expected}$"):
+            write_new_block(tmp_path / "mine.yaml", MapFiles(file, None), area, None, exemplars)
+
+
 def test_two_at_once_in_a_folder_share_a_whole_library(osm: MapFiles, exemplars: Path, tmp_path: Path) -> None:
     def paint(folder: Path) -> None:
         """The other one is done in the meantime."""
