@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 @click.option(
     "--size",
     type=click.FloatRange(min=50.0, max=5000.0),
+    metavar="METRES",
     default=200.0,
     show_default=True,
-    help="Side of the square in metres; without --bbox and --around, of the most densely built square.",
+    help="Side of the square; without --bbox and --around, of the most densely built square.",
 )
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
 @click.option("--poses", type=EXISTING_FILE, help="Positions of panoramas without position metadata.")

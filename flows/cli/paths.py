@@ -17,11 +17,35 @@ else:  # releases of click differ in what these classes take as arguments
     PathType, FolderType = click.Path, click.ParamType
 
 
+# Kinds of the files and folders that arguments take, by metavar.
+_BLOCK_FILE_KINDS = {"BLOCK.yaml": "block file", "CITY.yaml": "city file"}
+_RESULT_METAVARS = ("OUT", "FOLDER")
+
+
+def _reject_wrong_kind(value: str | os.PathLike[str], kind: PathType, param: click.Parameter | None) -> None:
+    """Raise click.BadParameter for a folder in place of a file, or the reverse; the message names what is expected."""
+    path = Path(value)
+    metavar = ((param.metavar if param else None) or "").strip("[]")
+    if not kind.dir_okay and path.is_dir():
+        remedy = "name a file in it"
+        if expected := _BLOCK_FILE_KINDS.get(metavar):
+            own = path / f"{path.resolve().name}.yaml"
+            found = own if own.is_file() else min(path.glob("*.yaml"), default=None)
+            remedy = f"name a {expected}" + (f" such as {found}" if found else "")
+        raise click.BadParameter(f"{path} is a folder; {remedy}", param=param)
+    if not kind.file_okay and path.is_file():
+        is_result = metavar in _RESULT_METAVARS
+        example = f"out/{path.stem}" if path.suffix in (".yaml", ".yml") else "out/demo"
+        remedy = f"name a folder of results such as {example}" if is_result else "name a folder"
+        raise click.BadParameter(f"{path} is a file; {remedy}", param=param)
+
+
 class ExistingPath(PathType):
     """Existing file or folder; suggests similar names when the path does not exist."""
 
     def convert(self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Check that a path exists; the error suggests a similar name."""
+        """Check that a path exists and is of the right kind; the error suggests a similar name."""
+        _reject_wrong_kind(value, self, param)
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
@@ -75,6 +99,7 @@ class LocalOutputPath(PathType):
             raise InputError(f"{name}: is empty; name a folder or file")
         if "://" in str(value):
             raise InputError(f"{name} {value}: is written to folders of this machine only; name one")
+        _reject_wrong_kind(value, self, param)
         return super().convert(value, param, ctx)
 
 

@@ -70,7 +70,10 @@ def _error_text(error: click.UsageError) -> str:
     message = error.format_message().rstrip(".") + _suggest_choice(error)
     for number_type, words in NUMBER_MESSAGES.items():
         message = message.replace(f"is not a valid {number_type}", words)
-    return message
+    if decimal := re.search(r"'([-+]?\d+),(\d+)' is no number", message):
+        return f"{message}; write a decimal point: {decimal[1]}.{decimal[2]}"
+    in_metres = isinstance(error, click.BadParameter) and error.param is not None and error.param.metavar == "METRES"
+    return f"{message} metres" if in_metres and "is not in the range" in message else message
 
 
 def _suggest_choice(error: click.UsageError) -> str:

@@ -242,6 +242,16 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
             "export: invalid value for '--format': 'gltf' is not one of 'glb', '3dtiles', 'cityjson', 'cityjsonseq', 'lod3', "
             "'citygml', 'coco', 'labelme', 'gpkg', 'geoparquet', 'cog', 'usd'; did you mean glb? (streetloom export --help)",
         ),
+        (
+            ("new-block", "NEW", "--size", "0.2"),
+            "new-block: invalid value for '--size': 0.2 is not in the range 50.0<=x<=5000.0 metres "
+            "(streetloom new-block --help)",
+        ),
+        (
+            ("new-block", "NEW", "--around", "4,8202", "45.764"),
+            "new-block: invalid value for '--around': '4,8202' is no number; write a decimal point: 4.8202 "
+            "(streetloom new-block --help)",
+        ),
         (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
         (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),
         (
@@ -286,6 +296,33 @@ def test_a_path_that_is_not_there_is_told_with_what_is(
     (line,) = shown.stderr.splitlines()
     assert "does not exist" in line
     assert (f"; did you mean {near}?" in line) if near else ("did you mean" not in line)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("view", "b/b.yaml"), "'OUT': b/b.yaml is a file; name a folder of results such as out/b"),
+        (("query", "b/b.yaml"), "'FOLDER': b/b.yaml is a file; name a folder of results such as out/b"),
+        (("query", "b/a.txt"), "'FOLDER': b/a.txt is a file; name a folder of results such as out/demo"),
+        (("run", "b"), "'BLOCK.yaml': b is a folder; name a block file such as b/b.yaml"),
+        (("run", "empty"), "'BLOCK.yaml': empty is a folder; name a block file"),
+        (("city", "cities"), "'CITY.yaml': cities is a folder; name a city file such as cities/first.yaml"),
+        (("new-block", "n.yaml", "--buildings", "b"), "'--buildings': b is a folder; name a file in it"),
+        (("new-block", "n.yaml", "--photos", "b/a.txt"), "'--photos': b/a.txt is a file; name a folder"),
+    ],
+)
+def test_a_file_for_a_folder_is_told_with_what_is_expected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], said: str
+) -> None:
+    for name in ("b/a.txt", "b/a.yaml", "b/b.yaml", "cities/first.yaml", "cities/second.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path)
+    shown = CliRunner().invoke(command_line, list(arguments))
+    assert shown.exit_code == 2
+    command = arguments[0]
+    assert shown.stderr == f"streetloom: {command}: invalid value for {said} (streetloom {command} --help)\n"
 
 
 def test_every_command_refuses_an_unknown_option_in_one_line() -> None:
