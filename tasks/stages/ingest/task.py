@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -46,6 +47,10 @@ from tasks.stages.shared.picture_choice import choose_pictures
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
+
+MAX_NAMED_FACADES = 3  # facades of a building in a message
+# Mark that file managers add to the name of a copy: "a (1)", "a copy", "a - Copy 2".
+_COPY_MARK = re.compile(r"(\s*\(\d+\)|[\s_-]+copy(\s*\d+)?)$", re.IGNORECASE)
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
@@ -201,9 +206,22 @@ def _street_predecessors(plan: Plan) -> tuple[tuple[int, ...], ...]:
 
 def find_stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
     """Find photos whose name is no facade's id, as (file name, reason with the nearest id)."""
-    strays = []
-    for name in sorted(set(photos) - set(facades) - set(map(safe_file_stem, facades))):
-        near = get_close_matches(name, facades, n=1, cutoff=0.6)
-        hint = f"the nearest is {near[0]}; " if near else "ids are in `streetloom query`; "
-        strays.append((photos[name].name, f"no facade has the id {name}; {hint}rename or remove the photo"))
-    return strays
+    return [
+        (
+            photos[name].name,
+            f"no facade has the id {name}; {_suggest_facades(name, facades)}; rename or remove the photo",
+        )
+        for name in sorted(set(photos) - set(facades) - set(map(safe_file_stem, facades)))
+    ]
+
+
+def _suggest_facades(name: str, facades: Sequence[str]) -> str:
+    """Name the facade that a photo's name means: without case and the mark of a copy, by its building, or similar."""
+    plain = _COPY_MARK.sub("", name).casefold()
+    if same := [id for id in facades if id.casefold() in (plain, name.casefold())]:
+        return f"the nearest is {same[0]}"
+    if of_building := [id for id in facades if id.casefold().rpartition("-")[0] == plain]:
+        more = f" and {len(of_building) - MAX_NAMED_FACADES} more" if len(of_building) > MAX_NAMED_FACADES else ""
+        return f"the facades of this building are {', '.join(of_building[:MAX_NAMED_FACADES])}{more}"
+    near = get_close_matches(name, facades, n=1, cutoff=0.6)
+    return f"the nearest is {near[0]}" if near else "ids are in `streetloom query`"
