@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from facade_core.atlas.journal import Record
 from tasks.engine.outcome import is_done_for_keys
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import diff_key_parts
+from tasks.engine.unit_key import diff_key_parts, split_key
 
 # A viewpoint's view digests changed.
 VIEW_CHANGED = "visible surfaces changed"
@@ -42,6 +42,8 @@ REASONS = {
     "code": "code or a library changed",
     "house": "pictures of the building changed",
 }
+# The unit has a photo, and had none when it was done.
+NEW_PHOTO = "new photo"
 # The journal has no record of the unit.
 NEW = "new"
 # The record has the unit's key, but says failed or stale.
@@ -61,4 +63,5 @@ def _reason(record: Record | None, keys: tuple[str, ...]) -> str:
     if record["key"] in keys:
         return NOT_DONE
     changed = min((diff_key_parts(record["key"], key) for key in keys), key=len)
-    return next((reason for part, reason in REASONS.items() if part in changed), REASONS["settings"])
+    part = next((part for part in REASONS if part in changed), "settings")
+    return NEW_PHOTO if part == "photo" and part not in split_key(record["key"]) else REASONS[part]
