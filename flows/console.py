@@ -12,6 +12,7 @@ from rich.text import Text
 
 from catalogs.printable_text import escape_invisible, format_command, format_count
 from facade_core.core.json_types import JsonObject
+from facade_core.imagery.detect.models import INSTALL_COMMAND
 from tasks.engine.progress import StageProgress
 
 console = Console(stderr=True)
@@ -110,7 +111,7 @@ def print_summary(target: Console, summary: JsonObject, *, is_painted: bool = Fa
         _print_escaped(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
     if (unchecked := summary["not_looked_at"]) and not is_painted:
         counted = f"facades and exemplars from pictures not checked for faces and number plates: {unchecked}"
-        _print_escaped(target, f"  {counted}; `make detect-setup` installs the detectors")
+        _print_escaped(target, f"  {counted}; {INSTALL_COMMAND} installs the detectors")
     _print_escaped(target, f"  report  {summary['outputs']['report']}")
     for model in summary["outputs"]["glb"]:
         _print_escaped(target, f"  model   {model}")

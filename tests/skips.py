@@ -20,7 +20,7 @@ KNOWN_REASONS = (
     r"no pycolmap here; `make sfm-setup` installs it",
     r"torch is absent: make train-setup",
     r"no encoder of KTX2; `make ktx2-setup` installs it",
-    r"not installed; `make detect-setup` installs them",
+    r"not installed; `make detect-setup` in Streetloom's folder installs them",
     r"no GeoVisio here",
     r"no network namespaces here",
     r"PostgreSQL does not start as root",

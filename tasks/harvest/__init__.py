@@ -1,5 +1,7 @@
 """Harvest of a style library from unposed street pictures."""
 
+from facade_core.imagery.detect.models import INSTALL_COMMAND
+
 # Exemplars of a style library, by default.
 MAX_EXEMPLARS = 40
 # Score from which a facade is an exemplar, and the number up to which worse ones are kept where there are not as many.
@@ -7,7 +9,7 @@ MIN_SCORE = 0.4
 MIN_EXEMPLARS = 3
 # Note on a harvest without the models that detect faces and plates.
 NOT_LOOKED_FOR = (
-    "faces and number plates were not detected; `make detect-setup` installs the detectors, "
+    f"faces and number plates were not detected; {INSTALL_COMMAND} installs the detectors, "
     "and the same command then harvests again"
 )
 

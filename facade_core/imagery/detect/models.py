@@ -23,7 +23,8 @@ MODEL_FILES = {
     LINE_MODEL: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_det_infer.onnx"),
     LETTER_MODEL: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_rec_infer.onnx"),
 }
-INSTALL_REMEDY = "`make detect-setup` installs them"
+INSTALL_COMMAND = "`make detect-setup` in Streetloom's folder"
+INSTALL_REMEDY = f"{INSTALL_COMMAND} installs them"
 
 # Constant, so that results do not depend on the number of cores.
 _INTRA_OP_THREADS = 2

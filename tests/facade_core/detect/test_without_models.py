@@ -45,7 +45,7 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
     found = check_detectors()
     assert (found.concern, found.is_well) == ("privacy", None)
     assert "as no-such-package is missing" in found.message
-    assert found.message.endswith("`make detect-setup` installs them")
+    assert found.message.endswith("`make detect-setup` in Streetloom's folder installs them")
 
 
 def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
