@@ -240,6 +240,8 @@ def test_a_photo_that_comes_or_is_refused_changes_its_own_building_alone(seeded:
     before = started(folder / "out")
     done, made = again(folder)
     assert surfaces_since(before, folder) == {"b"}
+    assert made.said is not None
+    assert "1: new photo" in made.said
     assert done - ALL_STREETS == walls_of("b"), "its other walls take its colour"
     assert records_of(folder)["b-0"]["source"] == "b-2.png", "and its style"
     (folder / "in" / "photos" / "b-2.png").write_bytes(b"no picture")
