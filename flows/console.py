@@ -40,7 +40,7 @@ class ProgressLines:
     def update(self, event: StageProgress) -> str | None:
         """Return the line of an event, None between two tenths."""
         before = self._newest.get(event.stage)
-        if before and event.finished < before.finished:  # the stage has begun again
+        if before and (event.finished < before.finished or event.total != before.total):  # the stage has begun again
             before = None
         if before is None:
             self._begun[event.stage] = self.clock()

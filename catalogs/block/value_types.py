@@ -6,9 +6,11 @@ import types
 import typing
 from collections.abc import Callable, Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 # Names that modules import for type checkers only.
@@ -68,7 +70,8 @@ def _is_mapping(value: object, arguments: tuple[object, ...]) -> bool:
 
 
 def _is_array(value: object, arguments: tuple[object, ...]) -> bool:
-    (wanted,) = typing.get_args(arguments[1])
+    # NDArray is an alias of its own from NumPy 2.5 on, whose argument is the scalar type
+    wanted: Any = (typing.get_args(arguments[-1]) or arguments)[0]
     return isinstance(value, np.ndarray) and value.dtype == np.dtype(wanted)
 
 
@@ -79,4 +82,5 @@ _CHECKS: Mapping[object, Callable[[object, tuple[object, ...]], bool]] = {
     tuple: _is_tuple,
     dict: _is_mapping,
     np.ndarray: _is_array,
+    typing.get_origin(NDArray[np.float64]): _is_array,
 }

@@ -339,6 +339,7 @@ def _reject_metres(geometry: MapFiles, option: str, values: Sequence[float]) -> 
     sizes = np.abs(values)
     if sizes.max() <= 180.0 and sizes.min() <= 90.0:
         return
+    in_metres = sizes.min() > 360.0  # else a slip in degrees
     message = f"{option}: {_format_numbers(values)}; longitude and latitude in degrees are needed"
     frame = None
     with suppress(InputError):
@@ -347,7 +348,7 @@ def _reject_metres(geometry: MapFiles, option: str, values: Sequence[float]) -> 
             None if geometry.streets == geometry.buildings else read_buildings(geometry.buildings).crs
         )
         frame = parse_crs(stated) if stated else None
-    if frame is not None and frame.is_projected:
+    if in_metres and frame is not None and frame.is_projected:
         x, y = np.reshape(np.asarray(values, dtype=float), (-1, 2)).T
         places = np.column_stack(coordinate_transform(frame, LONLAT)(x, y))
         if np.isfinite(places).all() and not note_outside_area_of_use(frame, *places.mean(axis=0).tolist()):

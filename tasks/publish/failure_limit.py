@@ -6,7 +6,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
-from tasks.stages.order import PICTURES, STAGES_IN_ORDER, STREETS
+from tasks.stages.order import EXEMPLARS, PICTURES, STAGES_IN_ORDER, STREETS
 
 
 def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
@@ -14,10 +14,11 @@ def failure_limit_reason(run: Run, group: StoreGroup) -> str | None:
 
     A street counts once, without its viewpoints: if one fails, most of these are undone, not failed. Stages that finish
     the output of others count separately: failed facades would not show among their many surfaces. Pictures do not
-    count: a failed one only removes an illustration from the report.
+    count: a failed one only removes an illustration from the report. Nor do exemplars: walls take those that are left, and
+    fail where none is.
     """
     last = STAGES_IN_ORDER.index(STREETS) + 1
-    texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None)
+    texturing = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None and kind is not EXEMPLARS)
     for kinds in (texturing, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
         failed, total = _count_failed(group, kinds)
         if failed > run.failed_limit * total:

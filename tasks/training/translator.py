@@ -86,6 +86,7 @@ def train_translator(
         "trained_on": {
             **{folder.resolve().name: "that of its pictures" for folder in style},
             **{f"renderings of {run.resolve().name}": "that of its pictures and map" for run in runs},
+            "rendered procedural streets": "painted by Streetloom",
         },
         "held_out": [*split.validation, *split.excluded],
         "best_step": trained.step,

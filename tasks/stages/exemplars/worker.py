@@ -21,7 +21,7 @@ from facade_core.export.pictures.occlusion_overlay import draw_crop_preview
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_faces_plates_text, detectors_available
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, measure_level_slope
+from facade_core.imagery.rectify.level_lines import find_unrectified_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.context import current_worker_name
@@ -75,11 +75,6 @@ def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data_mask(picture.rgb)
-    if (slope := measure_level_slope(picture.rgb, hidden)) > MAX_LEVEL_SLOPE_DEG:
-        raise ImageError(
-            f"its level lines slope by {slope:.0f} degrees; it is not rectified: "
-            "`streetloom harvest` makes exemplars from street photos"
-        )
     private = detect_faces_plates_text(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     prepared = prepare_exemplar(
@@ -91,6 +86,13 @@ def prepare_picture(run: Run, unit: Unit) -> PreparedExemplar:
         models=run.models,
         seed=unit_seed(run, unit.name, EXEMPLAR_SEED),
     )
+    x0, y0, x1, y1 = prepared.box
+    slope = find_unrectified_slope(picture.rgb[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | prepared.occluded)
+    if slope is not None:
+        raise ImageError(
+            f"its level lines slope by {slope:.0f} degrees; it is not rectified: `streetloom harvest` makes exemplars from "
+            "street photos"
+        )
     factor = prepared.metres_per_pixel * run.texture.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, MAX_EXEMPLAR_SIDE / max(height, width))

@@ -15,7 +15,7 @@ from facade_core.core.resizing import resize_image
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detect_faces_plates_text
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.building_crop import crop_to_building
-from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, measure_level_slope
+from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.photo import REMEDY, Rectified, rectify
 from facade_core.imagery.rectify.photo_state import check_daylight
@@ -25,9 +25,7 @@ from tasks.stages.shared.images import read_bounded_picture, read_exposure_value
 MAX_STRETCH = 2.5
 # A photo that is enlarged by more than this is blurred on its wall.
 MAX_ENLARGEMENT = 2.0
-BLURRED = (
-    "it has less than half of the pixels a side that its wall has texels: the wall is blurred; give a larger photo"
-)
+BLURRED = "it has less than half of its wall's texels, across or down, and is blurred there; give a larger photo"
 # Lines of text are legible from this score and number of letters on.
 LEGIBLE_SCORE = 0.85
 LEGIBLE_LETTERS = 4
@@ -115,7 +113,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     if is_mirrored(cut.image, found.lines):
         raise ImageError(f"{path.name}: it is mirrored: its signs read from right to left; flip it")
     seen = found.rescale(across, down)
-    blurred = (BLURRED,) if min(across, down) > MAX_ENLARGEMENT else ()
+    blurred = (BLURRED,) if max(across, down) > MAX_ENLARGEMENT else ()
     fit = PhotoCropQuality(cut.kept, cut.has_facade, across / down, (*cut.notes, *blurred))
     return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit, cut)
 
@@ -171,9 +169,14 @@ def crop_facade_photo(
         cut = crop_to_building(image, hidden, middle[0] / middle[2], aspect, model=parser)
     except ImageError as error:
         raise ImageError(f"{path.name}: {error}") from error
-    if (slope := measure_level_slope(cut.image, cut.hidden | cut.outside)) > MAX_LEVEL_SLOPE_DEG:
-        remedy = "it is not rectified: set `rectified: false` of photos" if rectified else REMEDY
-        raise ImageError(f"{path.name}: its level lines slope by {slope:.0f} degrees; {remedy}")
+    beside = cut.hidden | cut.outside
+    if not rectified and (slope := measure_level_slope(cut.image, beside)) > MAX_LEVEL_SLOPE_DEG:
+        raise ImageError(f"{path.name}: its level lines slope by {slope:.0f} degrees; {REMEDY}")
+    if rectified and (unrectified := find_unrectified_slope(cut.image, beside)) is not None:
+        raise ImageError(
+            f"{path.name}: its level lines slope by {unrectified:.0f} degrees: it is not rectified; rectify it, or if all "
+            "photos are as taken, set `rectified: false`"
+        )
     x0, y0, x1, y1 = cut.box
     corners = np.array([[x0, y0, 1], [x1, y0, 1], [x1, y1, 1], [x0, y1, 1]]) @ np.linalg.inv(homography).T
     return CroppedPhoto(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from catalogs.block.reader import read_block
 from facade_core.atlas.store import create_root, open_repository, open_root
+from facade_core.core.errors import ImageError
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
 from tasks.engine.unit import Unit
@@ -94,3 +96,16 @@ def test_a_damaged_file_is_prepared_again(tmp_path: Path, prepared_counts: list[
     run, unit, _, _ = process_first(block, in_city(tmp_path / "city", "b"))
     assert len(prepared_counts) == 2
     assert read_shared_exemplar(run, unit) is not None
+
+
+def test_an_exemplar_that_is_not_rectified_is_refused(tmp_path: Path) -> None:
+    block_file = write_block(tmp_path / "in")
+    path = read_block(block_file).exemplars[0]
+    picture = cv2.imread(str(path))
+    height, width = picture.shape[:2]
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    from_the_left = corners + np.array([[0, 0], [0, 0.25], [0, -0.15], [0, 0]], np.float32) * height
+    turn = cv2.getPerspectiveTransform(corners, from_the_left)
+    cv2.imwrite(str(path), cv2.warpPerspective(picture, turn, (width, height), borderMode=cv2.BORDER_REPLICATE))
+    with pytest.raises(ImageError, match=r"slope by \d+ degrees; it is not rectified: `streetloom harvest`"):
+        process_first(block_file, tmp_path / "out")

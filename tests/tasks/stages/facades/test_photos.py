@@ -17,6 +17,7 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.detect.text import TextLine
 from facade_core.imagery.rectify.crop import FacadeCrop
+from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_state
 from facade_core.parsing.segmenter import Surroundings
 from facade_core.synth.facade import paint_facade as paint
@@ -126,7 +127,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found
     assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
-    assert notes == ("neighbour cut off",)
+    assert notes == ("neighbour cut off", BLURRED), "50 pixels for 200 texels across"
     assert asked == [(50.0, pytest.approx(2 / 3))]
     assert read_facade_photo(path, True, (300, 300)).fit.stretched == pytest.approx(3.0), "rectified by its user"
 
@@ -162,9 +163,27 @@ def test_a_photo_on_its_side_is_refused(tmp_path: Path, turns: int, way: str) ->
 
 def test_a_photo_as_taken_is_no_rectified_one(tmp_path: Path) -> None:
     path = tmp_path / "w1-f6.png"
-    Image.fromarray(from_below(PAINTED.image)).save(path)
-    with pytest.raises(ImageError, match=r"slope by \d+ degrees; it is not rectified: set `rectified: false`"):
+    height, width = PAINTED.labels.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
+    from_the_left = corners * [0.7, 1] + np.array([[0, 0], [0, 0.3], [0, -0.15], [0, 0]]) * height
+    turn = cv2.getPerspectiveTransform(corners, from_the_left.astype(np.float32))
+    Image.fromarray(cv2.warpPerspective(PAINTED.image, turn, (round(0.7 * width), height))).save(path)
+    with pytest.raises(
+        ImageError, match=r"slope by \d+ degrees: it is not rectified; rectify it, or .*`rectified: false`"
+    ):
         crop_facade_photo(path, True)
+
+
+def test_braces_of_a_rectified_facade_are_no_slope() -> None:
+    facade = np.full((600, 600, 3), 200, np.uint8)
+    for row in range(40, 600, 40):
+        cv2.line(facade, (0, row), (600, row), (60, 50, 40), 6)
+    for column in range(0, 600, 40):
+        cv2.line(facade, (column, 600), (column + 800, 200), (60, 50, 40), 6)
+        cv2.line(facade, (column, 200), (column - 800, 600), (60, 50, 40), 6)
+    nothing = np.zeros((600, 600), bool)
+    assert measure_level_slope(facade, nothing) > MAX_LEVEL_SLOPE_DEG
+    assert find_unrectified_slope(facade, nothing) is None
 
 
 def test_a_small_photo_is_said_to_be_blurred(tmp_path: Path) -> None:
