@@ -23,7 +23,7 @@ _RESULT_METAVARS = ("OUT", "FOLDER")
 
 
 def _reject_wrong_kind(value: str | os.PathLike[str], kind: PathType, param: click.Parameter | None) -> None:
-    """Raise click.BadParameter for a folder in place of a file, or the reverse; the message names what is expected."""
+    """Raise click.BadParameter for a folder where a file is expected, or a file where a folder is; it names the remedy."""
     path = Path(value)
     metavar = ((param.metavar if param else None) or "").strip("[]")
     if not kind.dir_okay and path.is_dir():

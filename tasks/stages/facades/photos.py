@@ -41,7 +41,7 @@ class PhotoCropQuality(NamedTuple):
     kept : share of the rectified picture that was cut out.
     found : whether a facade was found.
     stretched : how many times wider, for its height, the wall is than the cut.
-    notes : what was left out or is blurred, in words.
+    notes : sentences on parts that were cut off, and on blur.
     """
 
     kept: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
@@ -261,6 +262,14 @@ def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
 
 
 BUILDINGS = block_keys.BuildingsSection(path="x")
+
+
+def test_a_folder_inside_a_harvested_one_is_answered_with_that(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "style" / "harvest" / "candidates").mkdir(parents=True)
+    Image.new("RGB", (64, 64)).save(tmp_path / "style" / "facade.png")
+    said = rf"holds no pictures; did you mean {re.escape(str(tmp_path / 'style'))}\?"
+    with pytest.raises(BlockFileError, match=said):
+        read(imagery=f"imagery: {{exemplars: {{path: {tmp_path / 'style' / 'harvest'}}}}}")
 
 
 @pytest.mark.realdata
