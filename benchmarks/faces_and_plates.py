@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.types import Box
 from facade_core.imagery.detect.detection import (
     SEARCH_BOTTOM_SHARE,
@@ -32,6 +31,7 @@ from facade_core.imagery.detect.facade_detection import detect_on_facade
 from facade_core.imagery.detect.faces import box_ious, find_faces
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
+from training.datasets.facades import LabelledFacade
 
 FACES, PLATES = "faces", "plates"
 # Pixels that a face or a plate is high.

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import LabelledFacade
-from facade_core.parsing.occluder_labels import ground_floor_rows
-from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import paint_exemplar_set
+from training.datasets.facades import ANY_CLASS, LabelledFacade
+from training.parser.occluder_labels import ground_floor_rows
 
 # A seed of painted facades that neither the training nor the demo paints.
 PAINTED_SEED = 30_000

@@ -31,19 +31,20 @@ from benchmarks.layout.baselines import ours
 from benchmarks.layout.figures import matches as matched
 from benchmarks.parsing import confusion, f1, matches, scores
 from catalogs.block.corrections import Correction, validate_correction
-from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split_facades_for_training
-from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts_for_training
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.errors import InputError
 from facade_core.core.labels import UNKNOWN
-from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as SHIPPED_LAYOUTS
 from facade_core.facade.layout.model import load_layout_model
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import SHIPPED_NETWORK
 from facade_core.parsing.segmenter import parse
-from tasks.training.corrected_facades import CorrectedFacade
-from tasks.training.layout import train_layout
-from tasks.training.parser import fine_tune_on_corrections
+from training.datasets.corrected_facades import CorrectedFacade
+from training.datasets.facades import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split_facades_for_training
+from training.datasets.layouts import read_layouts, split_layouts_for_training
+from training.layout import cases as training_cases
+from training.layout.train import train_layout
+from training.parser.train import fine_tune_on_corrections
 
 CORRECTED = 50
 SETS = ("artdeco", "ruemonge2014")

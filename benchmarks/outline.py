@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import UNKNOWN
 from facade_core.imagery.rectify.crop import find_facade_box
+from training.datasets.facades import LabelledFacade
 
 # A side of a box is right within this share of the picture's height or width.
 _NEAR = 0.03

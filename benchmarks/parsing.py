@@ -1,7 +1,7 @@
 """Scores of a parser: `python -m benchmarks.parsing --data DIR` prints one JSON object.
 
 Each set is measured on the facades that the model's .json does not name as trained on: the shipped model's ecp figures
-are those of the held-out fold of `catalogs.learning.datasets.split_facades_for_training`, artdeco and ruemonge2014 (the
+are those of the held-out fold of `training.datasets.facades.split_facades_for_training`, artdeco and ruemonge2014 (the
 authors' validation part)
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
@@ -30,17 +30,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks import in_front, outline
-from catalogs.learning.datasets import (
-    ARTDECO,
-    CMP,
-    ECP,
-    LABELMEFACADE,
-    RUEMONGE,
-    LabelledFacade,
-    read_dataset,
-    read_swiss_street_photos,
-    split_facades_for_training,
-)
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
@@ -53,6 +42,17 @@ from facade_core.parsing.segmenter import (
     load_segmenter,
     parse,
     parse_with_segmenter,
+)
+from training.datasets.facades import (
+    ARTDECO,
+    CMP,
+    ECP,
+    LABELMEFACADE,
+    RUEMONGE,
+    LabelledFacade,
+    read_dataset,
+    read_swiss_street_photos,
+    split_facades_for_training,
 )
 
 SETS = {

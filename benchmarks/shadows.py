@@ -12,10 +12,10 @@ import json
 import os
 from pathlib import Path
 
-from catalogs.learning.datasets import read_ecp_facades
 from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.exemplar_choice import USUAL_SHADED_SHARE
+from training.datasets.facades import read_ecp_facades
 
 MARKED = frozenset(
     {

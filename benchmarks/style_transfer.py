@@ -33,12 +33,12 @@ from benchmarks.exemplar_walls import CUT
 from benchmarks.look.outputs import Output, read_output
 from benchmarks.look.views import EYE_M, FIELD_OF_VIEW, PITCH, SIZE, TURNED, View, render, street_cameras
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
-from catalogs.learning.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read_dataset
 from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
-from facade_core.street.translator.kernel_distance import image_features
+from training.datasets.facades import CMP, ECP, DatasetRecipe, LabelledFacade, read_dataset
+from training.translator.kernel_distance import image_features
 
 CITIES: tuple[DatasetRecipe, DatasetRecipe] = (ECP, CMP)
 # Every so many pictures are harvested; of the others every third is kept for `real_accuracy`; as many of each city are used.

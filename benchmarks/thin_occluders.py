@@ -22,7 +22,10 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from catalogs.learning.datasets import (
+from facade_core.parsing.occluders import clean_occluder_mask
+from facade_core.parsing.segmenter import parse
+from facade_core.synth.thin_occluders import THIN_KINDS, paint_before_wall
+from training.datasets.facades import (
     ARTDECO,
     CMP,
     ECP,
@@ -30,10 +33,7 @@ from catalogs.learning.datasets import (
     read_dataset,
     split_facades_for_training,
 )
-from facade_core.parsing.occluders import clean_occluder_mask
-from facade_core.parsing.segmenter import parse
-from facade_core.parsing.training_views import estimate_metres_per_pixel
-from facade_core.synth.thin_occluders import THIN_KINDS, paint_before_wall
+from training.parser.views import estimate_metres_per_pixel
 
 SEED = 40_000
 # Smaller occluders, in pixels, are not measured.

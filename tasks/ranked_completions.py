@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.learning.layouts import read_partial_layout
+from catalogs.readers.layouts import read_partial_layout
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject

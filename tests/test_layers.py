@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
+PACKAGES = ("facade_core", "catalogs", "tasks", "flows", "training")
 MAX_FILES = 30  # of a folder
 LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
 

@@ -26,8 +26,8 @@ import numpy as np
 
 from benchmarks.changes.pairs import KINDS, Pair, pair_of
 from benchmarks.changes.walls import real_pairs
-from catalogs.learning.datasets import ECP, LabelledFacade, read_dataset, split_facades_for_training
 from facade_core.imagery.rectify.change_detection import change_cues, detect_changes
+from training.datasets.facades import ECP, LabelledFacade, read_dataset, split_facades_for_training
 
 FITTED, UNCHANGED = 40, 3
 AT = 0.3

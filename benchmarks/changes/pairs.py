@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.synth.occluders import paint_occluders
+from training.datasets.facades import LabelledFacade
 
 # Metres that the facades are taken to be high: they have five to seven storeys.
 HEIGHT_M = 17.0

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.changes.pairs import Pair
-from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read_dataset
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
+from training.datasets.facades import RUEMONGE, LabelledFacade, read_dataset
 
 # Matches that a plane explains, at least; share of the first photo that both then show.
 LEAST_MATCHES, LEAST_SHARED = 60, 0.4

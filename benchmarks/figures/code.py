@@ -11,7 +11,7 @@ from pathlib import Path
 from tasks.engine.data_files import DATA_FILES
 from tasks.engine.stage_code import CODE_PACKAGES, ROOT, collect_modules
 
-MEASURED = (*CODE_PACKAGES, "flows", "benchmarks")
+MEASURED = (*CODE_PACKAGES, "flows", "training", "benchmarks")
 COMMANDS = ("streetloom bench ", "python -m benchmarks.")
 WHOLE = "flows.__main__"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.learning.datasets import (
+from training.datasets.facades import (
     CMP,
     ECP,
     DatasetRecipe,

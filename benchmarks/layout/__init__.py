@@ -43,9 +43,8 @@ from benchmarks.layout.figures import f1, matches, run
 from benchmarks.layout.folds import by_fold
 from benchmarks.layout.paper_rows import ablation, weights_by_size
 from benchmarks.layout.sheet import draw_pairs, sheet
-from catalogs.learning.layouts import LayoutRecord, read_layouts
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
-from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.facade_frame import fit_columns_and_floors
 from facade_core.facade.layout.grid_extension import ExtensionVariant
 from facade_core.facade.layout.grids import box_array, fit_grids
@@ -54,6 +53,8 @@ from facade_core.facade.layout.policy_optimisation import evolve_policy_candidat
 from facade_core.facade.layout.proposals import propose_elements
 from facade_core.facade.layout.rectangles import WINDOW, pairwise_iou
 from facade_core.facade.layout.scores import layout_score_terms
+from training.datasets.layouts import read_layouts
+from training.layout import cases as training_cases
 
 
 def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:

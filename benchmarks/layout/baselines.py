@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from catalogs.learning.layouts import LayoutRecord
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.arrays import BoolArray
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element

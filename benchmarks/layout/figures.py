@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.layout.baselines import Method, rows_of
-from catalogs.learning.layouts import LayoutRecord
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.facade_frame import Rectangle, fit_columns_and_floors
 from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.rectangles import labels_may_overlap, overlap_mask, pairwise_iou
+from training.layout import cases as training_cases
 
 
 def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:

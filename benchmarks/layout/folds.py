@@ -11,10 +11,11 @@ import numpy as np
 
 from benchmarks.layout.baselines import Method
 from benchmarks.layout.figures import run
-from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts_for_training
-from facade_core.facade.layout import training_cases
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.facade.layout.model import LayoutModel, load_layout_model
-from tasks.training.layout import train_layout
+from training.datasets.layouts import read_layouts, split_layouts_for_training
+from training.layout import cases as training_cases
+from training.layout.train import train_layout
 
 FOLDS = 5
 # The mean of five lies in so many of their standard errors with 95 %: Student's t of four degrees of freedom.

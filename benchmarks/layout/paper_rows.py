@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.layout.baselines import SHORT_SEARCH, policy_search
 from benchmarks.layout.figures import run
-from catalogs.learning.layouts import LayoutRecord
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout.densities import TERMS
-from facade_core.facade.layout.learning import fit_densities, learn_weights
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.scores import measure_layout_from_elements
+from training.layout.learning import fit_densities, learn_weights
 
 # Numbers of training facades of `weights_by_size`, as in the paper's Fig. 16.
 TRAINING_SIZES = (100, 90, 80, 70, 60, 50, 40, 30, 20, 10)

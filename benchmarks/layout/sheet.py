@@ -9,12 +9,12 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from benchmarks.blind_answers import write_key
-from catalogs.learning.layouts import LayoutRecord
+from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.types import Element
-from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import LayoutModel
+from training.layout import cases as training_cases
 
 OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10
 # Pairs of the study of true against completed layouts, as many as the paper's.

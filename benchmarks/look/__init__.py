@@ -141,7 +141,7 @@ def _features() -> Any:
         return None
     import torch
 
-    from facade_core.street.translator.kernel_distance import image_features
+    from training.translator.kernel_distance import image_features
 
     torch.set_num_threads(1)  # threads that wait for others' work take more time than they save
     return image_features

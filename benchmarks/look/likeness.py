@@ -36,7 +36,7 @@ def sets_of_features(data: Path, features: Callable[[Sequence[np.ndarray]], np.n
 def distances(features: Sequence[np.ndarray], theirs: dict[str, np.ndarray], seed: int) -> dict[str, dict[str, float]]:
     """Kernel distances of features (n, k) to those of sets of photos and to all of them, each with the standard
     deviation over SUBSETS random subsets of SUBSET of either side."""
-    from facade_core.street.translator.kernel_distance import kernel_distance
+    from training.translator.kernel_distance import kernel_distance
 
     ours = np.array(features)
     rng = np.random.default_rng(seed)
@@ -55,7 +55,7 @@ def distances(features: Sequence[np.ndarray], theirs: dict[str, np.ndarray], see
 
 def between_photos(theirs: dict[str, np.ndarray]) -> dict[str, float]:
     """Kernel distances between the sets of photos themselves: what a real street's could be."""
-    from facade_core.street.translator.kernel_distance import kernel_distance
+    from training.translator.kernel_distance import kernel_distance
 
     names = sorted(theirs)
     return {

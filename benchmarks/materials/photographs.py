@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.materials import _gradients
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainTables, WeightedGrain, add_grain, build_grain_tables
 from facade_core.street.materials.grain_file import load_examples
-from tasks.training.materials import GRAIN_PHOTOS, read_picture_and_digest
+from training.materials import GRAIN_PHOTOS, read_picture_and_digest
 
 DENSITIES = (8, 16, 32, 64)
 # Metres along a patch; of the one in which repeats are looked for, at so many texels a metre.

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import ECP, LabelledFacade, read_dataset
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.genetic import ELITE_SIZE, MAX_BLOCK, POPULATION_SIZE
@@ -29,6 +28,7 @@ from facade_core.facade.texture.synthesis import SYNTHESIS_GENERATIONS, evolve_r
 from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
 from facade_core.parsing.floor_structure import find_floors_and_bays
 from facade_core.parsing.lattice import lattice
+from training.datasets.facades import ECP, LabelledFacade, read_dataset
 
 FACADES = ("monge_10", "monge_26", "monge_55", "monge_74", "monge_107")
 SIZE = (700, 500)

@@ -26,12 +26,12 @@ import numpy as np
 
 from benchmarks.blind_answers import write_key
 from benchmarks.blind_pairs import sheet
-from catalogs.learning.datasets import CMP, ECP, read_dataset
 from facade_core.core.errors import FacadeError
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.facade.texture import retargeting
 from facade_core.facade.texture.genetic import NodeConstraints, evolve_tilings
 from facade_core.facade.texture.scale import exemplar_scale
+from training.datasets.facades import CMP, ECP, read_dataset
 
 WALLS = 16
 # Exemplars of each set from which those of the walls are drawn.

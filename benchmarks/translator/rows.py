@@ -18,8 +18,8 @@ from facade_core.street.propagation.render import RenderedPanorama, render_panor
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
 from facade_core.street.translator.neural_translator import ColourNetwork, NeuralTranslator
-from facade_core.street.translator.training_steps import TrainingRecipe, stack_inputs, tensor_to_image
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
+from training.translator.steps import TrainingRecipe, stack_inputs, tensor_to_image
 
 # Budget of each row.
 BUDGET = TrainingRecipe(width=16, steps=300, batch=2, check=300)
@@ -106,7 +106,7 @@ def network(path: Path, recipe: TrainingRecipe, painter: Translator) -> Translat
     """A row's network as a translator."""
     import torch
 
-    from facade_core.street.translator.network import Generator, apply_grid, image_to_tensor
+    from training.translator.network import Generator, apply_grid, image_to_tensor
 
     generator = Generator(recipe.width, bands=recipe.bands, equirectangular=recipe.equirectangular)
     generator.load_state_dict(torch.load(path, weights_only=True))
@@ -138,7 +138,7 @@ def _scores(
     scene: Scene, own: list[list[Viewpoint]], translate: Translate, blending: Blending, real: dict[str, np.ndarray]
 ) -> dict[str, list[float]]:
     """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
-    from facade_core.street.translator.kernel_distance import image_features, kernel_distance
+    from training.translator.kernel_distance import image_features, kernel_distance
 
     found: dict[str, list[float]] = {"full": [], "crop": [], "ground": [], "difference": []}
     for views in own:
@@ -184,8 +184,8 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
-    from facade_core.street.translator.kernel_distance import image_features
-    from tasks.training.translator import PictureSplitPrefixes, list_pictures, read_picture_sets
+    from training.translator.kernel_distance import image_features
+    from training.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
 
     held_out = read_picture_sets(list_pictures([data / "panoramas"]), PictureSplitPrefixes(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in (one.image for one in held_out) for shift in range(0, 128, 13)]
@@ -221,9 +221,10 @@ def train_rows(
 
     import torch
 
-    from facade_core.street.translator import training, training_steps
-    from tasks.training.street_renderings import render_training_views
-    from tasks.training.translator import PictureSplitPrefixes, list_pictures, read_picture_sets
+    from training.translator import network_training as training
+    from training.translator import steps as training_steps
+    from training.translator.street_renderings import render_training_views
+    from training.translator.train import PictureSplitPrefixes, list_pictures, read_picture_sets
 
     missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:

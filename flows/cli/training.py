@@ -55,8 +55,8 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
     from flows.step_reporter import show_progress
-    from tasks.training.corrected_facades import load_corrected_facades
-    from tasks.training.parser import fine_tune_benchmark_parser, fine_tune_on_corrections, train_shipped_parser
+    from training.datasets.corrected_facades import load_corrected_facades
+    from training.parser.train import fine_tune_benchmark_parser, fine_tune_on_corrections, train_shipped_parser
 
     if corrections and (data or fold):
         raise click.UsageError("--corrections goes on from the shipped network, without --data and --fold")
@@ -98,8 +98,8 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
     from flows.step_reporter import show_progress
-    from tasks.training.corrected_facades import layout_record, load_corrected_facades
-    from tasks.training.layout import has_gpu, train_layout, train_network
+    from training.datasets.corrected_facades import layout_record, load_corrected_facades
+    from training.layout.train import has_gpu, train_layout, train_network
 
     with show_progress(quiet=False):
         added = [layout_record(facade) for facade in load_corrected_facades(corrections)] if corrections else []
@@ -123,7 +123,7 @@ def train_material_examples(data: Path, out: Path) -> None:
       streetloom train materials --data ../shared/data --out materials/
     """
     from flows.step_reporter import show_progress
-    from tasks.training.materials import learn_grain_examples
+    from training.materials import learn_grain_examples
 
     with show_progress(quiet=False):
         model = learn_grain_examples(data, out)
@@ -141,7 +141,7 @@ def train_window_types(data: Path, out: Path) -> None:
       streetloom train windows --data ../shared/data --out windows/
     """
     from flows.step_reporter import show_progress
-    from tasks.training.window_types import train_window_metric
+    from training.windows import train_window_metric
 
     with show_progress(quiet=False):
         model = train_window_metric(data, out)
@@ -190,9 +190,9 @@ def train_translation_network(
     """
     from dataclasses import replace
 
-    from facade_core.street.translator.training import RECIPE
     from flows.step_reporter import show_progress
-    from tasks.training.translator import PictureSplitPrefixes, train_translator
+    from training.translator.network_training import RECIPE
+    from training.translator.train import PictureSplitPrefixes, train_translator
 
     recipe = RECIPE if steps is None else replace(RECIPE, steps=steps)
     with show_progress(quiet=False):

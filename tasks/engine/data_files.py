@@ -37,8 +37,6 @@ DATA_FILES: Mapping[str, tuple[str, ...]] = {
 NOT_LOADED_BY_STAGES = (
     "tasks/examples/demo_inputs/",
     "catalogs/examples/blocks/",
-    "catalogs/learning/in_front.json",
-    "catalogs/learning/window_states.json",
     "catalogs/stac/schemas/",
     "tasks/city/cost.json",
 )

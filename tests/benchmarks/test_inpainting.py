@@ -11,7 +11,7 @@ import pytest
 from benchmarks.inpainting.cases import cases
 from benchmarks.inpainting.clone_and_split import clone_and_split
 from benchmarks.inpainting.floor_pitch import estimate_bay_width, estimate_floor_height
-from catalogs.learning.datasets import CMP, ECP, read_dataset, split_facades_for_training
+from training.datasets.facades import CMP, ECP, read_dataset, split_facades_for_training
 
 FLOOR, BAY = 40, 36
 

@@ -8,8 +8,8 @@ import numpy as np
 import yaml
 
 from benchmarks.style_transfer import SQUARE_PX, cut_squares, see_along_street, summarise_scores, write_block
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.synth.facade import paint_facade
+from training.datasets.facades import LabelledFacade
 
 
 def test_squares_show_walls_only() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.thin_occluders import estimate_metres_per_pixel, measure_drawn, recall
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import FacadeClass
 from facade_core.synth.thin_occluders import THIN_KINDS
+from training.datasets.facades import LabelledFacade
 
 
 def facade() -> LabelledFacade:

@@ -18,7 +18,6 @@ from catalogs.block.extract import read_city_part
 from catalogs.block.reader import read_block
 from catalogs.city.tile_index import tile_files_in_area
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
-from catalogs.learning.layouts import read_layouts
 from catalogs.readers.annotations import read_correction_annotations
 from catalogs.readers.json_text import load_json
 from catalogs.readers.pictures.poses import read_poses_file
@@ -26,6 +25,7 @@ from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.regular_files import open_regular, read_regular
 from tasks.city.blocks import partition_city_file
 from tasks.matching.match_table import read_match_table
+from training.datasets.layouts import read_layouts
 
 DEEP = b"[" * 100_000
 READERS: dict[str, Callable[[Path], object]] = {

@@ -20,11 +20,11 @@ from tasks.corrections.correction_import import CorrectionImporter, import_corre
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.status import read_run_block_file, record_run_block_file
 from tasks.export.formats import export_run
-from tasks.training.corrected_facades import load_corrected_facades
 from tasks.viewing.facade_state import read_facade_state
 from tasks.viewing.run_view import RunReader
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
+from training.datasets.corrected_facades import load_corrected_facades
 
 pytestmark = pytest.mark.long
 
@@ -213,7 +213,7 @@ def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatc
     import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "keep": [[0.0, 0.0, 0.5, 0.5]]}), who="anna")
     with pytest.raises(InputError, match="only 1 facade with corrected elements"):
         load_corrected_facades([folder / "out"])
-    monkeypatch.setattr("tasks.training.corrected_facades.MIN_FACADES", 1)
+    monkeypatch.setattr("training.datasets.corrected_facades.MIN_FACADES", 1)
     (one,) = load_corrected_facades([folder / "out"])
     assert (one.name, [list(e) for e in one.elements]) == ("small/a-0", said)
     assert one.image.shape == (*one.photo_mask.shape, 3)

@@ -8,8 +8,8 @@ from facade_core.core.types import Element, TrainedModelFiles
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, SHIPPED_LAYOUT_NETWORK, load_layout_model
 from facade_core.facade.layout.network.raster import CHANNELS, RASTER, STRIDE, WINDOW_PIXELS, draw_boxes, draw_region
-from facade_core.facade.layout.network.views import sample_layout_view
 from facade_core.facade.layout.network.windows import find_network_windows, load_layout_network, move_to_proposals
+from training.layout.network_views import sample_layout_view
 
 DOMAIN = (0.0, 0.0, 120.0, 80.0)
 REGION = [(0.0, 0.0, 60.0, 80.0)]

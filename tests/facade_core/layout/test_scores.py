@@ -112,7 +112,7 @@ def test_a_regular_layout_scores_higher_than_disturbed_ones_on_average():
 
 @pytest.mark.realdata
 def test_real_layouts_score_higher_than_the_same_disturbed(data):
-    from catalogs.learning.layouts import read_layouts, split_layouts_for_training
+    from training.datasets.layouts import read_layouts, split_layouts_for_training
 
     records = split_layouts_for_training(list(read_layouts(data / "layouts" / "cmp.jsonl")))[1][::3]
     higher = []

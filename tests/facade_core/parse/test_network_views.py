@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import UNKNOWN
-from facade_core.parsing.training_views import (
+from training.parser.views import (
     ANY_CLASS,
     VIEW_SIDE,
     OccluderCutout,

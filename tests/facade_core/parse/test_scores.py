@@ -3,9 +3,9 @@ import pytest
 
 from benchmarks import in_front
 from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
-from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Element
+from training.datasets.facades import LabelledFacade
 
 
 def test_scores_of_a_small_confusion():

@@ -170,7 +170,7 @@ def test_refuses_a_missing_model(tmp_path):
 
 @pytest.mark.realdata
 def test_held_out_facades_and_their_lower_storeys(data):
-    from catalogs.learning.datasets import read_ecp_facades, split_facades_for_training
+    from training.datasets.facades import read_ecp_facades, split_facades_for_training
 
     _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
     whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]
@@ -183,8 +183,8 @@ def test_held_out_facades_and_their_lower_storeys(data):
 @pytest.mark.realdata
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
-    from catalogs.learning.datasets import CMP, read_dataset, split_facades_for_training
     from facade_core.parsing.segmenter import facade_surroundings_mask
+    from training.datasets.facades import CMP, read_dataset, split_facades_for_training
 
     _, held_out = split_facades_for_training(list(read_dataset(CMP, data / "facades" / "cmp")))
     much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]
@@ -196,7 +196,7 @@ def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
 @pytest.mark.realdata
 def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
     from benchmarks.in_front import marked, measure_things
-    from catalogs.learning.datasets import read_ecp_facades, split_facades_for_training
+    from training.datasets.facades import read_ecp_facades, split_facades_for_training
 
     _, held_out = split_facades_for_training(list(read_ecp_facades(data / "facades" / "ecp")))
     found = measure_things(held_out[:6], marked(), lambda image: parse(image).occluded)

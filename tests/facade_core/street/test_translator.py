@@ -15,7 +15,7 @@ from facade_core.street.lighting.sky import add_sky
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.colour_grid import BRIGHTNESS_BINS, COEFFICIENTS, TRAINED_ROWS, apply_colour_grid
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
-from facade_core.street.translator.training_crops import (
+from training.translator.crops import (
     CROP,
     PANORAMA_HEIGHT,
     RealPicture,

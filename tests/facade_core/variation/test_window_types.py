@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score
 
-from catalogs.learning.window_state_labels import read_window_states
 from facade_core.core.errors import ModelFileError
 from facade_core.core.types import Element
 from facade_core.facade.variation.group_patches import cut_group_patches
@@ -22,6 +21,7 @@ from facade_core.facade.variation.window_types import (
     load_window_metric,
     save_window_metric,
 )
+from training.datasets.window_states import read_window_states
 
 
 def paint_windows(seed: int) -> tuple[np.ndarray, list[Element], np.ndarray]:

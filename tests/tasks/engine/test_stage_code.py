@@ -54,14 +54,12 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "tasks/engine/progress.py": set(),
         "facade_core/core/errors.py": set(),
         "facade_core/parsing/segmenter.py": facades | {"grounds", "walls"},
-        "facade_core/parsing/network_training.py": set(),
         "facade_core/parsing/models/network.json": facades
         | {"grounds", "walls", "publish"},  # the catalogue names the models
         "facade_core/parsing/models/network.onnx": facades | {"grounds", "walls", "publish"},
         "facade_core/parsing/models/network.md": set(),
         "facade_core/facade/layout/models/layouts.json": facades | {"publish"},
         "facade_core/facade/layout/models/layout_network.onnx": facades | {"publish"},
-        "facade_core/facade/layout/network/training.py": set(),
         "facade_core/street/translator/models/translator.onnx": {"streets", "publish"},
         "facade_core/imagery/poses/refinement.py": {"poses"},
         "facade_core/imagery/poses/joint_refinement.py": {"bundles"},

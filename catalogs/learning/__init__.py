@@ -1,1 +1,0 @@
-"""Recipes of data sets for training and evaluation."""

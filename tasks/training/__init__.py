@@ -1,1 +1,0 @@
-"""Training of the shipped models, from data folders to model files."""

@@ -1,0 +1,1 @@
+"""Training of the shipped networks and statistics; no module of a run imports it."""

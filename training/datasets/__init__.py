@@ -1,0 +1,1 @@
+"""Data sets and layouts for training and evaluation."""

@@ -1,0 +1,1 @@
+"""Training of the layout model and the layout network."""

@@ -1,0 +1,46 @@
+"""Export of a trained layout network to the files that completion loads. Needs the `train` extra (torch, onnx)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from facade_core.core.model_file import write_model
+from facade_core.facade.layout.network.raster import CHANNELS, RASTER
+from facade_core.facade.layout.network.windows import load_layout_network
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+def save_layout_network(weights: Mapping[str, Tensor], path: Path, *, training_set: Sequence[str], seed: int) -> None:
+    """Write a trained network as ONNX, with the .json that it is checked against.
+
+    Parameters
+    ----------
+    weights : name -> tensor.
+    path : .onnx file to write.
+    training_set : names of the training layouts.
+    seed : random seed of the training.
+    """
+    import torch
+
+    from training.layout.network import LayoutNetwork
+
+    network = LayoutNetwork()
+    network.load_state_dict(weights)
+    network.eval()
+    content = io.BytesIO()
+    torch.onnx.export(
+        network,
+        (torch.zeros(1, CHANNELS, *RASTER),),
+        content,
+        input_names=["layout"],
+        output_names=["raw"],
+        opset_version=17,
+        dynamo=False,
+    )
+    write_model(content.getvalue(), path, {"seed": seed, "training_set": list(training_set)})
+    load_layout_network(path)
