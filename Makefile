@@ -13,7 +13,7 @@ endif
 # Of the tests without whole runs, those that take most of the time; a change there runs its own
 SLOW := catalogs/block facade_core/layout facade_core/parse facade_core/rectify facade_core/street facade_core/test_facade.py facade_core/texture test_tutorials.py
 
-.PHONY: demo test test-long quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints clean
+.PHONY: demo test test-long test-data quick setup train-setup detect-setup ktx2-setup usd-setup sfm-setup clients docs review check bench figures figures-night constraints clean
 
 demo: setup  ## Texture the embedded block: model and report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -26,6 +26,9 @@ test: setup check clients  ## Run style checks, type checks and tests, without t
 
 test-long: setup clients  ## Run the tests marked long: runs that are killed, lose their servers, follow schedules or change; three quarters of an hour
 	$(SUITE) -m long
+
+test-data: setup clients  ## Run the tests of real data, in the folder that STREETLOOM_DATA names
+	$(SUITE) -m realdata
 
 quick: setup  ## Check style and run the tests that need no whole run, for every edit
 	$(BIN)/ruff check --quiet .

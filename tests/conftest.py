@@ -48,7 +48,13 @@ LONG = (
 )
 
 
+@pytest.hookimpl(tryfirst=True)  # before markers select tests
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that use the folder of real data, and begin with what takes longest."""
+    for item in items:
+        if "data" in getattr(item, "fixturenames", ()):
+            item.add_marker("realdata")
+
     def place(item: pytest.Item) -> int:
         path = item.path.relative_to(ROOT / "tests").as_posix()
         return next((i for i, start in enumerate(LONG) if path.startswith(start)), len(LONG))

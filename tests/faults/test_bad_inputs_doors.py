@@ -185,7 +185,6 @@ CASES: dict[str, tuple[str, Any]] = {
 }
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("case", CASES)
 def test_cases_of_the_second_trial(case: str, data: Path, tmp_path: Path) -> None:
     if not (data / "bad_inputs_2" / case).is_dir():

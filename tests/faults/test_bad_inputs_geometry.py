@@ -375,7 +375,6 @@ def test_a_block_without_a_facade_says_so(texture: dict[str, Any], height: float
     assert bool(explain_missing_street_facades(seen)) == (height < 2.5)
 
 
-@pytest.mark.realdata
 def test_the_smallest_bad_inputs_that_were_found_are_one_line_or_set_aside(data: Path) -> None:
     kinds = ("geo-", "krovak", "ll-", "one-", "key-bcrs", "key-offset", "building-id", "zzlong")
     blocks = [path for path in sorted((data / "bad_inputs").glob("*/block.yaml")) if path.parent.name.startswith(kinds)]
@@ -422,7 +421,6 @@ def test_an_outline_of_more_corners_than_a_plan_holds(tmp_path: Path, quarter: i
         assert "its outline has 12001 corners, more than 2000; simplify it" in block.faults[0].reason
 
 
-@pytest.mark.realdata
 def test_a_star_of_ten_thousand_corners_is_closed_to_its_disc(data: Path, tmp_path: Path) -> None:
     folder = data / "bad_inputs_2" / "buildings-10k-corners"
     if not folder.is_dir():

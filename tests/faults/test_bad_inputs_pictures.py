@@ -467,7 +467,6 @@ def test_the_formats_are_named_and_none_starts_a_program() -> None:
     assert MAX_WEBP_PIXELS < MAX_PIXELS <= 2 * (Image.MAX_IMAGE_PIXELS or 0), "Pillow's own limit lies above"
 
 
-@pytest.mark.realdata
 def test_cases_of_before(data: Path) -> None:
     folder = data / "bad_inputs" / "pictures"
     if not folder.is_dir():

@@ -197,7 +197,6 @@ def test_changed_bytes_of_a_poses_file_are_read_or_refused(content: str, folder:
         assert said.isprintable()
 
 
-@pytest.mark.realdata
 def test_cases_of_before(data: Path) -> None:
     cases = sorted((data / "bad_inputs").glob("key-pose-*"))
     if not cases:

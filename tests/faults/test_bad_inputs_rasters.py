@@ -308,7 +308,6 @@ def test_changed_bytes_of_a_raster_are_read_or_refused(seed: str, tmp_path: Path
     assert all(said.isprintable() for said in refused)
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("case", ["key-dem-vrt-raw", "key-dem-zero-cell", "key-ort-degenerate", "key-ort-zero-cell"])
 def test_cases_of_before(case: str, data: Path) -> None:
     if not (data / "bad_inputs" / case).is_dir():

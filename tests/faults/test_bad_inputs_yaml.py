@@ -292,7 +292,6 @@ def test_changed_bytes_of_a_block_file_are_read_or_refused(tmp_path: Path) -> No
     assert not [message for message in said if "\n" in message]
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("case", ["yaml-deep-list", "key-bpath-tilde", "key-bpath-long-name", "key-offset-nan"])
 def test_cases_of_before(case: str, data: Path) -> None:
     if not (data / "bad_inputs" / case).is_dir():

@@ -188,7 +188,6 @@ def test_only_sets_with_a_licence_may_train():
     assert all(name == recipe.name for name, recipe in RECIPES.items())
 
 
-@pytest.mark.realdata
 def test_the_real_sets(data):
     facades = list(read_ecp_facades(data / "facades" / "ecp"))
     training, held_out = split_facades_for_training(facades)
@@ -200,7 +199,6 @@ def test_the_real_sets(data):
     assert sum(1 for _ in read_artdeco_facades(data / "facades" / "artdeco")) == 63
 
 
-@pytest.mark.realdata
 def test_every_real_set_fits_its_table(data):
     """The first photos of each set: reading refuses ids that the table lacks."""
     folders = {

@@ -80,7 +80,6 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
 
 
 @pytest.mark.long
-@pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
     from training.datasets.facades import CMP, read_dataset, split_facades_for_training
     from training.parser.train import split_cmp_photos

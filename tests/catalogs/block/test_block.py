@@ -272,7 +272,6 @@ def test_a_folder_inside_a_harvested_one_is_answered_with_that(read: Read, tmp_p
         read(imagery=f"imagery: {{exemplars: {{path: {tmp_path / 'style' / 'harvest'}}}}}")
 
 
-@pytest.mark.realdata
 def test_a_block_with_real_exemplars(read: Read, data: Path) -> None:
     folder = data / "facades" / "ecp"
     with pytest.raises(BlockFileError, match=r"holds no pictures; did you mean .*images\?"):

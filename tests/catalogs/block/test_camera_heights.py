@@ -133,7 +133,6 @@ def test_heights_beyond_the_known_terrain() -> None:
     assert found == pytest.approx([42.4, 42.6, 42.5]), "two of the cameras are over unknown ground"
 
 
-@pytest.mark.realdata
 def test_sea_level_heights_over_flat_ground(data: Path) -> None:
     folder = data / "field_inputs"
     if not folder.is_dir():

@@ -10,7 +10,6 @@ from PIL import Image
 
 from catalogs.block.reader import Block, read_block
 
-pytestmark = pytest.mark.realdata
 RED, GREEN = (203, 63, 53), (52, 152, 62)
 
 

@@ -138,7 +138,6 @@ def test_a_block_of_broken_buildings_only_is_refused_with_the_first_reason(block
         block("houses.gpkg")
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize(
     ("name", "buildings", "heights", "faults"),
     [

@@ -106,7 +106,6 @@ def test_swapped_places() -> None:
     assert not swapped_places(here, np.array([26.0, 60.15, 26.1, 60.16]))
 
 
-@pytest.mark.realdata
 def test_latlon_swapped(data: Path) -> None:
     folder = data / "field_inputs" / "latlon-swapped"
     if not folder.is_dir():

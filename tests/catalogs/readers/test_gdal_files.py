@@ -141,7 +141,6 @@ def test_a_pipe_or_device_beside_a_raster_is_refused(name: str, tmp_path: Path) 
         pass
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize(
     ("case", "words"),
     [

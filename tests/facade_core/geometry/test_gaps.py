@@ -151,7 +151,6 @@ def delfshaven(data: Path) -> list[Polygon]:
     return footprints
 
 
-@pytest.mark.realdata
 def test_real_terraces_have_streets_along_their_fronts(delfshaven: list[Polygon]) -> None:
     streets: tuple[Street, ...] = derive_streets(delfshaven)
     length = sum(street.line.length for street in streets)

@@ -238,7 +238,6 @@ def test_a_shell_may_stand_in_two_parts() -> None:
     assert not shapely.intersects(house.footprint, outside).any(), "walls of both parts face outward"
 
 
-@pytest.mark.realdata
 def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
     """The first surfaces of Lyon as one model: every chart's triangles face as it does, none lies below its neighbours."""
     with np.load(data / "city" / "lyon" / "lod2.npz") as packed:

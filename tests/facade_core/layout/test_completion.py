@@ -324,7 +324,6 @@ def test_model_and_n_are_checked():
 
 
 @pytest.mark.long
-@pytest.mark.realdata
 def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout import held_out
     from benchmarks.layout.baselines import median_pitch, ours

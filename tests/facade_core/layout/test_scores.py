@@ -110,7 +110,6 @@ def test_a_regular_layout_scores_higher_than_disturbed_ones_on_average():
     assert score(block(), DOMAIN) > np.mean([score(layout, DOMAIN) for layout in disturbed])
 
 
-@pytest.mark.realdata
 def test_real_layouts_score_higher_than_the_same_disturbed(data):
     from training.datasets.layouts import read_layouts, split_layouts_for_training
 

@@ -168,7 +168,6 @@ def test_refuses_a_missing_model(tmp_path):
         parse(np.zeros((4, 4, 3), np.uint8), model=tmp_path / "none.onnx")
 
 
-@pytest.mark.realdata
 def test_held_out_facades_and_their_lower_storeys(data):
     from training.datasets.facades import read_ecp_facades, split_facades_for_training
 
@@ -180,7 +179,6 @@ def test_held_out_facades_and_their_lower_storeys(data):
 
 
 @pytest.mark.long
-@pytest.mark.realdata
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
     from facade_core.parsing.segmenter import facade_surroundings_mask
@@ -193,7 +191,6 @@ def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     assert found["facade_lost"] < 0.05
 
 
-@pytest.mark.realdata
 def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
     from benchmarks.in_front import marked, measure_things
     from training.datasets.facades import read_ecp_facades, split_facades_for_training

@@ -54,7 +54,6 @@ def test_a_fisheye_picture_is_none(whole: np.ndarray) -> None:
         check_full_panorama(fisheye(whole, (0.5,)))
 
 
-@pytest.mark.realdata
 def test_real_panoramas_are_whole(data: Path) -> None:
     paths = [*(data / "panoramas").glob("*.jpg"), *(data / "city/amsterdam/panoramas").glob("*.jpg")]
     assert len(paths) >= 20

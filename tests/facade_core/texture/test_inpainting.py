@@ -155,7 +155,6 @@ def test_levels_reproduce_a_constant_difference():
     np.testing.assert_allclose(offset, 20.0, rtol=1e-3)
 
 
-@pytest.mark.realdata
 def test_a_window_hidden_on_a_real_facade(data):
     folder = data / "facades" / "ecp"
     image = np.array(Image.open(folder / "images" / "monge_55.jpg").convert("RGB"))

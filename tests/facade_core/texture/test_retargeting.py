@@ -161,7 +161,6 @@ def test_scale_from_floors_a_door_or_one_row(facade):
         exemplar_scale(facade.image, np.zeros_like(facade.labels))
 
 
-@pytest.mark.realdata
 def test_haussmann_facades_keep_their_floors(data):
     folder = data / "facades" / "ecp"
     for name in ("monge_10", "monge_55", "monge_74"):

@@ -302,7 +302,6 @@ def test_bad_files_and_levels(coded, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.realdata
 def test_a_photographed_facade_has_levels_and_a_small_file(data):
     from benchmarks.variation import run
 

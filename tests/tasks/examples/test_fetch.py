@@ -105,7 +105,6 @@ def test_a_source_brings_every_file_that_its_block_names(name: str) -> None:
     assert "facades/ecp" in text, "replaced by painted exemplars when fetched"
 
 
-@pytest.mark.realdata
 @pytest.mark.parametrize("name", sorted(EXAMPLE_SOURCES))
 def test_checksums_are_those_of_the_data_folder(name: str, data: Path) -> None:
     for file in EXAMPLE_SOURCES[name].files:

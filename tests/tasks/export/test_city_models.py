@@ -19,8 +19,6 @@ from tasks.export.formats import export_run
 from tasks.publish.published_run import PublishedBlock
 
 Run = tuple[Path, dict[str, Any]]
-# val3dity, where it lies beside the checkout.
-VALIDATOR = Path(__file__).parents[4] / "shared/tools/val3dity/run"
 
 
 def cityjson_is_sound(city: dict[str, Any]) -> None:
@@ -103,11 +101,12 @@ def test_lod3_has_the_openings_of_the_catalogue(found: PublishedBlock, undisturb
 
 @pytest.mark.long
 @pytest.mark.parametrize("style", ["cityjson", "lod3"])
-def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, style: str) -> None:
-    if not VALIDATOR.is_file():
-        pytest.skip(f"{VALIDATOR} is not there: solids are not validated by it")
+def test_val3dity_finds_every_object_valid(data: Path, undisturbed: Run, tmp_path: Path, style: str) -> None:
+    validator = data.parent / "tools" / "val3dity" / "run"
+    if not validator.is_file():
+        pytest.skip(f"{validator} is not there: solids are not validated by it")
     path = export_run(undisturbed[0], style, tmp_path / style).files[0]
-    valid, errors = validated(path, VALIDATOR)
+    valid, errors = validated(path, validator)
     assert not errors
     assert set(json.loads(path.read_text())["CityObjects"]) == set(valid)
     assert all(valid.values())

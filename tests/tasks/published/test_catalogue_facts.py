@@ -208,7 +208,6 @@ def test_sources_of_a_block_file(tmp_path: Path) -> None:
     assert block_data_sources(block) == ()
 
 
-@pytest.mark.realdata
 def test_the_licence_of_a_fetched_file_is_known_by_its_content(tmp_path: Path, data: Path) -> None:
     city = data / "city" / "delfshaven"
     model = next(city.glob("*.json"))

@@ -653,9 +653,6 @@ def test_files_are_not_drawn_in(tmp_path: Path) -> None:
 
 
 # ---- real files
-
-
-@pytest.mark.realdata
 def test_plateau_with_its_photo_textures(data: Path) -> None:
     folder = data / "city" / "plateau_textured"
     models = read_citygml(folder / "53392642_bldg_6697_op2.gml")
@@ -675,7 +672,6 @@ def test_plateau_with_its_photo_textures(data: Path) -> None:
         assert model.shell.uv.max() <= 1.001
 
 
-@pytest.mark.realdata
 def test_plateau_photos_are_not_mirrored(data: Path) -> None:
     """Seen from outside, texture coordinates turn as the corners do: with v down they would turn the other way."""
     for model in read_citygml(data / "city" / "plateau_textured" / "53392642_bldg_6697_op2.gml").items:
@@ -685,13 +681,11 @@ def test_plateau_photos_are_not_mirrored(data: Path) -> None:
         assert area[area > 0].sum() > 0.98 * np.abs(area).sum()
 
 
-@pytest.mark.realdata
 def test_plateau_file_that_is_no_xml(data: Path) -> None:
     with pytest.raises(InputError, match="TestCaseOfInvalidFileNameGml"):
         read_citygml(data / "city" / "plateau_textured" / "TestCaseOfInvalidFileNameGml.gml")
 
 
-@pytest.mark.realdata
 def test_ingolstadt_samples(data: Path) -> None:
     for name, height in {"0000000": 8.813, "4018142": 12.389, "4018213": 22.749}.items():
         models = read_citygml(data / "city" / "ingolstadt" / "citygml_samples" / f"{name}.xml")

@@ -675,9 +675,6 @@ def test_json_goes_to_the_reader_of_what_it_is(write: Write) -> None:
 
 
 # ---- real cities
-
-
-@pytest.mark.realdata
 def test_delfshaven(data: Path) -> None:
     models = read_cityjson(data / "city" / "delfshaven" / "3-20-DELFSHAVEN.city.json")
     assert (models.crs, len(models.items), models.faults, models.textures) == ("EPSG:28992", 853, (), ())
@@ -693,7 +690,6 @@ def test_delfshaven(data: Path) -> None:
     np.testing.assert_allclose(np.max([m.shell.vertices.max(axis=0) for m in models.items], axis=0), high, atol=1e-6)
 
 
-@pytest.mark.realdata
 def test_delft_and_a_house_made_of_parts(data: Path) -> None:
     delft = read_cityjson(data / "city" / "delft" / "delft.city.json")
     assert (delft.crs, len(delft.items), delft.faults) == ("EPSG:7415", 160, ())

@@ -313,7 +313,6 @@ def ingolstadt(data: Path) -> BuildingModels:
     return read_mesh_buildings(data / "city/ingolstadt/lod2_shell.obj")
 
 
-@pytest.mark.realdata
 def test_ingolstadt(ingolstadt: BuildingModels) -> None:
     assert len(ingolstadt.items) == 53
     assert ingolstadt.faults == ()
@@ -321,7 +320,6 @@ def test_ingolstadt(ingolstadt: BuildingModels) -> None:
     assert sum(volume(model) > 0 for model in ingolstadt.items) > 50, "seen from outside"
 
 
-@pytest.mark.realdata
 def test_amsterdam_has_dutch_groups_of_one_building(data: Path) -> None:
     (model,) = read_mesh_buildings(data / "city/amsterdam/0363100012143961.obj").items
     assert model.id == "0363100012143961"

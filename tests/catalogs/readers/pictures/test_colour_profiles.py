@@ -181,7 +181,6 @@ def test_orthophotos(tmp_path: Path) -> None:
     assert near(colour, WALL)
 
 
-@pytest.mark.realdata
 def test_photo_in_prophoto(data: Path) -> None:
     folder = data / "field_inputs"
     if not folder.is_dir():

@@ -161,7 +161,6 @@ def test_a_picture_that_the_disk_does_not_give_is_set_aside(
         read_picture(bad)
 
 
-@pytest.mark.realdata
 def test_photo_mixed(data: Path) -> None:
     folder = data / "field_inputs" / "photo-mixed"
     if not folder.is_dir():

@@ -326,7 +326,6 @@ def test_a_thumbnail_does_not_make_a_cut_picture_whole(tmp_path: Path) -> None:
     assert [fault.id for fault in faults] == ["b.jpg"]
 
 
-@pytest.mark.realdata
 def test_amsterdam_and_strasbourg(data: Path) -> None:
     amsterdam = data / "city" / "amsterdam"
     found = read_panoramas(amsterdam / "panoramas", amsterdam / "poses_and_walls.json", RD)

@@ -225,7 +225,6 @@ def test_a_heading_that_is_no_number_is_named(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.realdata
 def test_yaw_of_the_field_inputs(data: Path) -> None:
     folder = data / "field_inputs" / "poses-yaw-only"
     if not folder.is_dir():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import numpy as np
 import pytest
 import rasterio
 import shapely
+from PIL import Image
 from pyproj import CRS, Transformer
 from shapely import LineString, Polygon
 
-from catalogs.block.reader import Block, read_block
+from catalogs.block.reader import read_block
 from catalogs.readers.formats import read_buildings, read_centrelines
 from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.pictures.poses import read_poses_file
@@ -24,7 +26,7 @@ from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError
 
 FOOT_FRAME = "EPSG:2263"
-FIELD_INPUTS = Path(__file__).resolve().parents[5] / "shared" / "data" / "field_inputs"
+METRE_FRAME = "EPSG:32635"
 
 
 def outlines(path: Path, crs: str | None = FOOT_FRAME, z: float | None = None, **columns: Any) -> Path:
@@ -181,30 +183,74 @@ def test_the_refusal_names_the_page_file(tmp_path: Path, page: str) -> None:
         read_centrelines(street(tmp_path, b"H\xe4meentie", page))
 
 
-def read_field_input(name: str) -> Block:
-    return read_block(FIELD_INPUTS / name / "block.yaml")
+def write_block(folder: Path, buildings: str = "buildings.gpkg", streets: str = "streets.gpkg") -> Path:
+    """Write a block file beside its buildings and streets, with a plain exemplar."""
+    (folder / "exemplars").mkdir()
+    Image.fromarray(np.full((60, 40, 3), 180, np.uint8)).save(folder / "exemplars" / "plaster.png")
+    block = folder / "block.yaml"
+    block.write_text(
+        f"name: {folder.name}\nbuildings: {{path: '{buildings}'}}\nstreets: {{path: '{streets}'}}\n"
+        "imagery:\n  exemplars: {path: exemplars}\n"
+    )
+    return block
 
 
-@pytest.mark.realdata
-def test_blocks_in_feet() -> None:
-    plain = read_field_input("height-in-foot-frame")
-    assert any("unit of its frame" in note for note in plain.notes)
-    city = read_field_input("nyc-heightroof")
-    assert [building.id for building in city.buildings] == ["1015862", "1015863"]
-    assert [building.base for building in city.buildings] == pytest.approx([15.24, 15.24])
-    for block in (plain, city):
-        assert [b.height + b.roof.height for b in block.buildings if b.roof] == pytest.approx([30.0, 40.0], abs=0.05)
+def write_layer(path: Path, shapes: list[Any], crs: str, **columns: list[Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    plain = path.parent.parent / path.name  # libraries take a '!' in a folder's name for a separator
+    geopandas.GeoDataFrame(columns, geometry=shapes, crs=crs).to_file(plain)
+    plain.rename(path)
 
 
-@pytest.mark.realdata
-def test_a_shapefile_without_a_code_page() -> None:
-    assert [street.name for street in read_field_input("shp-no-cpg").streets] == ["Hämeentie"]
+@pytest.mark.parametrize(
+    ("columns", "base"),
+    [
+        ({"id": ["1", "2"], "height": [98.4, 131.2]}, None),
+        (
+            {
+                "bin": ["1015862", "1015863"],
+                "heightroof": [98.425, 131.2333],
+                "groundelev": [50.0, 50.0],
+            },
+            15.24,
+        ),
+    ],
+)
+def test_blocks_in_feet(tmp_path: Path, columns: dict[str, Any], base: float | None) -> None:
+    houses = [shapely.box(988_406, 211_814, 988_452, 211_844), shapely.box(988_472, 211_814, 988_512, 211_844)]
+    write_layer(tmp_path / "buildings.gpkg", houses, FOOT_FRAME, **columns)
+    street = LineString([(988_376, 211_794), (988_566, 211_794)])
+    write_layer(tmp_path / "streets.gpkg", [street], FOOT_FRAME, id=["1"], name=["W 34 St"])
+    block = read_block(write_block(tmp_path))
+    assert any("unit of its frame" in note for note in block.notes) == ("height" in columns)
+    assert [building.id for building in block.buildings] == list(columns.get("bin", columns.get("id", [])))
+    assert [building.base for building in block.buildings] == (
+        [None, None] if base is None else pytest.approx([base, base])
+    )
+    assert [b.height + b.roof.height for b in block.buildings if b.roof] == pytest.approx([30.0, 40.0], abs=0.05)
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["bang-folder", "bang-other"])
-def test_a_path_with_a_separator(name: str) -> None:
-    assert [building.id for building in read_field_input(name).buildings] == ["a", "b"]
+def write_houses(path: Path) -> None:
+    houses = [shapely.box(x, 6_671_006, x + 12, 6_671_018) for x in (385_005, 385_025)]
+    write_layer(path, houses, METRE_FRAME, id=["a", "b"], height=[9.0, 12.0])
+
+
+def test_a_shapefile_without_a_code_page(tmp_path: Path) -> None:
+    write_houses(tmp_path / "buildings.gpkg")
+    street(tmp_path, "Hämeentie".encode())
+    assert [one.name for one in read_block(write_block(tmp_path, streets="s.shp")).streets] == ["Hämeentie"]
+
+
+@pytest.mark.parametrize("is_other_there", [False, True])
+def test_a_path_with_a_separator(tmp_path: Path, is_other_there: bool) -> None:
+    """A '!' separates an archive from its member in paths of libraries; a folder may be called so."""
+    write_houses(tmp_path / "!Projekte" / "houses.gpkg")
+    if is_other_there:
+        other = [shapely.box(385_005, 6_671_006, 385_010, 6_671_012)]
+        write_layer(tmp_path / "Projekte" / "houses.gpkg", other, METRE_FRAME, id=["other"], height=[5.0])
+    write_layer(tmp_path / "streets.gpkg", [LineString([(384_990, 6_671_000), (385_050, 6_671_000)])], METRE_FRAME)
+    block = read_block(write_block(tmp_path, buildings="!Projekte/houses.gpkg"))
+    assert [building.id for building in block.buildings] == ["a", "b"]
 
 
 @pytest.mark.parametrize(("frame", "metres"), [("EPSG:3067", 1.0), (FOOT_FRAME, 0.3048006)])
@@ -227,9 +273,21 @@ def test_a_passage_through_a_building_has_its_tags(tmp_path: Path, name: str, fr
     assert float(tags["maxheight"]) == pytest.approx(3.2 * metres, abs=1e-3)
 
 
-@pytest.mark.realdata
-def test_a_block_with_a_passage() -> None:
-    block = read_field_input("passage")
+def test_a_block_with_a_passage(tmp_path: Path) -> None:
+    houses = [shapely.box(385_000, 6_671_008, 385_040, 6_671_018), shapely.box(385_000, 6_671_034, 385_040, 6_671_042)]
+    write_layer(tmp_path / "buildings.gpkg", houses, METRE_FRAME, id=["long", "yard"], height=[15, 9])
+    middle = [(385_020, 6_671_000 + y) for y in (0, 8, 18, 30)]
+    ways = [[(384_990, 6_671_000), (385_050, 6_671_000)], *([a, b] for a, b in pairwise(middle))]
+    write_layer(
+        tmp_path / "streets.gpkg",
+        [LineString(way) for way in ways],
+        METRE_FRAME,
+        id=["1", "2", "3", "4"],
+        name=["Street", "Hof", "Hof", "Hof"],
+        highway=["residential"] * 4,
+        tunnel=[None, None, "building_passage", None],
+    )
+    block = read_block(write_block(tmp_path))
     assert [street.id for street in block.streets] == ["s1", "s2"]
     assert "passages through buildings opened to an assumed height of 3.5 m: 1 (3)" in block.notes
     ((height, corridor),) = ((one.height, one.corridor) for b in block.buildings for one in b.passages)

@@ -372,7 +372,6 @@ def test_the_wrong_kind_of_geometry_is_refused(tmp_path: Path) -> None:
         read_vector_centrelines(points)
 
 
-@pytest.mark.realdata
 def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     city = data / "city/helsinki"
     package, extract = (
@@ -397,7 +396,6 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     assert len(ids[0] & ids[1]) == 731
 
 
-@pytest.mark.realdata
 def test_opendrive_outside_junctions(data: Path) -> None:
     found = read_vector_centrelines(data / "city/ingolstadt/centrelines_opendrive.geojson")
     assert found.crs == "EPSG:25832"
