@@ -104,6 +104,11 @@ def test_flows_import_no_benchmark() -> None:
     ]
 
 
+def test_only_the_command_imports_training() -> None:
+    importers = {name for name, path in modules("flows").items() if any(within(i, ["training"]) for i in imports(path))}
+    assert importers == {"flows.cli.training"}
+
+
 def _dotted(node: ast.AST) -> str:
     return ast.unparse(node) if isinstance(node, ast.Name | ast.Attribute) else ""
 

@@ -15,7 +15,29 @@ if TYPE_CHECKING:
     from catalogs.published.folders import Folder
 
 
-@click.group(short_help="Train the shipped models, or your own.")
+class _TrainCommand(click.Command):
+    """Command of `train`: prints the files that it returns; ends in one line where the package `training` is absent."""
+
+    def invoke(self, ctx: click.Context) -> None:
+        from facade_core.core.errors import InputError
+        from flows.step_reporter import show_progress
+
+        if not _is_installed("training.datasets"):
+            raise InputError(
+                "train: the package streetloom-training is not installed; in a clone of the project run `make train-setup` "
+                "and train there, or `pip install ./training` into this environment"
+            )
+        with show_progress():
+            lines = super().invoke(ctx)
+        for line in lines:
+            print_line(line)
+
+
+class _TrainGroup(click.Group):
+    command_class = _TrainCommand
+
+
+@click.group(cls=_TrainGroup, short_help="Train the shipped models, or your own.")
 def train() -> None:
     """Train the shipped models from a data folder, or your own models from a run and its corrections.
 
@@ -41,7 +63,9 @@ def train() -> None:
 @click.option(
     "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Continue from the network in OUT, for a benchmark."
 )
-def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, fold: str | None) -> None:
+def train_parser(
+    data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, fold: str | None
+) -> list[Path]:
     """Train the facade parser (extra: train; `make train-setup`). Resumes an interrupted training.
 
     With --fold, trains the network in OUT on the training part of a set whose licence forbids shipping the weights, for
@@ -54,7 +78,6 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
       streetloom train parser --corrections out/mine --corrections out/city --out ours/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
     """
-    from flows.step_reporter import show_progress
     from training.datasets.corrected_facades import load_corrected_facades
     from training.parser.train import fine_tune_benchmark_parser, fine_tune_on_corrections, train_shipped_parser
 
@@ -62,14 +85,11 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
         raise click.UsageError("--corrections goes on from the shipped network, without --data and --fold")
     if data is None and not corrections:
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
-    with show_progress(quiet=False):
-        if data is None:
-            model = fine_tune_on_corrections(load_corrected_facades(corrections), out, seed=seed)
-        elif fold:
-            model = fine_tune_benchmark_parser(data, out, fold, seed=seed)
-        else:
-            model = train_shipped_parser(data, out, seed=seed)
-    print_line(model)
+    if data is None:
+        return [fine_tune_on_corrections(load_corrected_facades(corrections), out, seed=seed)]
+    if fold:
+        return [fine_tune_benchmark_parser(data, out, fold, seed=seed)]
+    return [train_shipped_parser(data, out, seed=seed)]
 
 
 @train.command("layout")
@@ -85,7 +105,7 @@ def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, 
 )
 def train_layout_model(
     data: Path, out: Path, seed: int, fold: int, size: int | None, corrections: tuple[Folder, ...]
-) -> None:
+) -> list[Path | str]:
     """Train the layout model on four fifths of layouts/cmp.jsonl and on the layouts in metres.
 
     With torch and a GPU, also trains the layout network, which finds the windows of the first completion.
@@ -97,55 +117,44 @@ def train_layout_model(
       streetloom train layout --data ../shared/data --out layout/
       streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
-    from flows.step_reporter import show_progress
     from training.datasets.corrected_facades import layout_record, load_corrected_facades
     from training.layout.train import has_gpu, train_layout, train_network
 
-    with show_progress(quiet=False):
-        added = [layout_record(facade) for facade in load_corrected_facades(corrections)] if corrections else []
-        models = [train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)]
-        if has_gpu():
-            models.append(train_network(data, out, seed=seed, fold=fold, size=size, corrected=added))
-    for model in models:
-        print_line(model)
-    if len(models) == 1:
-        print_line("no layout network: torch (make train-setup) finds no GPU; the trees propose the windows")
+    added = [layout_record(facade) for facade in load_corrected_facades(corrections)] if corrections else []
+    model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
+    if not has_gpu():
+        return [model, "no layout network: torch (make train-setup) finds no GPU; the trees propose the windows"]
+    return [model, train_network(data, out, seed=seed, fold=fold, size=size, corrected=added)]
 
 
 @train.command("materials")
 @click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with materials/.")
 @click.option("--out", type=FOLDER, required=True, help="Folder of materials.npz and its .json.")
-def train_material_examples(data: Path, out: Path) -> None:
+def train_material_examples(data: Path, out: Path) -> list[Path]:
     """Extract the grain of materials from photographs.
 
     \b
     Example:
       streetloom train materials --data ../shared/data --out materials/
     """
-    from flows.step_reporter import show_progress
     from training.materials import learn_grain_examples
 
-    with show_progress(quiet=False):
-        model = learn_grain_examples(data, out)
-    print_line(model)
+    return [learn_grain_examples(data, out)]
 
 
 @train.command("windows")
 @click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder with facades/ and layouts/.")
 @click.option("--out", type=FOLDER, required=True, help="Folder of window_types.json.")
-def train_window_types(data: Path, out: Path) -> None:
+def train_window_types(data: Path, out: Path) -> list[Path]:
     """Train the metric of window types from marked windows and painted facades.
 
     \b
     Example:
       streetloom train windows --data ../shared/data --out windows/
     """
-    from flows.step_reporter import show_progress
     from training.windows import train_window_metric
 
-    with show_progress(quiet=False):
-        model = train_window_metric(data, out)
-    print_line(model)
+    return [train_window_metric(data, out)]
 
 
 @train.command("translator")
@@ -175,7 +184,7 @@ def train_translation_network(
     out: Path,
     steps: int | None,
     seed: int,
-) -> None:
+) -> list[Path]:
     """Train the network that gives painted streets the colours of a city's pictures (extra: train; `make train-setup`).
 
     Renders procedural streets and those of runs. Stores a picture of every checkpoint in OUT and exports the best one.
@@ -190,16 +199,22 @@ def train_translation_network(
     """
     from dataclasses import replace
 
-    from flows.step_reporter import show_progress
     from training.translator.network_training import RECIPE
     from training.translator.train import PictureSplitPrefixes, train_translator
 
     recipe = RECIPE if steps is None else replace(RECIPE, steps=steps)
-    with show_progress(quiet=False):
-        model = train_translator(
-            style, runs, out, seed=seed, recipe=recipe, split=PictureSplitPrefixes(judge_by, leave_out)
-        )
-    print_line(model)
+    split = PictureSplitPrefixes(judge_by, leave_out)
+    return [train_translator(style, runs, out, seed=seed, recipe=recipe, split=split)]
+
+
+def _is_installed(module: str) -> bool:
+    """Return whether a module is there, without importing it."""
+    from importlib.util import find_spec
+
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 class _Benchmark(click.Command):
@@ -232,10 +247,11 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     from facade_core.core.errors import InputError
 
     package = find_spec("benchmarks")
-    if package is None or package.submodule_search_locations is None:
-        raise InputError("bench: benchmarks come with a clone of the project, not with its package; run it there")
-    modules = sorted(module.name for module in pkgutil.iter_modules(package.submodule_search_locations))
+    folders = (package and package.submodule_search_locations) or ()
+    modules = sorted(module.name for module in pkgutil.iter_modules(folders))
     summaries = {module: summary for module in modules if (summary := _benchmark_summary(module)) is not None}
+    if not summaries:
+        raise InputError("bench: benchmarks come with a clone of the project, not with its package; run it there")
     if name is None:
         width = max(map(len, summaries))
         for module, summary in summaries.items():

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -15,10 +18,13 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
+    return install(ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+def install(project: Path, folder: Path) -> Path:
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", folder],
-        cwd=ROOT, check=True, capture_output=True,
+        cwd=project, check=True, capture_output=True,
     )  # fmt: skip
     (wheel,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
@@ -26,10 +32,14 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
-def run(installed: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"PYTHONPATH": str(installed)}
+def run(site: Path, *arguments: str, without_clone: bool = False) -> subprocess.CompletedProcess[str]:
+    """Run Python on an installed package; `without_clone` hides the clone that the environment has installed."""
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    if without_clone:
+        environment["PYTHONPATH"] += os.pathsep + sysconfig.get_path("purelib")
+        arguments = ("-S", *arguments)  # runs no .pth file
     return subprocess.run(
-        [sys.executable, *arguments], cwd=installed.parent, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, *arguments], cwd=site.parent, env=environment, capture_output=True, text=True, check=False
     )
 
 
@@ -41,6 +51,33 @@ def test_a_wheel_holds_models_examples_and_pages_and_neither_tests_nor_benchmark
     assert {path.name for path in held if "licenses" in path.parts} == {"LICENSE", "LICENCES.md"}
     tracked = subprocess.run(["git", "ls-files", *sorted(ours)], cwd=ROOT, capture_output=True, text=True, check=True)
     assert {Path(line) for line in tracked.stdout.splitlines()} <= held
+
+
+def test_training_is_a_package_of_its_own(installed: Path, tmp_path: Path) -> None:
+    command = ("-m", "flows", "train", "materials", "--data", str(tmp_path), "--out", str(tmp_path))
+    absent = run(installed, *command, without_clone=True)
+    assert absent.returncode == 2, absent.stderr
+    assert absent.stderr.startswith("streetloom: train: the package streetloom-training is not installed; ")
+    assert "`make train-setup`" in absent.stderr
+    assert absent.stderr.count("\n") == 1
+    assert run(installed, "-m", "flows", "train", "materials", "--help", without_clone=True).returncode == 0
+    (tmp_path / "wheel").mkdir()
+    shutil.copytree(installed, tmp_path / "site")
+    shutil.copytree(install(ROOT / "training", tmp_path / "wheel"), tmp_path / "site", dirs_exist_ok=True)
+    present = run(tmp_path / "site", *command, without_clone=True)
+    assert "give --data a folder with materials/" in present.stderr, present.stderr
+    parts = ", ".join(f"training.{name}" for name in ("layout.train", "parser.train", "translator.train", "windows"))
+    imported = run(tmp_path / "site", "-c", f"import {parts}", without_clone=True)
+    assert imported.returncode == 0, imported.stderr
+
+
+def test_training_has_the_version_of_the_package() -> None:
+    package, training = (
+        tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"] for folder in (".", "training")
+    )
+    assert training["version"] == package["version"]
+    assert training["dependencies"] == [f"streetloom[train]=={package['version']}"]
+    assert "train" in package["optional-dependencies"]
 
 
 @pytest.mark.long
