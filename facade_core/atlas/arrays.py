@@ -35,7 +35,7 @@ BASE_ARRAYS = (
         "facade_maps/labels",
         PAGE_DIMS,
         "uint8",
-        "class id as in facade_core.labels, 255 unknown",
+        "class id as in streetloom.labels, 255 unknown",
         {**FLAGS, "ancillary_variables": "confidence occluded"},
     ),
     ArraySpec("facade_maps/occluded", PAGE_DIMS, "bool", "hidden in the facade image"),

@@ -110,7 +110,9 @@ def complete(
     Fan et al. 2014 (layout paper).
     """
     if model is not None and not isinstance(model, LayoutModel):
-        raise ModelFileError("layout.complete: model must be a LayoutModel; read one with facade_core.layout.load")
+        raise ModelFileError(
+            "layout.complete: model must be a LayoutModel; read one with streetloom.layout.load_layout_model"
+        )
     if n < 1:
         raise LayoutError(f"layout.complete: n must be at least 1, not {n}")
     check_domain(domain)

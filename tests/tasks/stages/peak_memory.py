@@ -219,7 +219,7 @@ def drawn(height, width):
     from facade_core.export.pictures.stage_pictures import REPORT_SAMPLE_SEEDS
     from facade_core.facade.photo_facade import build_facade_from_photo
     from facade_core.facade.variation.level_drawing import draw_level
-    from facade_core.variation import Hierarchy
+    from streetloom.variation import Hierarchy
 
     made = FACADES.get((height, width)) or build_facade_from_photo(*picture(height, width))
     stored = made.hierarchy.to_bytes()

@@ -1,4 +1,4 @@
-"""Public import path of facade textures."""
+"""Textures of facades."""
 
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import retarget

@@ -1,4 +1,4 @@
-"""Public import path of the variation hierarchy."""
+"""The variation hierarchy of a facade."""
 
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.hierarchy import Hierarchy

@@ -1,4 +1,4 @@
-"""Public import path of rectification."""
+"""Rectification of photos."""
 
 from facade_core.imagery.rectify.photo import Rectified, rectify
 

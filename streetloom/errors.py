@@ -1,4 +1,4 @@
-"""Public import path of the errors."""
+"""Errors, each one line with the file or unit and the remedy."""
 
 from facade_core.core.errors import (
     BlockFileError,

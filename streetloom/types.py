@@ -1,4 +1,4 @@
-"""Public import path of the values that travel between the stages."""
+"""Values that the other modules take and return."""
 
 from facade_core.core.types import (
     AS_FOUND,

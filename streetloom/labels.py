@@ -1,4 +1,4 @@
-"""Public import path of the facade classes."""
+"""Classes of a facade."""
 
 from facade_core.core.labels import (
     CLASSES,

@@ -1,4 +1,4 @@
-"""Public import path of parsing."""
+"""Parsing of facade pictures."""
 
 from facade_core.parsing.elements import elements
 from facade_core.parsing.lattice import lattice
