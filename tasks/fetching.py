@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.block.keys import validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.reader import Block, read_block
 from catalogs.block.yaml_edits import add_imagery_entry, format_imagery_entry

@@ -1,28 +1,34 @@
-"""Keys of a block file: types, defaults and ranges, and one line for each way to get them wrong."""
+"""Keys of a block file: the one declaration of their types, ranges, defaults, meanings and roles."""
 
 from __future__ import annotations
 
-import difflib
 import re
-import types
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, is_dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
-from catalogs.printable_text import short_repr
+from catalogs.block.declared_keys import Effect, Key, PathKind, Section
 from catalogs.readers.vectors.shapefile_text import find_codec
 from facade_core.core.types import Privacy, Sun
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
 
 
 def suggest_name(text: str) -> str:
     """Return the text with what a block's name cannot hold replaced by hyphens; empty where nothing is left."""
     return re.sub(r"[^\w.-]+", "-", text).strip("-.")[:MAX_NAME_LENGTH]
+
+
+# Characters of a block's name.
+MAX_NAME_LENGTH = 80
+
+
+def _check_name(name: str) -> str:
+    if not re.fullmatch(rf"\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}", name):
+        usable = suggest_name(name)
+        example = f", such as {usable}" if usable else ""
+        raise ValueError(f"use letters, digits, '.', '_' and '-' only, {MAX_NAME_LENGTH} at most{example}")
+    return name
 
 
 def _check_even(value: int) -> int:
@@ -40,6 +46,12 @@ def _check_area(area: list[float]) -> list[float]:
     return area
 
 
+def _check_encoding(name: str) -> str:
+    if find_codec(name) is None:
+        raise ValueError("is no code page known here; write one such as UTF-8 or windows-1252")
+    return name
+
+
 def _float_range(low: float, high: float) -> FieldInfo:
     bounds: FieldInfo = Field(strict=True, ge=low, le=high, allow_inf_nan=False)
     return bounds
@@ -50,312 +62,450 @@ def _int_range(low: int, high: int) -> FieldInfo:
     return bounds
 
 
+Text: TypeAlias = Annotated[str, Field(min_length=1)]
+Texts: TypeAlias = Annotated[list[str], Field(min_length=1)]
+# Code page of the text of Shapefiles.
+Encoding: TypeAlias = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_check_encoding)]
+Offset: TypeAlias = Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)]
+Area: TypeAlias = Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_check_area)]
+
+_SOURCE_CRS = Key("Frame of files that state none.", default="the file's own, else `crs`")
+_ENCODING = Key(
+    "Code page of the text of Shapefiles, e.g. `windows-1252`. Left out: UTF-8 where all of it is valid UTF-8, else as the "
+    "`.cpg` or the table states.",
+    default="found",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class MaterialPictureSettings:
-    """File of a material's picture, seen straight on, and its metres per pixel."""
+    """Section `texture.roof_material`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    path: Annotated[str, Field(min_length=1)]
-    metres_per_pixel: Annotated[float, _float_range(0.0001, 1)]
+    path: Annotated[Text, Key("A picture of the material, seen straight on, down the slope.", path=PathKind.FILE)]
+    metres_per_pixel: Annotated[
+        float, _float_range(0.0001, 1), Key("Its scale.", unit="m", effect=Effect.UNITS, example="0.01")
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class SunSettings(Sun):
-    """Position of the sun within the ranges that a block file may state."""
+    """Section `texture.sun`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    azimuth: Annotated[float, _float_range(0, 360)]
-    elevation: Annotated[float, _float_range(5, 90)]
+    azimuth: Annotated[
+        float,
+        _float_range(0, 360),
+        Key("Azimuth, clockwise from the north of the block's grid.", unit="°", effect=Effect.UNITS, example="135"),
+    ]
+    elevation: Annotated[
+        float,
+        _float_range(5, 90),
+        Key("Elevation above the horizon.", unit="°", effect=Effect.UNITS, example="40"),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class TextureSettings:
-    """Texture settings of a block: lengths in metres, panorama_width in pixels.
-
-    The README documents each key.
-    """
+    """Section `texture`."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    texels_per_metre: Annotated[float, _float_range(1, 100)] = 32.0
-    viewpoint_spacing: Annotated[float, _float_range(0.5, 50)] = 5.0
-    viewpoint_height: Annotated[float, _float_range(0.5, 20)] = 2.5
-    visibility_range: Annotated[float, _float_range(5, 200)] = 40.0
-    walls: Literal["exemplar", "translate"] = "exemplar"
-    translator: Literal["exemplar", "neural"] = "exemplar"
-    panorama_width: Annotated[int, _int_range(64, 8192), AfterValidator(_check_even)] = 1024
-    levelling: Annotated[bool, Field(strict=True)] = True
-    roof_material: MaterialPictureSettings | None = None
-    materials: Annotated[str, Field(min_length=1)] | None = None
-    sun: SunSettings | None = None
+    texels_per_metre: Annotated[
+        float,
+        _float_range(1, 100),
+        Key(
+            "Resolution within 16 m of a street; half of it up to 48 m; a quarter beyond, and on surfaces that face no "
+            "street (not below 8).",
+            unit="1/m",
+            effect=Effect.PLAN,
+        ),
+    ] = 32.0
+    viewpoint_spacing: Annotated[
+        float,
+        _float_range(0.5, 50),
+        Key("Distance between viewpoints along a street.", unit="m", effect=Effect.PLAN),
+    ] = 5.0
+    viewpoint_height: Annotated[
+        float, _float_range(0.5, 20), Key("Height of a viewpoint above the ground.", unit="m", effect=Effect.PLAN)
+    ] = 2.5
+    visibility_range: Annotated[
+        float, _float_range(5, 200), Key("How far a viewpoint sees.", unit="m", effect=Effect.PLAN)
+    ] = 40.0
+    walls: Annotated[
+        Literal["exemplar", "translate"],
+        Key("Walls without imagery: from an exemplar, or left to the translator.", effect=Effect.PLAN),
+    ] = "exemplar"
+    translator: Annotated[
+        Literal["exemplar", "neural"],
+        Key(
+            "Translator of untextured surfaces: material fields, or these with the colours that a network predicts.",
+            effect=Effect.UNITS,
+        ),
+    ] = "exemplar"
+    panorama_width: Annotated[
+        int,
+        _int_range(64, 8192),
+        AfterValidator(_check_even),
+        Key("Width of a panorama, an even number; its height is half of it.", unit="px", effect=Effect.PLAN),
+    ] = 1024
+    levelling: Annotated[
+        bool,
+        Field(strict=True),
+        Key(
+            "Whether synthesised colours are levelled to adjacent known ones, so that no seam shows.",
+            effect=Effect.UNITS,
+        ),
+    ] = True
+    roof_material: Annotated[
+        MaterialPictureSettings | None,
+        Key("Texture of roofs without imagery; by default material fields of tiles and sheet metal."),
+    ] = None
+    materials: Annotated[
+        Text | None,
+        Key(
+            "Pictures of materials, one file per name, that replace the shipped grain.",
+            path=PathKind.FOLDER,
+        ),
+    ] = None
+    sun: Annotated[
+        SunSettings | None,
+        Key(
+            "A soft sun in the textures, with shadows of the block; by default textures hold skylight only, for programs "
+            "that light a scene themselves."
+        ),
+    ] = None
 
 
-def _check_encoding(name: str) -> str:
-    if find_codec(name) is None:
-        raise ValueError("is no code page known here; write one such as UTF-8 or windows-1252")
-    return name
+class HeightsSection(Section):
+    """Section `buildings.heights`."""
+
+    path: Annotated[
+        Text,
+        Key(
+            "Raster of the highest points, roofs included (a surface model, such as of LiDAR), in the formats of `terrain`, "
+            "which is needed too: the height is the difference. A model of heights above the ground, near 0 around the "
+            "buildings, is recognised, with a note. Notes count the buildings that were measured, and those that the raster "
+            "does not show or shows no building at.",
+            path=PathKind.FILE,
+        ),
+    ]
 
 
-# Code page of the text of Shapefiles.
-Encoding: TypeAlias = Annotated[str, Field(min_length=1, max_length=40), AfterValidator(_check_encoding)]
+class BuildingsSection(Section):
+    """Section `buildings`."""
+
+    path: Annotated[
+        Text | Texts,
+        Key(
+            "Files in any of the [formats](../../catalogs/README.md#formats); if two files state a building, the first "
+            "file's is kept. A .pbf also states shops and entrances.",
+            path=PathKind.FILE,
+        ),
+    ]
+    crs: Annotated[
+        str | None,
+        Key(
+            "Frame of files that state none (OBJ, GLB, PLY) or a wrong one, with a note.",
+            default="the file's own, else `crs`",
+        ),
+    ] = None
+    encoding: Annotated[Encoding | None, _ENCODING] = None
+    offset: Annotated[
+        Offset | None,
+        Key(
+            "`[x, y, z]` added to every coordinate of the buildings: models in a local frame. In `EPSG:2263` x and y are "
+            "feet; z is metres in every frame.",
+            unit="unit of the buildings' frame for x and y, m for z",
+        ),
+    ] = None
+    lod: Annotated[
+        str | None,
+        Key(
+            'Level of detail to read from CityJSON and CityGML, e.g. `"2"`; the nearest where a building lacks it.',
+            default="the highest",
+        ),
+    ] = None
+    up: Annotated[
+        Literal["y", "z"] | None,
+        Key(
+            "Axis of OBJ and PLY files that points up. Without it `z`, unless comments (`# up axis: y`), the names and "
+            "directions of the faces, or the ground at zero show `y`; a note says so, and where nothing shows the axis.",
+            default="by the faces",
+        ),
+    ] = None
+    heights: Annotated[HeightsSection | None, Key("Heights of buildings that state none.")] = None
 
 
-class _Keys(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+class StreetsSection(Section):
+    """Section `streets`."""
+
+    path: Annotated[
+        Text,
+        Key(
+            "File in any of the [formats](../../catalogs/README.md#formats); may be the buildings' file.",
+            path=PathKind.FILE,
+        ),
+    ]
+    crs: Annotated[str | None, _SOURCE_CRS] = None
+    encoding: Annotated[Encoding | None, _ENCODING] = None
+    names: Annotated[
+        Texts | None, Key("Only streets of these names; the ground keeps all ways of the file.", default="all")
+    ] = None
 
 
-class PathSection(_Keys):
-    """Section of a block file that holds only a path."""
+class GroundSection(Section):
+    """Section `ground`."""
 
-    path: Annotated[str, Field(min_length=1)]
-
-
-class PartSection(PathSection):
-    """Section `part`: the file of a part of a city, and the city's file."""
-
-    city: Annotated[str, Field(min_length=1)] | None = None
+    path: Annotated[Text | Texts, Key("Vector files (all layers are read), or a .pbf.", path=PathKind.FILE)]
+    crs: Annotated[str | None, _SOURCE_CRS] = None
+    encoding: Annotated[Encoding | None, _ENCODING] = None
 
 
-class BuildingsSection(_Keys):
-    """Section `buildings`: files, CRS, code page, offset, level of detail, upward axis and raster of heights."""
+class TerrainSection(Section):
+    """Section `terrain`."""
 
-    path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
-    crs: str | None = None
-    encoding: Encoding | None = None
-    offset: Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
-    lod: str | None = None
-    up: Literal["y", "z"] | None = None
-    heights: PathSection | None = None
-
-
-class StreetsSection(_Keys):
-    """Section `streets`: file, CRS, code page and names of the streets to keep."""
-
-    path: Annotated[str, Field(min_length=1)]
-    crs: str | None = None
-    encoding: Encoding | None = None
-    names: Annotated[list[str], Field(min_length=1)] | None = None
+    path: Annotated[
+        Text,
+        Key(
+            "A raster of heights (GeoTIFF, `.asc`, `.img`, JPEG 2000, PNG, DTED, `.hgt`, or a VRT of such files in its "
+            "folder), in any CRS it states.",
+            path=PathKind.FILE,
+        ),
+    ]
 
 
-class GroundSection(_Keys):
-    """Section `ground`: files of ground features, their CRS and code page."""
+class ExemplarsSection(Section):
+    """Section `imagery.exemplars`."""
 
-    path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
-    crs: str | None = None
-    encoding: Encoding | None = None
-
-
-class PanoramasSection(_Keys):
-    """Section `imagery.panoramas`: folder and poses file."""
-
-    path: Annotated[str, Field(min_length=1)]
-    poses: str | None = None
-
-
-class CamerasSection(_Keys):
-    """Section `imagery.cameras`: folder, file of poses and lenses, its CRS, and control points of a local frame."""
-
-    path: Annotated[str, Field(min_length=1)]
-    poses: Annotated[str, Field(min_length=1)]
-    control: Annotated[str, Field(min_length=1)] | None = None
-    crs: str | None = None
+    path: Annotated[
+        Text,
+        Key(
+            "Rectified facade pictures, reduced to at most 2000 pixels a side. A label map NAME.labels.png, one grey value a "
+            "class (0 wall, 1 window, 2 balcony, 3 door, 4 roof, 5 shop, 6 sky, 255 unknown), replaces the parser's result "
+            "if the picture is fully visible. `streetloom harvest PICTURES --out FOLDER` makes such a folder from unposed "
+            "street photos and panoramas.",
+            path=PathKind.FOLDER,
+        ),
+    ]
 
 
-class AerialSection(_Keys):
-    """Section `imagery.aerial`: orthophoto and its CRS."""
+class StyleSection(Section):
+    """Section `imagery.style`."""
 
-    path: Annotated[str, Field(min_length=1)]
-    crs: str | None = None
-
-
-class PhotosSection(_Keys):
-    """Section `imagery.photos`: folder, and whether its photos are rectified."""
-
-    path: Annotated[str, Field(min_length=1)]
-    rectified: bool = True
-
-
-class ImagerySection(_Keys):
-    """Section `imagery`: exemplars, unposed pictures, panoramas, posed pictures, photos, orthophoto, privacy."""
-
-    exemplars: PathSection | None = None
-    style: PathSection | None = None
-    panoramas: PanoramasSection | None = None
-    cameras: CamerasSection | None = None
-    photos: PhotosSection | None = None
-    aerial: AerialSection | None = None
-    privacy: Privacy = "blur"
+    path: Annotated[
+        Text,
+        Key(
+            "Photos as taken and panoramas. Each is harvested once, in local processes, before the other stages, into the "
+            "folder `style` of the run. The exemplars are used after those of `imagery.exemplars`, whose names they must "
+            "not have. Not in a city file.",
+            path=PathKind.FOLDER,
+        ),
+    ]
 
 
-class ModelsSection(_Keys):
-    """Section `models`: model files that replace the shipped parser, layout model and translator."""
+class PanoramasSection(Section):
+    """Section `imagery.panoramas`."""
 
-    parser: Annotated[str, Field(min_length=1)] | None = None
-    layout: Annotated[str, Field(min_length=1)] | None = None
-    translator: Annotated[str, Field(min_length=1)] | None = None
+    path: Annotated[Text, Key("The panoramas.", path=PathKind.FOLDER)]
+    poses: Annotated[
+        Text | None,
+        Key(
+            "Positions and headings in one of the [formats](../../catalogs/README.md#formats); else GPano XMP and EXIF of the "
+            "pictures.",
+            default="from the pictures",
+            path=PathKind.FILE,
+        ),
+    ] = None
 
 
-# Characters of a block's name.
-MAX_NAME_LENGTH = 80
+class CamerasSection(Section):
+    """Section `imagery.cameras`."""
+
+    path: Annotated[Text, Key("The pictures.", path=PathKind.FOLDER)]
+    poses: Annotated[
+        Text,
+        Key(
+            "Their poses and lenses in one of the [formats](../../catalogs/README.md#formats); of COLMAP also the folder of a "
+            "model.",
+            path=PathKind.FILE_OR_FOLDER,
+            example="FILE",
+        ),
+    ]
+    control: Annotated[
+        Text | None,
+        Key(
+            "Control points that place a local frame: a table of `name`, `model_x`, `model_y`, `model_z` (or the name of a "
+            "picture), and `x`, `y` (or `lon`, `lat`), `z`.",
+            path=PathKind.FILE,
+        ),
+    ] = None
+    crs: Annotated[
+        str | None,
+        Key("Frame of positions in `poses` and `control`.", default="the file's own, else the block's"),
+    ] = None
 
 
-class BlockFileSettings(_Keys):
+class AerialSection(Section):
+    """Section `imagery.aerial`."""
+
+    path: Annotated[
+        Text,
+        Key("An orthophoto of 8 bits: GeoTIFF, or PNG or JPEG with its world file.", path=PathKind.FILE),
+    ]
+    crs: Annotated[str | None, Key("Frame of a file that states none or a wrong one.", default="the file's own")] = None
+
+
+class PhotosSection(Section):
+    """Section `imagery.photos`."""
+
+    path: Annotated[Text, Key("A picture's name without suffix is the id of its facade.", path=PathKind.FOLDER)]
+    rectified: Annotated[
+        bool,
+        Key(
+            "false: photos as taken from the street; the facade is detected and rectified in each.",
+            effect=Effect.UNITS,
+        ),
+    ] = True
+
+
+class ImagerySection(Section):
+    """Section `imagery`."""
+
+    exemplars: Annotated[
+        ExemplarsSection | None,
+        Key(
+            "Style library for walls without imagery; needed while `texture.walls` is `exemplar`, unless `imagery.style` is "
+            "given."
+        ),
+    ] = None
+    style: Annotated[
+        StyleSection | None, Key("Street pictures without poses from which the run harvests exemplars.")
+    ] = None
+    photos: Annotated[PhotosSection | None, Key("Photos of single facades.")] = None
+    panoramas: Annotated[PanoramasSection | None, Key("Posed equirectangular street panoramas.")] = None
+    cameras: Annotated[
+        CamerasSection | None, Key("Perspective pictures with poses, of the street or oblique from the air.")
+    ] = None
+    aerial: Annotated[
+        AerialSection | None, Key("Orthophoto: texture of roofs, and of ground that no viewpoint sees.")
+    ] = None
+    privacy: Annotated[
+        Privacy,
+        Key(
+            "Treatment of people, vehicles and other occluders, and of faces and number plates if their detectors are "
+            "installed (`make detect-setup`), in the pictures that a run stores as evidence: means over half a metre, one "
+            "colour, or unchanged. Textures never contain them.",
+            effect=Effect.UNITS,
+        ),
+    ] = "blur"
+
+
+class ModelsSection(Section):
+    """Section `models`."""
+
+    parser: Annotated[
+        Text | None,
+        Key("An .onnx with its .json in the same folder: parser of pictures and exemplars.", path=PathKind.FILE),
+    ] = None
+    layout: Annotated[Text | None, Key("A .json: completion of partly hidden facades.", path=PathKind.FILE)] = None
+    translator: Annotated[
+        Text | None,
+        Key(
+            "An .onnx with its .json in the same folder: colours of streets, with `translator: neural`.",
+            path=PathKind.FILE,
+        ),
+    ] = None
+
+
+class PartSection(Section):
+    """Section `part`."""
+
+    path: Annotated[
+        Text,
+        Key(
+            "Extract of the city, read instead of the city's files: its own buildings and street segments, which are "
+            "textured; its halo, which is seen but not textured; and distant buildings whose exemplar is chosen before one "
+            "of its own.",
+            path=PathKind.FILE,
+        ),
+    ]
+    city: Annotated[
+        Text | None,
+        Key("The city file; corrections are kept next to it; the file may be absent."),
+    ] = None
+
+
+class BlockFileSettings(Section):
     """Validated content of a block file, before any file that it names is opened."""
 
-    name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}$")]
-    crs: str | None = None
-    area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_check_area)] | None = None
-    buildings: BuildingsSection
-    streets: StreetsSection | None = None
-    ground: GroundSection | None = None
-    terrain: PathSection | None = None
-    imagery: ImagerySection = ImagerySection()
-    texture: TextureSettings = TextureSettings()
-    models: ModelsSection = ModelsSection()
-    storey: Annotated[float, _float_range(2, 8)] = 3.2
-    geoid_separation: Annotated[float, _float_range(-120, 120)] | Literal["auto"] | None = None
-    failed_limit: Annotated[float, _float_range(0, 1)] = 0.2
-    part: PartSection | None = None
-    seed: Annotated[int, _int_range(0, 2**32 - 1)] = 0
-
-
-def value_ranges(model: type = BlockFileSettings, prefix: str = "") -> dict[str, str]:
-    """Return every dotted key with its range ("1 to 100"), or "" if it has none."""
-    found: dict[str, str] = {}
-    for name, hint in get_type_hints(model, include_extras=True).items():
-        if name.startswith("_") or name == "model_config":
-            continue
-        found[prefix + name] = _bounds_text(hint)
-        for nested in _alternatives(hint):
-            if isinstance(nested, type) and (issubclass(nested, _Keys) or is_dataclass(nested)):
-                found |= value_ranges(nested, f"{prefix}{name}.")
-    return found
-
-
-def validate_block_settings(values: object) -> BlockFileSettings:
-    """Validate the content of a block file, and return its settings.
-
-    Raises
-    ------
-    ValueError : one line "key: problem; remedy" for the first fault.
-    """
-    if not isinstance(values, Mapping):
-        raise ValueError("holds no keys; write at least name and buildings")
-    try:
-        return BlockFileSettings.model_validate(values)
-    except ValidationError as error:
-        # A mistyped key is also reported as a missing one: the unknown key comes first.
-        faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN_KEY_TYPES)
-        raise ValueError(_format_fault(faults[0])) from None
-
-
-_UNKNOWN_KEY_TYPES = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
-# Keys of city files only.
-CITY_KEYS = ("cut", "blocks")
-_OUT_OF_RANGE_TYPES = ("greater_than_equal", "less_than_equal", "finite_number")
-_EXPECTED_BY_TYPE = {
-    "float_type": ("a number", "write it in digits, without quotes"),
-    "int_type": ("a whole number", "write it in digits, without quotes"),
-    "int_from_float": ("a whole number", "write it without a fraction"),
-    "string_type": ("text", "write it in quotes"),
-    "bool_type": ("true or false", "write one of them, without quotes"),
-    "list_type": ("a list", "write [first, second, ...]"),
-}
-
-
-def _format_fault(fault: ErrorDetails) -> str:
-    kind, value = fault["type"], fault["input"]
-    key = str(fault["loc"][-1]) if kind == "invalid_key" else format_dotted_key(fault["loc"])
-    if kind in _UNKNOWN_KEY_TYPES and key in CITY_KEYS:
-        return f"{key}: is a key of a city, and this is to be one block; run it with `streetloom city`"
-    if kind in _UNKNOWN_KEY_TYPES:
-        shown = key if len(key) <= 60 else key[:57] + "..."
-        return _describe_joined_key(key, shown) or f"{shown}: unknown key; {_suggest_key(key[:60])}"
-    if kind == "missing":
-        example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
-        example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
-            key.rpartition(".")[2], example
-        )
-        return f"{key}: missing; write {example}"
-    if kind in ("model_type", "dataclass_type"):
-        if isinstance(value, str) and (joined := _describe_joined_key(f"{key}.{value}", short_repr(value))):
-            return f"{key}: {joined}"
-        inner = [k.removeprefix(key + ".") for k in value_ranges() if k.startswith(key + ".")]
-        example = (
-            f"path: {' '.join(value.split())[:60]}"
-            if "path" in inner and isinstance(value, str)
-            else f"{inner[0]}: ..."
-        )
-        return f"{key}: holds {short_repr(value)} where keys are expected; write {key}: {{{example}}}"
-    if kind in _OUT_OF_RANGE_TYPES:
-        return f"{key}: {short_repr(value)} is out of range; allowed is {_range_text(key)}"
-    if kind == "literal_error":
-        return f"{key}: {short_repr(value)} is not known; choose {fault['ctx']['expected']}"
-    if kind == "value_error":
-        return f"{key}: {fault['ctx']['error']}, got {short_repr(value)}"
-    if kind in ("too_short", "too_long"):
-        wanted = (
-            "[west, south, east, north] in degrees" if key == "area" else "at least one entry, or leave the key out"
-        )
-        return f"{key}: wrong number of entries, got {short_repr(value)}; give {wanted}"
-    if kind == "string_pattern_mismatch":
-        usable = suggest_name(str(value))
-        example = f", such as {usable}" if usable else ""
-        return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only{example}"
-    if kind == "string_too_short" or (kind == "string_type" and value is None):
-        return f"{key}: is empty; fill it in"
-    expected, remedy = _EXPECTED_BY_TYPE.get(kind, ("understood", "give another value"))
-    return f"{key}: {short_repr(value)} is not {expected}; {remedy}"
-
-
-def _range_text(key: str) -> str:
-    """Return the range of a key, or of the entries of a list."""
-    return value_ranges().get(key) or "up to 100 000 km either way"
-
-
-def format_dotted_key(loc: Sequence[str | int]) -> str:
-    """Format the location of a fault as a dotted key: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
-    end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic appends the tried alternative, text or list
-    parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
-    return key.lstrip(".")
-
-
-def _describe_joined_key(text: str, shown: str) -> str | None:
-    """Return the message for a known key and its value without a space between them."""
-    key, _, value = text.partition(":")
-    if key not in value_ranges() or not value:
-        return None
-    return f"{shown} needs a space after the colon; write {key.rpartition('.')[2]}: {value[:60]}"
-
-
-def _suggest_key(key: str) -> str:
-    known = value_ranges()
-    parent, _, leaf = key.rpartition(".")
-    siblings = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == parent}
-    leaves = {k.rpartition(".")[2]: k for k in known}
-    for candidates in (siblings, leaves):
-        # the same key at another level comes before a similar one
-        if close := difflib.get_close_matches(leaf.lower(), candidates, n=1, cutoff=0.7):
-            return f"did you mean {candidates[close[0]]}?"
-    return f"known here are {', '.join(siblings) or 'none'}"
-
-
-def _alternatives(hint: object) -> list[object]:
-    """Return the alternatives of a type hint without Optional and Annotated."""
-    if get_origin(hint) is Annotated:
-        return _alternatives(get_args(hint)[0])
-    if get_origin(hint) in (Union, types.UnionType):
-        return [member for arg in get_args(hint) for member in _alternatives(arg)]
-    return [hint]
-
-
-def _bounds_text(hint: object) -> str:
-    bounds: dict[str, float] = {}
-    for part in (hint, *get_args(hint)):
-        for info in getattr(part, "__metadata__", ()):
-            for bound in getattr(info, "metadata", ()):
-                bounds |= {name: getattr(bound, name) for name in ("ge", "le") if hasattr(bound, name)}
-    return f"{bounds['ge']} to {bounds['le']}" if len(bounds) == 2 else ""
+    name: Annotated[
+        str,
+        AfterValidator(_check_name),
+        Key("Name of the block: letters, digits, `.`, `_`, `-`.", effect=Effect.UNITS, example="my-block"),
+    ]
+    crs: Annotated[
+        str | None,
+        Key(
+            "Projected frame in metres, e.g. `EPSG:3879`; refused where its metre is off by over 1 % there (Web Mercator), or "
+            "where its axes are not east and north (Krovak `EPSG:5513`: name `EPSG:5514`).",
+            default="the buildings' own, or UTM",
+        ),
+    ] = None
+    area: Annotated[
+        Area | None,
+        Key(
+            "`[west, south, east, north]`: buildings whose representative point is inside; streets are clipped.",
+            unit="degrees",
+            default="everything",
+        ),
+    ] = None
+    buildings: Annotated[BuildingsSection, Key("The building geometry.", example="{path: FILE}")]
+    streets: Annotated[
+        StreetsSection | None,
+        Key(
+            "The street centrelines; left out, they are derived from the gaps between the buildings.", default="derived"
+        ),
+    ] = None
+    ground: Annotated[
+        GroundSection | None,
+        Key("Ground in addition to what `streets.path` states: areas, paths, crossings."),
+    ] = None
+    terrain: Annotated[
+        TerrainSection | None,
+        Key("Heights of the ground; left out, interpolated from the buildings' bases.", default="from the buildings"),
+    ] = None
+    imagery: Annotated[ImagerySection, Key("Pictures of the block.")] = ImagerySection()
+    texture: Annotated[TextureSettings, Key("How the block is textured.")] = TextureSettings()
+    models: Annotated[
+        ModelsSection,
+        Key(
+            "Trained models that replace the shipped ones, such as those of `streetloom train parser --corrections` and "
+            "`train layout --corrections`."
+        ),
+    ] = ModelsSection()
+    storey: Annotated[
+        float,
+        _float_range(2, 8),
+        Key("Height of a storey where only storeys are known.", unit="m", effect=Effect.PLAN),
+    ] = 3.2
+    geoid_separation: Annotated[
+        Annotated[float, _float_range(-120, 120)] | Literal["auto"] | None,
+        Key(
+            "Height of the geoid above the ellipsoid, for outputs with ellipsoidal heights. Absent: heights as given. `auto`: "
+            "by EGM96 in the middle of the block or city, to about 1 m, with a note.",
+            unit="m",
+        ),
+    ] = None
+    failed_limit: Annotated[
+        float,
+        _float_range(0, 1),
+        Key(
+            "Share of the units (a street counts as one) that may fail before the result is not made current.",
+            effect=Effect.NOTHING,
+        ),
+    ] = 0.2
+    part: Annotated[PartSection | None, Key("Part of a city, written by `streetloom city`.")] = None
+    seed: Annotated[int, _int_range(0, 2**32 - 1), Key("Start of every random choice.", effect=Effect.UNITS)] = 0

@@ -8,7 +8,9 @@ import re
 import stat
 from itertools import islice
 from pathlib import Path
+from typing import cast
 
+from catalogs.block.declared_keys import PathKind, declared_keys, stated_value
 from catalogs.block.keys import BlockFileSettings
 from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
@@ -18,17 +20,11 @@ from facade_core.core.regular_files import read_regular
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 # Characters of a variable's value: shorter ones occur in any path.
 _MIN_HIDDEN_LENGTH = 4
-# Keys that name a folder of pictures; other keys name a file.
-FOLDER_KEYS = (
-    "imagery.exemplars.path",
-    "imagery.style.path",
-    "imagery.photos.path",
-    "imagery.panoramas.path",
-    "imagery.cameras.path",
-    "texture.materials",
-)
-# Keys that name a file, or a folder of files that belong together.
-FILE_OR_FOLDER_KEYS = ("imagery.cameras.poses",)
+
+
+def path_keys() -> dict[str, PathKind]:
+    """Return the dotted keys of a block file that hold paths, and what each names."""
+    return {name: one.key.path for name, one in declared_keys(BlockFileSettings).items() if one.key.path is not None}
 
 
 def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path, ...]]:
@@ -40,43 +36,14 @@ def resolve_paths(keys: BlockFileSettings, block: Path) -> dict[str, tuple[Path,
     ------
     ValueError : "key: problem; remedy" for the first path that cannot be used.
     """
-    named = {"buildings.path": _as_list(keys.buildings.path)}
-    if keys.ground:
-        named["ground.path"] = _as_list(keys.ground.path)
-    imagery = keys.imagery
-    for key, holder in (
-        ("streets.path", keys.streets),
-        ("terrain.path", keys.terrain),
-        ("buildings.heights.path", keys.buildings.heights),
-        ("part.path", keys.part),
-        ("imagery.exemplars.path", imagery.exemplars),
-        ("imagery.style.path", imagery.style),
-        ("imagery.photos.path", imagery.photos),
-        ("imagery.panoramas.path", imagery.panoramas),
-        ("imagery.cameras.path", imagery.cameras),
-        ("imagery.aerial.path", imagery.aerial),
-        ("texture.roof_material.path", keys.texture.roof_material),
-    ):
-        if holder:
-            named[key] = [holder.path]
-    if keys.texture.materials:
-        named["texture.materials"] = [keys.texture.materials]
-    if keys.models.parser:
-        named["models.parser"] = [keys.models.parser]
-    if keys.models.layout:
-        named["models.layout"] = [keys.models.layout]
-    if keys.models.translator:
-        named["models.translator"] = [keys.models.translator]
-    if imagery.panoramas and imagery.panoramas.poses:
-        named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
-    if imagery.cameras:
-        named["imagery.cameras.poses"] = [imagery.cameras.poses]
-        if imagery.cameras.control:
-            named["imagery.cameras.control"] = [imagery.cameras.control]
-    return {
-        key: tuple(resolve_path(key, text, block, is_folder=key in FOLDER_KEYS + FILE_OR_FOLDER_KEYS) for text in texts)
-        for key, texts in named.items()
-    }
+    found = {}
+    for key, kind in path_keys().items():
+        stated = stated_value(keys, key)
+        if stated is not None:
+            texts = [stated] if isinstance(stated, str) else cast(list[str], stated)
+            is_folder = kind is not PathKind.FILE
+            found[key] = tuple(resolve_path(key, text, block, is_folder=is_folder) for text in texts)
+    return found
 
 
 def hide_variable_values(message: str, file: Path) -> str:
@@ -94,10 +61,6 @@ def hide_variable_values(message: str, file: Path) -> str:
             if len(shown) >= _MIN_HIDDEN_LENGTH:
                 message = message.replace(shown, f"${{{name}}}")
     return message
-
-
-def _as_list(stated: str | list[str]) -> list[str]:
-    return [stated] if isinstance(stated, str) else stated
 
 
 def resolve_path(key: str, text: str, file: Path, *, is_folder: bool, file_kind: str = "block file") -> Path:

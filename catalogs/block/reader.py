@@ -18,7 +18,8 @@ from catalogs.block.digest import block_digest
 from catalogs.block.geoid import resolve_geoid_separation
 from catalogs.block.geometry import buildings_extent_with_margin, read_geometry
 from catalogs.block.geometry_sources import NamedFiles
-from catalogs.block.keys import BlockFileSettings, TextureSettings, validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.keys import BlockFileSettings, TextureSettings
 from catalogs.block.part import CityPart
 from catalogs.block.passages import note_closed_passages
 from catalogs.block.paths import hide_variable_values, resolve_paths

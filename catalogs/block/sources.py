@@ -6,8 +6,9 @@ import hashlib
 from collections import Counter
 from pathlib import Path
 
-from catalogs.block.keys import validate_block_settings
-from catalogs.block.paths import FOLDER_KEYS, resolve_paths
+from catalogs.block.declared_keys import PathKind
+from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.paths import path_keys, resolve_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import has_fetch_log, read_fetch_log
@@ -28,12 +29,12 @@ def block_data_sources(block_file: Path) -> tuple[DataSourceFacts, ...]:
     more.
     """
     try:
-        paths = resolve_paths(validate_block_settings(read_yaml(block_file)), block_file)
+        kinds, paths = path_keys(), resolve_paths(validate_block_settings(read_yaml(block_file)), block_file)
         return tuple(
             DataSourceFacts(key, path.name, licence)
             for key, found in paths.items()
             for path in found
-            for licence in (_picture_licences(path) if key in FOLDER_KEYS else (_file_licence(path),))
+            for licence in (_picture_licences(path) if kinds[key] is PathKind.FOLDER else (_file_licence(path),))
         )
     except (ValueError, OSError, InputError):  # the file may disappear during the run
         return ()

@@ -6,8 +6,13 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from catalogs.block.keys import BlockFileSettings, validate_block_settings
+from pydantic import Field
+
+from catalogs.block.declared_keys import Effect, Key, PathKind, Section
+from catalogs.block.key_faults import validate_block_settings, validate_section
+from catalogs.block.keys import BlockFileSettings, Text
 from catalogs.block.paths import resolve_path
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tile_index import tile_files_in_area
@@ -15,15 +20,61 @@ from catalogs.printable_text import format_command
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 
-# Side of a block.
-DEFAULT_BLOCK_SIZE_M = 400.0
-MIN_BLOCK_SIZE_M = 20.0
-MAX_BLOCK_SIZE_M = 20_000.0
 # Keys of city files only.
 CUT_KEY = "cut"
 BLOCKS_KEY = "blocks"
 # Key of `buildings`: an index of tiles in place of `path`.
 TILES_KEY = "tiles"
+
+
+class CutSection(Section):
+    """Section `cut`."""
+
+    metres: Annotated[
+        float,
+        Field(ge=20, le=20_000, allow_inf_nan=False),
+        Key(
+            "Side of the grid cells of the frame, whose borders follow the nearest streets: buildings enclosed by streets "
+            "belong to one block. Each block also reads a halo of 120 m, so small blocks read much twice.",
+            unit="m",
+            effect=Effect.PLAN,
+        ),
+    ] = 400.0
+
+
+# Side of a block where a city file states none.
+DEFAULT_BLOCK_SIZE_M = CutSection().metres
+
+
+class TiledBuildingsSection(Section):
+    """Section `buildings` of a city, with an index in place of the path."""
+
+    tiles: Annotated[
+        Text,
+        Key(
+            "In place of `buildings.path`: an index of tiles. STAC (a catalogue, collection, item, or items in one file; the "
+            "asset with the role `data`) or outlines in GeoParquet, GeoPackage or GeoJSON (the column `location`, as "
+            "gdaltindex writes it, or `href`, `path`, `url`, `file`). Paths are relative to the file that states them. Tiles "
+            "that do not meet `area` are not read. Nothing is downloaded: missing tiles are reported.",
+            path=PathKind.FILE,
+        ),
+    ]
+
+
+class BlocksSection(Section):
+    """Section `blocks` of a city of existing block files."""
+
+    path: Annotated[
+        Text, Key("Folder of existing block files; the city holds only `name` beside it.", path=PathKind.FOLDER)
+    ]
+
+
+class CityOnlyKeys(Section):
+    """Keys that a city file has in addition to those of a block file."""
+
+    cut: Annotated[CutSection, Key("Partition of the city into blocks.")] = CutSection()
+    buildings: Annotated[TiledBuildingsSection | None, Key("The building geometry.")] = None
+    blocks: Annotated[BlocksSection | None, Key("Block files in place of the keys of a block file.")] = None
 
 
 @dataclass(frozen=True)
@@ -95,18 +146,8 @@ def validate_city_settings(values: object, path: Path) -> CityFileSettings | str
             "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "
             f"`{format_command('run', path)}`"
         )
-    side = values.get(CUT_KEY, {})
-    metres = side.get("metres", DEFAULT_BLOCK_SIZE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None
-    if (
-        not isinstance(metres, int | float)
-        or isinstance(metres, bool)
-        or not MIN_BLOCK_SIZE_M <= metres <= MAX_BLOCK_SIZE_M
-    ):
-        raise ValueError(
-            f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, "
-            f"{MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
-        )
-    return CityFileSettings(keys, rest, float(metres), indexes)
+    cut = validate_section(CityOnlyKeys, {CUT_KEY: values.get(CUT_KEY, {})}).cut
+    return CityFileSettings(keys, rest, cut.metres, indexes)
 
 
 def _resolve_tile_index(values: JsonObject, path: Path) -> tuple[JsonObject, tuple[Path, ...]]:

@@ -18,7 +18,7 @@ from catalogs.block.corrections import Corrections, migrate_corrections_to_city,
 from catalogs.block.extract import write_city_part_file
 from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, CityPartIds
-from catalogs.block.paths import hide_variable_values, resolve_path
+from catalogs.block.paths import hide_variable_values, path_keys, resolve_path
 from catalogs.block.reader import build_block, city_part_file_values, read_block, set_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import CityFileSettings, validate_city_settings
@@ -32,16 +32,6 @@ from facade_core.plan.exemplar_inputs import target_walls_from_outlines
 from tasks.city.block_counts import NO_COUNTS, BlockCounts, block_counts_from_map
 from tasks.city.places import BlockPlace, place_block
 from tasks.city.source_digests import block_source_digest
-
-# Dotted keys of a block file whose values are paths.
-_PATHS = (
-    "buildings.path", "buildings.heights.path", "streets.path", "ground.path", "terrain.path", "imagery.exemplars.path",
-    "imagery.style.path",
-    "imagery.photos.path",
-    "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.cameras.path", "imagery.cameras.poses",
-    "imagery.cameras.control", "imagery.aerial.path", "texture.roof_material.path",
-    "texture.materials", "models.parser", "models.layout", "models.translator",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -211,6 +201,7 @@ def _read_user_block(block_file: Path, before: CityBlock | None) -> CityBlock:
 
 def _rebase_paths(values: Mapping[str, object], before_: Path, now: Path) -> JsonObject:
     """Rewrite relative paths of a block file for another folder."""
+    paths = path_keys()
 
     def rebase(text: str) -> str:
         return text if text.startswith(("~", "$")) or Path(text).is_absolute() else os.path.relpath(before_ / text, now)
@@ -218,7 +209,7 @@ def _rebase_paths(values: Mapping[str, object], before_: Path, now: Path) -> Jso
     def walk(value: object, key: str) -> object:
         if isinstance(value, Mapping):
             return {name: walk(one, f"{key}.{name}" if key else name) for name, one in value.items()}
-        if key in _PATHS:
+        if key in paths:
             return [rebase(one) for one in value] if isinstance(value, list) else rebase(cast(str, value))
         return value
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block.block_file import BlockFileErrorContext
-from catalogs.block.keys import validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.part import CityIndex, CityPartIds
 from catalogs.block.reader import Block, build_block
 from catalogs.block.yaml_files import read_yaml

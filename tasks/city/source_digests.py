@@ -7,7 +7,8 @@ import json
 from pathlib import Path
 
 from catalogs.block.corrections import corrections_file
-from catalogs.block.keys import BlockFileSettings, validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
+from catalogs.block.keys import BlockFileSettings
 from catalogs.block.paths import resolve_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import validate_city_settings

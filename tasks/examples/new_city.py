@@ -20,7 +20,7 @@ TEXELS_PER_METRE = 16
 
 _TEMPLATE = """\
 # A city of Streetloom. What it takes:  streetloom plan {file}
-# All keys are those of a block file, and `cut`: catalogs/README.md documents them.
+# All keys are those of a block file, and `cut`: docs/reference/block-file.md documents them.
 name: {name}
 
 # Part of the map in degrees: west, south, east, north. Without it the whole file is the city.

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.block.geoid import geoid_height
-from catalogs.block.keys import validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.reader import read_block
 from tests.pipeline.stages import write_block
 

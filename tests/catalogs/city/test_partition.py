@@ -88,7 +88,10 @@ def test_context_reaches_as_far_as_what_is_asked_for_reads() -> None:
     ("values", "said"),
     [
         ({"name": "a", "buildings": {"path": "b"}}, "streets: missing.*streetloom run"),
-        ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "cut": {"meters": 3}}, "cut: "),
+        (
+            {"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "cut": {"meters": 3}},
+            "cut.meters: unknown key; did you mean cut.metres?",
+        ),
         ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "cut": {"metres": 3}}, "20 to 20000"),
         ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "part": {}}, "part: "),
         ({"blocks": {"path": "b"}, "seed": 3}, "blocks: a folder"),

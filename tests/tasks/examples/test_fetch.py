@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.block.keys import validate_block_settings
+from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataFile, ExampleDataSource
 from facade_core.core.errors import InputError

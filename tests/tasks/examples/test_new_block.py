@@ -270,7 +270,7 @@ def test_two_at_once_in_a_folder_share_a_whole_library(osm: MapFiles, exemplars:
 
 
 def test_block_files_of_the_package_are_block_files() -> None:
-    from catalogs.block.keys import validate_block_settings
+    from catalogs.block.key_faults import validate_block_settings
     from catalogs.block.yaml_files import read_yaml
     from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 

@@ -68,7 +68,7 @@ def test_given_files_are_named_and_nothing_is_written_over(tmp_path: Path) -> No
     ("name", "streets", "size", "message"),
     [
         ("town", False, None, "--streets: missing"),
-        ("town", True, 3.0, "cut: .* is not understood"),
+        ("town", True, 3.0, "cut.metres: 3 is not a number, 20 to 20000"),
         ("!", True, None, "name: "),
     ],
 )

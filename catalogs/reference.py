@@ -1,0 +1,80 @@
+"""Reference pages of `docs/reference`, written from declarations: `python -m catalogs.reference` writes them anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from catalogs.block.declared_keys import DeclaredKey, declared_keys
+from catalogs.block.keys import BlockFileSettings
+from catalogs.city.keys import CityOnlyKeys
+
+_FOLDER = Path(__file__).resolve().parent.parent / "docs" / "reference"
+_WRITTEN_BY = "<!-- `python -m catalogs.reference` writes this page from the declarations in the code. -->"
+_EXAMPLE = """```yaml
+name: kamppi
+area: [24.940, 60.165, 24.947, 60.169]
+buildings: {path: helsinki.osm.pbf}
+streets: {path: helsinki.osm.pbf, names: [Mikonkatu, Erottajankatu]}
+imagery:
+  exemplars: {path: facades/}
+texture: {texels_per_metre: 20}
+seed: 7
+```"""
+
+
+def format_block_file_page() -> str:
+    """Return the page of all keys of block files and city files."""
+    block = declared_keys(BlockFileSettings)
+    city = [one for name, one in declared_keys(CityOnlyKeys).items() if name not in block]
+    return "\n\n".join(
+        (
+            "# Keys of a block file",
+            _WRITTEN_BY,
+            "A block file is YAML 1.2: `no` and `1:30` are text, and a whole number that begins with 0 is refused. Anchors, "
+            "aliases and tags are refused too. It has 20 levels and 256 kB at most. Paths are relative to the block file, and "
+            "`${NAME}` in a path is replaced with the environment variable. An unknown key is an error: the message names the "
+            "nearest known one.",
+            _EXAMPLE,
+            "The last column says what a run does again once the value changes. Of files, and of keys that say how they are "
+            "read, what was read counts: another name or spelling changes nothing.",
+            _format_table(block.values()),
+            "## Keys of a city file",
+            "`streetloom city CITY.yaml` takes the keys of a block file (`streets` is required, `part` and `imagery.style` are "
+            "no keys of it) and these, or a name and a folder of block files: `{name: mine, blocks: {path: blocks/}}`.",
+            _format_table(city),
+        )
+    )
+
+
+PAGES: Mapping[str, Callable[[], str]] = {"block-file.md": format_block_file_page}
+
+
+def write_pages(folder: Path = _FOLDER) -> None:
+    """Write all reference pages into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, format_page in PAGES.items():
+        (folder / name).write_text(f"{format_page()}\n", encoding="utf-8")
+
+
+def _format_table(keys: Iterable[DeclaredKey]) -> str:
+    heading = "| key | type | default | unit | meaning | a change makes pending |\n|---|---|---|---|---|---|\n"
+    return heading + "\n".join(map(_format_row, keys))
+
+
+def _format_row(one: DeclaredKey) -> str:
+    pending = "" if one.is_section else one.key.effect or "units whose input it changes"
+    cells = (f"`{one.name}`", one.value_type, _format_default(one), one.key.unit, one.key.meaning, pending)
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
+
+
+def _format_default(one: DeclaredKey) -> str:
+    if one.is_required:
+        return "required"
+    if one.is_section or one.default is None:
+        return one.key.default or ("" if one.default is not None else "none")
+    return str(one.default).lower() if isinstance(one.default, bool) else str(one.default)
+
+
+if __name__ == "__main__":
+    write_pages()
