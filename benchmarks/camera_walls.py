@@ -25,6 +25,8 @@ import numpy as np
 import shapely
 
 from benchmarks.cameras import photographed_street, psnr, refined, shown_reader
+from benchmarks.painter.street_paint import ground_pattern_painter, side_pattern_painter
+from benchmarks.painter.street_truth import SyntheticStreet, is_behind_cutout, synthetic_street
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack_charts
@@ -40,8 +42,6 @@ from facade_core.imagery.panorama_camera import WALL_REACH_M, camera_from_world,
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
-from facade_core.synth.street_truth import SyntheticStreet, is_behind_cutout, synthetic_street
 
 # Of the charts that are measured; the fronts stay as they are painted.
 DENSITY = 12.0

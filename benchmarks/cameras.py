@@ -25,6 +25,15 @@ import cv2
 import numpy as np
 import shapely
 
+from benchmarks.painter.street_paint import ground_pattern_painter
+from benchmarks.painter.street_truth import (
+    GroundPaint,
+    SidePaint,
+    SyntheticStreet,
+    is_behind_cutout,
+    render_street_panorama,
+    synthetic_street,
+)
 from benchmarks.poses import refined_poses
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.provenance import Provenance
@@ -40,15 +49,6 @@ from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.panorama import rectify_chart_from_panorama
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import ground_pattern_painter
-from facade_core.synth.street_truth import (
-    GroundPaint,
-    SidePaint,
-    SyntheticStreet,
-    is_behind_cutout,
-    render_street_panorama,
-    synthetic_street,
-)
 
 POSE_NOISE_M, POSE_NOISE_DEG = 0.3, 1.0
 # Of the ground's texels; those of the walls stay.

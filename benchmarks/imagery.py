@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.painter.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Pose
 from facade_core.geometry.chart_packing import pack_charts
@@ -31,7 +32,6 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
-from facade_core.synth.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 
 # Views of a wall that are compared or fused, and the least share of it that each shows.
 VIEWS, LEAST_SEEN = 3, 0.25

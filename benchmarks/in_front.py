@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.synth.exemplars import paint_exemplar_set
+from benchmarks.painter.exemplars import paint_exemplar_set
 from training.datasets.facades import ANY_CLASS, LabelledFacade
 from training.parser.occluder_labels import ground_floor_rows
 

@@ -26,9 +26,9 @@ import numpy as np
 import shapely
 
 from benchmarks.mesh_texturing.cases import LENS_DISTORTION, LENS_FOCAL_WIDTHS, PICTURE_NOISE_DEG, PICTURE_NOISE_M
+from benchmarks.painter.street_truth import STREET_ORIGIN_M, SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.types import Lens, Pose
 from facade_core.geometry.charts import CORNER_SHARES, ChartKind
-from facade_core.synth.street_truth import STREET_ORIGIN_M, SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.engine.compute.worker_setup import limit_threads
 
 COUNTS = (300, 1000, 3000)

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.matching.photo_matches import MAX_CANDIDATES, MIN_CERTAIN_PROBABILITY, MIN_PROBABILITY
 
 OUTCOMES = ("right", "wrong", "unclear, the true one told", "unclear", "lost")

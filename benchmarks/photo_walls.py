@@ -28,14 +28,14 @@ import yaml
 
 from benchmarks.city.runs import run
 from benchmarks.look.outputs import Facade, Output, facade_items, read_output
+from benchmarks.painter.exemplars import paint_exemplar_set
+from benchmarks.painter.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
 from facade_core.imagery.rectify.pictured_plane import camera_in_chart_frame, explain_other_planes
-from facade_core.synth.exemplars import paint_exemplar_set
-from facade_core.synth.street_truth import SyntheticStreet, cutout_mask, render_street_panorama, synthetic_street
 
 BUILDINGS, CAMERAS, WIDTH = 8, 4, 3072
 # Of a pasted facade's picture, and of the rectified walls.

@@ -32,6 +32,7 @@ from benchmarks.imagery import (
     ssim,
     street_with_cameras,
 )
+from benchmarks.painter.street_truth import SyntheticStreet, cutout_mask
 from catalogs.block.reader import read_block
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.core.types import Pose
@@ -41,7 +42,6 @@ from facade_core.imagery.poses.joint_refinement import PriorPose, refine_jointly
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
-from facade_core.synth.street_truth import SyntheticStreet, cutout_mask
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_panorama
 

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks import faces_and_plates, in_front, shop_signs
+from benchmarks.painter.exemplars import paint_exemplar_set
 from facade_core.core.errors import ImageError
 from facade_core.facade.photo_facade import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
-from facade_core.synth.exemplars import paint_exemplar_set
 from training.datasets.facades import CMP, ECP, LabelledFacade, read_dataset, split_facades_for_training
 
 _HEIGHTS_M = {"ppl": (1.2, 2.0), "car": (1.4, 1.7), "truck": (2.4, 3.2)}

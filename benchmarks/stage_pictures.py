@@ -16,6 +16,9 @@ import numpy as np
 import shapely
 
 from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street, refined, shown_reader
+from benchmarks.painter.exemplars import paint_exemplar
+from benchmarks.painter.street_paint import ground_pattern_painter, side_pattern_painter
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
 from facade_core.atlas.rasters import read_chart_raster
@@ -36,9 +39,6 @@ from facade_core.imagery.rectify.photo import rectify
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.exemplars import paint_exemplar
-from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from tasks.publish.published_run import PublishedBlock, open_published_run
 
 PAPER, GAP = 255, 8

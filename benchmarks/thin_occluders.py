@@ -22,9 +22,9 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from benchmarks.painter.thin_occluders import THIN_KINDS, paint_before_wall
 from facade_core.parsing.occluders import clean_occluder_mask
 from facade_core.parsing.segmenter import parse
-from facade_core.synth.thin_occluders import THIN_KINDS, paint_before_wall
 from training.datasets.facades import (
     ARTDECO,
     CMP,

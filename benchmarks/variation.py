@@ -147,7 +147,7 @@ def run(folder: Path, *, every: int = 4, parsed: bool = False, others: bool = Tr
 
 def large() -> dict[str, object]:
     """Processor seconds of 15 floors of 30 windows: of relaxing matrices of so many types, and of encoding a painted facade."""
-    from facade_core.synth.facade import paint_facade
+    from benchmarks.painter.facade import paint_facade
 
     rng = np.random.default_rng(1)
     seconds: dict[str, object] = {}

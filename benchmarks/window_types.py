@@ -88,8 +88,8 @@ def score(found: Told, *, groups: bool) -> float:
 
 def planted(seeds: int = 3) -> dict[str, object]:
     """Of windows of painted facades, with the states that were planted."""
-    from facade_core.synth.facade import paint_facade
-    from facade_core.synth.styles import STYLES
+    from benchmarks.painter.facade import paint_facade
+    from benchmarks.painter.styles import STYLES
 
     found: dict[str, list[float]] = {}
     pairs = Pairs([], [])

@@ -28,8 +28,6 @@ from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import KnownTexture, finish_chart, paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
-from facade_core.synth.facade import paint_facade
-from facade_core.synth.styles import STYLES
 
 DENSITY = 10.0
 SIZE_M = (7.0, 9.0)
@@ -41,17 +39,30 @@ def compile_layout_kernels() -> None:
     complete(seen, (0.0, 0.0, 7.0, 8.0), [(0.0, 0.0, 7.0, 4.0)])
 
 
+def draw_facade() -> tuple[UInt8Array, UInt8Array, list[Element]]:
+    """Draw a wall with two floors of three windows: its pixels, class ids, and windows in pixels."""
+    height, width = (round(side * DENSITY) for side in SIZE_M)
+    image = np.random.default_rng(0).integers(120, 180, (height, width, 3), np.uint8)
+    labels = np.full((height, width), FacadeClass.WALL, np.uint8)
+    windows = [Element("window", x, y, x + 10, y + 15) for y in (10, 40) for x in (15, 40, 65)]
+    for window in windows:
+        pixels = slice(int(window.y0), int(window.y1)), slice(int(window.x0), int(window.x1))
+        image[pixels] //= 3 if window.y0 < height / 3 else 2  # two types of windows
+        labels[pixels] = FacadeClass.WINDOW
+    return image, labels, windows
+
+
 def compile_texture_kernels() -> None:
     """Retarget and inpaint an exemplar."""
-    painted = paint_facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
-    height, width = painted.labels.shape
+    image, labels, elements = draw_facade()
+    height, width = labels.shape
     wall = FacadeWall.freestanding(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
-    style = ScaledStyle(analyse_exemplar(painted.image, painted.labels), 1 / DENSITY)
+    style = ScaledStyle(analyse_exemplar(image, labels), 1 / DENSITY)
     build_facade_from_exemplar(style, wall, raster)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
-    inpaint(painted.image, hidden, labels=painted.labels, elements=painted.elements, method="floors")
+    inpaint(image, hidden, labels=labels, elements=elements, method="floors")
 
 
 def compile_street_kernels() -> None:

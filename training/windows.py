@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from benchmarks.painter.facade import paint_facade
+from benchmarks.painter.styles import STYLES
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import Float64Array, UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
@@ -22,8 +24,6 @@ from facade_core.facade.variation.window_types import (
     describe_group,
     save_window_metric,
 )
-from facade_core.synth.facade import paint_facade
-from facade_core.synth.styles import STYLES
 from tasks.engine.progress import begin_stage, report_progress
 from training.datasets.facades import ECP, read_dataset
 from training.datasets.layouts import read_layouts

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.painter.occluders import paint_occluders
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.occluders import paint_occluders
 from training.datasets.facades import LabelledFacade
 
 # Metres that the facades are taken to be high: they have five to seven storeys.

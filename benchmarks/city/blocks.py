@@ -36,11 +36,11 @@ def add_photo(block: Path, out: Path) -> str:
     """Add a painted photo of one facade to a block that was run into `out`; returns the facade's id."""
     from PIL import Image
 
+    from benchmarks.painter.facade import paint_facade
+    from benchmarks.painter.styles import STYLES
     from facade_core.atlas.store import BRANCH, open_repository
     from facade_core.geometry.walls import WallRole
     from facade_core.plan.plan_tables import read_facades
-    from facade_core.synth.facade import paint_facade
-    from facade_core.synth.styles import STYLES
 
     facades = read_facades(open_repository(out / "store").readonly_session(BRANCH))
     chosen = next(i for i in range(len(facades)) if facades.role[i] == WallRole.STREET and 10 <= facades.width[i] <= 30)

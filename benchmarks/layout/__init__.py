@@ -156,9 +156,9 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     """Painted facades by style and seed, with a tree and a car: the share of the hidden texels that get the label of the truth;
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
+    from benchmarks.painter.facade import paint_facade
     from facade_core.facade.photo_facade import MappedDoors, PhotoMasks, build_facade_from_photo
     from facade_core.parsing.confidence import box_coverage
-    from facade_core.synth.facade import paint_facade
 
     texels, counts = {}, np.zeros((3, 3))
     for style, seed in which:

@@ -12,6 +12,13 @@ import numpy as np
 import shapely
 
 from benchmarks.cameras import photographed_street
+from benchmarks.painter.street_paint import ground_pattern_painter, side_pattern_painter
+from benchmarks.painter.street_truth import (
+    SyntheticStreet,
+    is_behind_cutout,
+    render_street_panorama,
+    synthetic_street,
+)
 from benchmarks.poses import refined_poses
 from catalogs.block.reader import read_block
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
@@ -24,13 +31,6 @@ from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.bundles import group_panoramas_into_bundles
 from facade_core.imagery.rectify.panorama import find_sightings
-from facade_core.synth.street_paint import ground_pattern_painter, side_pattern_painter
-from facade_core.synth.street_truth import (
-    SyntheticStreet,
-    is_behind_cutout,
-    render_street_panorama,
-    synthetic_street,
-)
 from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_panorama
 

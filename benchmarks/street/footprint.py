@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.painter.street_truth import STREET_HALF_WIDTH_M, SyntheticStreet, synthetic_street
 from benchmarks.street.readings import Reading, View, _resolution, blended, view_of
 from facade_core.core.types import Street
 from facade_core.geometry.charts import ChartKind
@@ -31,7 +32,6 @@ from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator
-from facade_core.synth.street_truth import STREET_HALF_WIDTH_M, SyntheticStreet, synthetic_street
 
 TEXELS_PER_METRE, WIDTH, SUPERSAMPLED, SPACING_M, HEIGHT_M = 20.0, 1024, 3, 5.0, 2.5
 LIMITS = (np.inf, 4.0, 2.0, 1.5)

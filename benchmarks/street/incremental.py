@@ -19,8 +19,8 @@ from typing import Any
 
 import yaml
 
+from benchmarks.painter.exemplars import paint_exemplar_set
 from benchmarks.process_usage import user_environment
-from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 

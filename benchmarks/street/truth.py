@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.painter.street_paint import replace_front_images
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from benchmarks.street.readings import Reading, View, blended, view_of
 from facade_core.core.types import Pose
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.synth.street_paint import replace_front_images
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 TEXELS_PER_METRE = 20.0
 SPACING_M, HEIGHT_M = 5.0, 2.5

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from facade_core.synth.exemplars import paint_exemplar_set
+from benchmarks.painter.exemplars import paint_exemplar_set
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 # Each block has one house at the street that passes all of them; a block is a square of so many metres.

@@ -19,7 +19,7 @@ SEED = 7
 TEXELS_PER_METRE = 32
 # A morning in June: sun on one pavement of southward streets, and on walls that face south and east.
 SUN = {"azimuth": 145, "elevation": 47}
-# Painted style library, and painted photos of some facades of the block (`tasks.examples.paint_demo`).
+# Painted style library, and painted photos of some facades of the block (`benchmarks.painter.paint_demo`).
 INPUTS = Path(__file__).parent / "demo_inputs"
 
 

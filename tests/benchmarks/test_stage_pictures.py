@@ -29,7 +29,7 @@ def test_pictures_of_any_size_stand_beside_each_other_at_one_height() -> None:
 
 
 def test_the_painted_facade_is_rectified_to_its_own_proportion() -> None:
-    from facade_core.synth.exemplars import paint_exemplar
+    from benchmarks.painter.exemplars import paint_exemplar
 
     painted = paint_exemplar(0, seed=3).image
     drawn = rectified()

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
 from benchmarks.street_photos import HALVES, ROW_PX, TEXT_PX, VERDICTS, PhotoCase, count_verdicts, draw_case, read_cases
-from facade_core.synth.facade import paint_facade
 
 
 def test_all_halves_have_a_verdict_for_every_photo_and_share_none() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from benchmarks.painter.facade import paint_facade
 from benchmarks.style_transfer import SQUARE_PX, cut_squares, see_along_street, summarise_scores, write_block
-from facade_core.synth.facade import paint_facade
 from training.datasets.facades import LabelledFacade
 
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.thin_occluders import THIN_KINDS
 from benchmarks.thin_occluders import estimate_metres_per_pixel, measure_drawn, recall
 from facade_core.core.labels import FacadeClass
-from facade_core.synth.thin_occluders import THIN_KINDS
 from training.datasets.facades import LabelledFacade
 
 

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from benchmarks.matching import photo_of
+from benchmarks.painter.street_truth import synthetic_street
 from catalogs.block.reader import read_block
 from facade_core.core.types import Pose
-from facade_core.synth.street_truth import synthetic_street
 from tasks.matching.match_table import (
     COLUMNS,
     TABLE,

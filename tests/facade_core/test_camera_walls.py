@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.painter.street_paint import side_pattern_painter
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
@@ -19,8 +21,6 @@ from facade_core.imagery.cameras.walls import chart_coverage_mask, fuse_wall_vie
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
-from facade_core.synth.street_paint import side_pattern_painter
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
 

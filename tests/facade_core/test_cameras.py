@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_paint import ground_pattern_painter
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
@@ -21,8 +23,6 @@ from facade_core.imagery.cameras.ground import (
 from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
 from facade_core.imagery.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.street_paint import ground_pattern_painter
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (40, 60)
 USUAL = (np.log(np.full(3, 100.0)), np.full(3, 0.05))

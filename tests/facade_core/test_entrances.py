@@ -9,6 +9,7 @@ import pytest
 import shapely
 from scipy import ndimage
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
 from facade_core.facade.texture.building_walls import compose_wall
@@ -20,7 +21,6 @@ from facade_core.plan.doors import has_back_door, is_corner_facade
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
-from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.stage import facade_entrance_positions
 
 MPP = 0.05

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.types import Element
 from facade_core.facade.exemplar_admission import FacadePicture, assess_candidate
 from facade_core.facade.vegetation import measure_tree_share
-from facade_core.synth.facade import paint_facade
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.arrays import BoolArray, UInt8Array
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.exemplar_quality import ExemplarQuality, judge_exemplar
 from facade_core.parsing.floor_structure import find_floors_and_bays
-from facade_core.synth.facade import paint_facade
 
 MPP = 0.05
 PAINTED = paint_facade((16.0, 14.0), floors=5, columns=5, style="haussmann", metres_per_pixel=MPP, seed=2)

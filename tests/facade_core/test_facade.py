@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import facade_core.facade.photo_facade
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
@@ -22,7 +23,6 @@ from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.occluders import remove_occluders_lining_hole
-from facade_core.synth.facade import paint_facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 

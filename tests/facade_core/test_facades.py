@@ -10,6 +10,7 @@ import pytest
 import shapely
 from scipy import ndimage
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
@@ -21,7 +22,6 @@ from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
 from facade_core.plan.ingest import BlockInputs, IngestSettings, build_plan
 from facade_core.plan.plan import Plan
-from facade_core.synth.facade import paint_facade as paint
 
 MPP = 0.0625
 L_SHAPED = shapely.Polygon([(0, 0), (20, 0), (20, 10), (10, 10), (10, 22), (0, 22)])

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_paint import ground_pattern_painter
+from benchmarks.painter.street_truth import render_street_panorama, synthetic_street
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
@@ -14,8 +16,6 @@ from facade_core.imagery.cameras.exposure import sample_ground_colours, typical_
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.matching_detail import find_matching_detail, select_parallax_pairs
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.street_paint import ground_pattern_painter
-from facade_core.synth.street_truth import render_street_panorama, synthetic_street
 
 SIZE, DENSITY = (160, 200), 16.0
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.painter.facade import PaintedFacade, paint_facade
 from facade_core.facade.neighbour_removal import find_own_columns
-from facade_core.synth.facade import PaintedFacade, paint_facade
 
 
 def paint_house(width: float, columns: int, floors: int = 4) -> PaintedFacade:

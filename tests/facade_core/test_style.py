@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import replace_shops_by_windows
 from facade_core.facade.texture.tint import tint_facade
@@ -18,7 +19,6 @@ from facade_core.plan.exemplar_choice import (
     exemplar_choice_order,
 )
 from facade_core.plan.exemplar_style import ExemplarLibrary, style_descriptor
-from facade_core.synth.facade import paint_facade
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-from facade_core.synth.exemplars import paint_exemplar_set
+from benchmarks.painter.exemplars import paint_exemplar_set
 from tasks.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.synth.facade import paint_facade
+from benchmarks.painter.facade import paint_facade
 
 WIDTH = 1536
 HEIGHT_M = 2.5

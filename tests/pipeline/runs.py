@@ -22,9 +22,9 @@ PATIENCE_S = 1200
 
 def write_block(folder: Path) -> Path:
     """Input of a small block cut from the real extract, seeded and complete; returns its block file."""
+    from benchmarks.painter.paint_demo import paint_exemplars, paint_photos
     from catalogs.block.reader import read_block
     from tasks.examples.demo import copy_map, write_block_file
-    from tasks.examples.paint_demo import paint_exemplars, paint_photos
 
     copy_map(folder)
     paint_exemplars(folder / "exemplars", 4)

@@ -17,13 +17,13 @@ import zarr
 from joblib import hash as digest_of
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar_set
 from catalogs.block.reader import read_block
 from facade_core.atlas.journal import atlas_digest, latest_chart_digests, read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.exemplar import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade as paint
 from catalogs.published.snapshot import current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
-from facade_core.synth.facade import paint_facade as paint
 from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.publish.task import publish_block

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import read_chart_raster
 from facade_core.atlas.store import open_repository, open_root
@@ -17,7 +18,6 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.wall_material import lit_colour
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.facade import paint_facade
 from tasks.stages.facades.record import FacadeRecord
 from tests.pipeline.stages import BUILDINGS, STREETS, redone, started, texture, write_block
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar_set
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.facade.wall_material import lit_colour
-from facade_core.synth.exemplars import paint_exemplar_set
 from tasks.engine.context import load_run_plan
 from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL

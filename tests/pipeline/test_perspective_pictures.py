@@ -10,6 +10,7 @@ import pytest
 import zarr
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
@@ -19,7 +20,6 @@ from facade_core.core.types import Lens, Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.panorama_camera import camera_from_world
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.facade import paint_facade
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, texture, write_block
 
 SIZE = (900, 600)

@@ -16,9 +16,9 @@ import yaml
 import zarr
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar_set
 from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
-from facade_core.synth.exemplars import paint_exemplar_set
 from tests.pipeline.runs import run
 
 pytestmark = pytest.mark.long

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.core.resizing import resize_image
 from facade_core.plan.plan_tables import read_plan
-from facade_core.synth.facade import paint_facade
 from tests.pipeline.stages import BUILDINGS, STREETS, charts_of, digests_of, redone, started, texture, write_block
 
 TEXELS = 8

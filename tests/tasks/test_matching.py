@@ -14,10 +14,10 @@ from PIL import Image
 from pyproj import Transformer
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
+from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
 from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
-from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import command_line
 from tasks.city.blocks import partition_city_file
 from tasks.matching.match_table import (

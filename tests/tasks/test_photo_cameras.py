@@ -15,13 +15,13 @@ from PIL import Image
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
+from benchmarks.painter.street_truth import render_street_panorama, synthetic_street
 from catalogs.block.reader import read_block
 from catalogs.readers.pictures.cameras.camera_file import rotation_from_heading
 from facade_core.core.types import Lens, Pose
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.photo_pairs import choose_pairs
-from facade_core.synth.street_truth import render_street_panorama, synthetic_street
 from flows.cli.commands import command_line
 from tasks.matching import photo_cameras
 from tasks.matching.photo_cameras import PhotoCamera, pose_photos

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.errors import InputError
-from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
 from tasks.ranked_completions import complete_file
 

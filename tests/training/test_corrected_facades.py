@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.painter.exemplars import paint_exemplar_set
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
-from facade_core.synth.exemplars import paint_exemplar_set
 from training.datasets import corrected_facades
 from training.datasets.corrected_facades import CorrectedFacade, label_corrected_facade, layout_record
 from training.datasets.facades import ANY_CLASS

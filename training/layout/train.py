@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.painter.facade_plan import plan_facade
+from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
 from catalogs.readers.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import LAYOUT_NETWORK_NAME, Element
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import save_layout_model
-from facade_core.synth.facade_plan import plan_facade
-from facade_core.synth.styles import STYLE_BY_NAME, STYLES
 from tasks.engine.progress import begin_stage, report_progress
 from training.datasets.layouts import read_layouts, split_layouts_for_training
 from training.layout import learning

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping
 import cv2
 import numpy as np
 
+from benchmarks.painter.exemplars import paint_exemplar_set
+from benchmarks.painter.thin_occluders import THIN_KINDS, paint_before_wall
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
-from facade_core.synth.exemplars import paint_exemplar_set
-from facade_core.synth.thin_occluders import THIN_KINDS, paint_before_wall
 from training.datasets.facades import ANY_CLASS, LabelledFacade
 from training.datasets.occluder_boxes import OccluderBoxes
 from training.parser.occluder_labels import occluders_from_labels

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 import shapely
 
+from benchmarks.painter.street_truth import synthetic_street
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
@@ -24,7 +25,6 @@ from facade_core.street.propagation.propagate import propagate_panorama
 from facade_core.street.propagation.render import RenderedPanorama, render_panorama
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translators import MaterialFieldTranslator, paint_bare_pixels
-from facade_core.synth.street_truth import synthetic_street
 from tasks.engine.progress import begin_stage, report_progress
 from tasks.stages.shared.materials import material_field, rebuild_material_field
 from tasks.stages.streets.panoramas import read_base_layer

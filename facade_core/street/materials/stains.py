@@ -13,8 +13,7 @@ BANDS_M = (0.7, 2.6)
 KEPT_SIGMA = 0.16
 REMOVED_SIGMA = 0.32
 # Target deviation of plain wall in each band, relative to its brightness: between the first quartile and the median of
-# rectified photographs (`python -m benchmarks.painting`, stains of cmp). At the median walls look cloudy, because
-# photographs also contain stucco and shadows.
+# rectified photographs of CMP. At the median walls look cloudy, because photographs also contain stucco and shadows.
 PHOTO_DEVIATIONS = (0.0186, 0.0189)
 NOISE_CELLS_M = (0.35, 1.3)
 # Deviation in each band per weight of each noise.

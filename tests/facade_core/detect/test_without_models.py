@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect import detection as seen
 from facade_core.imagery.detect import models
@@ -20,7 +21,6 @@ from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.plates import is_plate
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import TextLine
-from facade_core.synth.facade import paint_facade as paint
 from tasks.doctor.machine import check_detectors
 from tasks.engine.stage_code import stage_code_digest
 

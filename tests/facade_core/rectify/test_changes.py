@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.errors import ImageError
 from facade_core.imagery.rectify.change_detection import detect_changes
 from facade_core.imagery.rectify.fusion import ChartView
-from facade_core.synth.facade import paint_facade as paint
 
 DENSITY = 1 / 0.05
 WALL = paint((14.0, 12.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=2).image

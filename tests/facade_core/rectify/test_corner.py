@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.synth.facade import paint_facade
 
 SIZE, FOCAL = (900, 1200), 1000.0
 # Metres of the walls: from the corner to the left, to the right, and up.

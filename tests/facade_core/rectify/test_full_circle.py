@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.street_truth import render_street_panorama, synthetic_street
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from facade_core.synth.street_truth import render_street_panorama, synthetic_street
 
 
 @pytest.fixture(scope="module")

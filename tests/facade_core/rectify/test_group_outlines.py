@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.types import Lens, Pose
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position, rotate_pose
 from facade_core.imagery.poses.group_outlines import align_to_outlines
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 LENS = Lens((320, 240), (200.0, 200.0), (160.0, 120.0))
 COUNT = 12

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.lens_projection import (
     LENS_VALUES,
     lens_from_values,
@@ -27,7 +28,6 @@ from facade_core.imagery.panorama_camera import (
 )
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_chart_from_panorama
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 SIZE = (640, 480)
 PINHOLE = Lens(SIZE, (500.0, 510.0), (322.0, 239.0))

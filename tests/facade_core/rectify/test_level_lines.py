@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.imagery.rectify.level_lines import measure_level_slope
-from facade_core.synth.facade import paint_facade
 
 PAINTED = paint_facade((14.0, 12.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.02, seed=4).image
 HEIGHT, WIDTH = PAINTED.shape[:2]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
+from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import (
     PhotoOrientation,
@@ -14,7 +15,6 @@ from facade_core.imagery.poses.photo_matching import (
     match_walls,
 )
 from facade_core.imagery.rectify.photo import rectify
-from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import PaintedFacade, paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify import building_crop
 from facade_core.imagery.rectify.building_crop import crop_to_facade
 from facade_core.imagery.rectify.neighbours import GapEvidence, choose_sides, measure_gaps
 from facade_core.parsing.segmenter import Surroundings
-from facade_core.synth.facade import PaintedFacade, paint_facade
 
 HEIGHT = 480
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade
+from benchmarks.painter.styles import STYLES
 from facade_core.imagery.rectify.no_data import NO_DATA_RIM, no_data_mask
-from facade_core.synth.facade import paint_facade
-from facade_core.synth.styles import STYLES
 
 
 def warp_facade(lean: float, fill: int = 0, metres_per_pixel: float = 0.05) -> tuple[np.ndarray, np.ndarray]:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.errors import GeometryError, ImageError
 from facade_core.core.types import Pose
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position, rotate_pose
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 WIDTH = 2048
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.painter.exemplars import paint_exemplar
 from facade_core.imagery.rectify.same_facade import FacadeFeatures, detect_facade_features, show_same_facade
-from facade_core.synth.exemplars import paint_exemplar
 
 METRES_PER_PIXEL = 0.05
 

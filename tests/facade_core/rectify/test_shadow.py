@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify.shadow import shadow_share
-from facade_core.synth.facade import paint_facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.04, seed=2)
 

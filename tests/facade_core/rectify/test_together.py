@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.panorama_camera import camera_position
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
 from facade_core.imagery.poses.shared_walls import GradientImage, _find_shift, _gradient_correlation, _match_patches
-from facade_core.synth.street_truth import SyntheticStreet, render_street_panorama, synthetic_street
 
 WIDTH = 2048
 # The covariance of a place that outlines of buildings told well.

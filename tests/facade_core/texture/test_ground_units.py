@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.ground_units import ELEMENT_STRETCH, arrange_units, find_ground_units
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
-from facade_core.synth.facade import paint_facade
 
 MPP = 0.08
 

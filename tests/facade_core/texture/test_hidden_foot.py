@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.hidden_foot import find_hidden_foot, repeat_storeys
-from facade_core.synth.facade import paint_facade
 from tests.facade_core.texture.conftest import FLOOR, draw
 
 # Without a ground floor of its own: seven storeys under 30 rows of roof.

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
@@ -14,7 +15,6 @@ from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE
 from facade_core.facade.texture.window_completion import complete_windows
-from facade_core.synth.facade import paint_facade as paint
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from benchmarks.painter.facade import paint_facade as paint
+from benchmarks.painter.styles import STYLES
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
 from facade_core.parsing.floor_structure import count_floors, find_floors_and_bays, floor_bay_lattice, window_row_spans
-from facade_core.synth.facade import paint_facade as paint
-from facade_core.synth.styles import STYLES
 
 MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resize_image
@@ -14,7 +15,6 @@ from facade_core.core.types import Element, Lattice
 from facade_core.facade.facade import Facade
 from facade_core.facade.sharpening import enlarge_classes, enlarge_image, picture_detail, sharpen_facade
 from facade_core.facade.variation.encoding import encode
-from facade_core.synth.facade import paint_facade
 
 FINE, COARSE, SCALE = (240, 301), (120, 151), 2.0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import PaintedFacade, paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.sky_removal import count_sky_rows, find_even_sky
 from facade_core.parsing.floor_structure import find_floors_and_bays
-from facade_core.synth.facade import PaintedFacade, paint_facade
 
 ROWS = 40
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.painter.facade import PaintedFacade, paint_facade
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.building_walls import compose_wall
 from facade_core.facade.texture.retargeting import ExemplarAnalysis, analyse_exemplar, fit_sizes_to_total
@@ -27,7 +28,6 @@ from facade_core.facade.texture.wall_floors import (
 )
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
 from facade_core.parsing.floor_structure import find_floors_and_bays
-from facade_core.synth.facade import PaintedFacade, paint_facade
 
 MPP = 0.0625
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.errors import InputError
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
@@ -12,7 +13,6 @@ from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
-from facade_core.synth.facade import paint_facade
 
 PAINTED = paint_facade((13.0, 14.0), floors=4, columns=5, style="brick", metres_per_pixel=0.06, seed=2)
 

@@ -317,8 +317,8 @@ def test_a_photographed_facade_has_levels_and_a_small_file(data):
 def test_states_of_painted_facades():
     """A floor for the median over the styles; single styles with balconies before their windows are lower. Each
     leaf of a window mirrors houses and sky of its own, which hides what hangs behind it."""
-    from facade_core.synth.facade import paint_facade
-    from facade_core.synth.styles import STYLES
+    from benchmarks.painter.facade import paint_facade
+    from benchmarks.painter.styles import STYLES
 
     found = []
     for style in STYLES:

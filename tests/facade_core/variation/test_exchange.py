@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.types import Element
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.enlargement import enlarge_facade
@@ -14,7 +15,6 @@ from facade_core.facade.variation.photo_exchange import permute_photo_elements
 from facade_core.facade.variation.rendering import element_boxes
 from facade_core.facade.variation.sampling import assign_elements_by_type, permute_within_types
 from facade_core.facade.variation.variations import find_variations
-from facade_core.synth.facade import paint_facade
 
 WALL = 190
 

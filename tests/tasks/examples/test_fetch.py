@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from benchmarks.painter.paint_demo import EXEMPLARS
 from catalogs.block.key_faults import validate_block_settings
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleDataFile, ExampleDataSource
 from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
-from tasks.examples.paint_demo import EXEMPLARS
 
 CONTENT = b'{"type": "CityJSON"}'
 PATH = "city/delfshaven/3-20-DELFSHAVEN.city.json"

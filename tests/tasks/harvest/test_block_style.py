@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar
 from catalogs.block.reader import Block, read_block
 from catalogs.city.keys import validate_city_settings
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError
-from facade_core.synth.exemplars import paint_exemplar
 from tasks.engine.run_key import create_run
 from tasks.harvest.block_style import harvest_block_style, list_harvested_exemplars
 from tests.pipeline.stages import write_block

@@ -11,14 +11,14 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar
+from benchmarks.painter.facade import paint_facade
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import ImageError, InputError
 from facade_core.facade.exemplar_admission import CandidateAssessment
 from facade_core.facade.exemplar_quality import ExemplarQuality
 from facade_core.facade.harvesting import HarvestedFacade, harvest_facade
 from facade_core.imagery.rectify.crop import FacadeCrop, crop_to_box
-from facade_core.synth.exemplars import paint_exemplar
-from facade_core.synth.facade import paint_facade
 from flows.cli.commands import command_line
 from tasks.harvest import MIN_SCORE
 from tasks.harvest.library import Candidate, choose_candidates, harvest_style_library

@@ -23,7 +23,7 @@ def status(name):
 def picture(height, width):
     import cv2
 
-    from facade_core.synth.exemplars import paint_exemplar_set
+    from benchmarks.painter.exemplars import paint_exemplar_set
 
     image = cv2.resize(paint_exemplar_set(1, seed=5)[0].image, (width, height))
     hidden = np.zeros((height, width), bool)
@@ -53,10 +53,10 @@ def exemplar(height, width):
 
 
 def retargeted(height, width):
+    from benchmarks.painter.exemplars import paint_exemplar_set
     from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
     from facade_core.facade.texture.retargeting import analyse_exemplar
     from facade_core.facade.texture.wall_floors import FacadeWall
-    from facade_core.synth.exemplars import paint_exemplar_set
 
     made = paint_exemplar_set(1, seed=5)[0]
     wall = FacadeWall.freestanding(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))

@@ -13,6 +13,7 @@ import pytest
 from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import FacesPlatesAndText, detectors_available
 from facade_core.imagery.detect.text import TextLine
@@ -20,7 +21,6 @@ from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.imagery.rectify.level_lines import MAX_LEVEL_SLOPE_DEG, find_unrectified_slope, measure_level_slope
 from facade_core.imagery.rectify.photo_state import check_daylight, check_photo_state
 from facade_core.parsing.segmenter import Surroundings
-from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.evidence import read_evidence
 from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.photos import BLURRED, crop_facade_photo, read_facade_photo

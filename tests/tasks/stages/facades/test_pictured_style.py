@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.chart_packing import ChartPlacements
-from facade_core.synth.facade import paint_facade
 from tasks.stages.facades.pictured_style import select_pictured_style
 
 DENSITY = 20.0

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.painter.facade import paint_facade as paint
 from facade_core.facade.exemplar_facade import ScaledStyle, build_facade_from_exemplar
 from facade_core.facade.facade import Facade
 from facade_core.facade.photo_facade import PhotoMasks, build_facade_from_photo
 from facade_core.facade.texture.retargeting import analyse_exemplar
 from facade_core.facade.texture.wall_floors import FacadeWall
-from facade_core.synth.facade import paint_facade as paint
 from tasks.stages.facades.worker import _summarize
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)

@@ -12,12 +12,12 @@ import pytest
 import zarr
 
 import tasks.stages.shared.panorama_cameras as module
+from benchmarks.painter.street_truth import synthetic_street
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import FusedCameraView, PanoramaCamera
 from facade_core.imagery.detect.detection import FacesPlatesAndText
-from facade_core.synth.street_truth import synthetic_street
 from tasks.stages.shared.surface_panorama import SurfacePanorama
 
 IMAGE = np.zeros((2, 4, 3), np.uint8)

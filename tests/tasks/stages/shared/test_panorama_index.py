@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
 from facade_core.core.arrays import BoolArray
 from facade_core.core.types import Lens, Pose
 from facade_core.geometry.charts import ChartKind, Charts
@@ -19,7 +20,6 @@ from facade_core.imagery.panorama_camera import (
     is_in_view,
     project_directions_to_picture,
 )
-from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from tasks.stages.shared.panorama_index import (
     MAX_PANORAMAS_PER_SURFACE,
     MAX_PICTURES_PER_GROUND,

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.painter.street_truth import SyntheticStreet, synthetic_street
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.panorama_camera import GROUND_REACH_M, WALL_REACH_M
-from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from tasks.stages.shared.captures import MAX_PANORAMAS
 from tasks.stages.shared.picture_choice import choose_pictures
 from tests.tasks.stages.shared.test_panorama_index import pictures_of_both_sides, shown_points

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, fractal_noise, hex_to_linear, smooth_noise
 from facade_core.core.arrays import Float32Array
 from facade_core.street.materials.grain import (
     GrainKind,
     add_grain,
 )
 from facade_core.street.materials.grain_file import load_shipped_grain_tables
-from facade_core.synth.canvas import Canvas, fractal_noise, hex_to_linear, smooth_noise
 
 # Pixels whose grain is computed at once, which bounds memory.
 PIXELS_PER_BATCH = 1 << 18

@@ -8,16 +8,16 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import UInt8Array
-from facade_core.core.errors import ImageError
-from facade_core.core.labels import UNKNOWN
-from facade_core.synth.thin_canvas import (
+from benchmarks.painter.thin_canvas import (
     RGB,
     ThinCanvas,
     choose_colour,
     composite_canvas,
     jitter_colour,
 )
+from facade_core.core.arrays import UInt8Array
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import UNKNOWN
 
 _METALS: tuple[RGB, ...] = ((120, 124, 126), (150, 153, 155), (84, 88, 90), (44, 47, 48), (30, 44, 38), (226, 226, 222))
 _PAINTS: tuple[RGB, ...] = ((34, 40, 62), (88, 40, 30), (106, 78, 52), (72, 92, 74), (196, 180, 60))

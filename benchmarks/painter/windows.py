@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, hex_to_linear, smooth_noise
 from facade_core.core.arrays import BoolArray, Float32Array
-from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
 
 # Relief of glass, glazing bars and frames, metres in front of the wall plane.
 GLASS_RELIEF_M = -0.27

@@ -1,4 +1,4 @@
-"""Painting of the demo's pictures: `python -m tasks.examples.paint_demo` writes them anew into the package."""
+"""Painting of the demo's pictures: `python -m benchmarks.painter.paint_demo` writes them anew into the package."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from benchmarks.painter.exemplars import paint_exemplar
+from benchmarks.painter.facade import paint_facade
+from benchmarks.painter.styles import NORDIC_STYLES
 from catalogs.block.reader import Block, read_block
 from facade_core.core.arrays import UInt8Array
 from facade_core.geometry.walls import WallRole
-from facade_core.synth.exemplars import paint_exemplar
-from facade_core.synth.facade import paint_facade
-from facade_core.synth.styles import NORDIC_STYLES
 from tasks.examples.demo import INPUTS, SEED, copy_map, write_block_file
 from tasks.stages.ingest.planning import make_plan
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.painter.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 from facade_core.core.arrays import Float32Array, Float64Array, IntArray, UInt8Array
 from facade_core.geometry.charts import ChartKind
-from facade_core.synth.street_truth import STREET_ORIGIN_M, GroundPaint, SidePaint, SyntheticStreet
 
 
 def ground_pattern_painter(street: SyntheticStreet) -> GroundPaint:

@@ -8,12 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numba import njit
 
+from benchmarks.painter.exemplars import paint_exemplar_set
+from benchmarks.painter.facade import PaintedFacade
+from benchmarks.painter.occluders import paint_occluders
 from facade_core.core.arrays import BoolArray, Float32Array, Float64Array, FloatArray, Int64Array, IntArray, UInt8Array
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
 from facade_core.core.lens_projection import picture_rays
-from facade_core.core.numba_cache import njit
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
@@ -21,9 +24,6 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.panorama_camera import camera_from_world, camera_position
-from facade_core.synth.exemplars import paint_exemplar_set
-from facade_core.synth.facade import PaintedFacade
-from facade_core.synth.occluders import paint_occluders
 
 # Distance from the axis of the street to its facades.
 STREET_HALF_WIDTH_M = 9.0

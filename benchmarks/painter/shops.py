@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear, smooth_noise
+from benchmarks.painter.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 from facade_core.core.arrays import Float32Array, Float64Array
-from facade_core.synth.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear, smooth_noise
-from facade_core.synth.windows import BAR_RELIEF_M, FRAME_RELIEF_M, GLASS_RELIEF_M, glass_reflections
 
 # Names of shops by the goods behind their glass.
 SHOP_NAMES = {

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, hex_to_linear
+from benchmarks.painter.facade_plan import FacadePlan, PaintedOpening
 from facade_core.core.arrays import Float32Array, FloatArray
-from facade_core.synth.canvas import Canvas, hex_to_linear
-from facade_core.synth.facade_plan import FacadePlan, PaintedOpening
 
 Box = tuple[float, float, float, float]
 # Projections of mouldings in metres, from top to bottom.

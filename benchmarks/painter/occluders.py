@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from benchmarks.painter.canvas import GAMMA, fractal_noise, gaussian_blur, hex_to_linear, smooth_noise
 from facade_core.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, UInt8Array
-from facade_core.synth.canvas import GAMMA, fractal_noise, gaussian_blur, hex_to_linear, smooth_noise
 
 MAX_HIDDEN_SHARE = 0.40
 _LEAF_COLOURS = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, WallAttachment, gaussian_blur
 from facade_core.core.arrays import Float32Array
-from facade_core.synth.canvas import Canvas, WallAttachment, gaussian_blur
 
 SUN_COLOUR = np.array([0.720, 0.690, 0.640], np.float32)
 SKY_COLOUR = np.array([0.285, 0.305, 0.335], np.float32)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear
 from facade_core.core.arrays import Float32Array, Float64Array
-from facade_core.synth.canvas import Canvas, WallAttachment, fractal_noise, hex_to_linear
 
 BALCONY_DEPTH_M = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
 _FLOWER_COLOURS = ("#c8413c", "#d96a8c", "#e0a63a", "#b65bb0", "#f0e6e0")

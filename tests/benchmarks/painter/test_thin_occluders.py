@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from benchmarks.painter.thin_occluders import THIN_KINDS, ThinView, paint_thin_occluder
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
-from facade_core.synth.thin_occluders import THIN_KINDS, ThinView, paint_thin_occluder
 
 VIEW = ThinView(1 / 25, 240)
 WALL = np.full((240, 320, 3), (200, 170, 140), np.uint8)

@@ -7,12 +7,12 @@ from dataclasses import FrozenInstanceError, fields
 import numpy as np
 import pytest
 
+from benchmarks.painter.exemplars import paint_exemplar_set
+from benchmarks.painter.facade import PaintedFacade, paint_facade
+from benchmarks.painter.shops import design_shops
+from benchmarks.painter.styles import STYLES
 from facade_core.core.errors import FacadeError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.synth.exemplars import paint_exemplar_set
-from facade_core.synth.facade import PaintedFacade, paint_facade
-from facade_core.synth.shops import design_shops
-from facade_core.synth.styles import STYLES
 
 
 def paint(style: str = "jugend", **changes) -> PaintedFacade:

@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from facade_core.core.arrays import BoolArray, UInt8Array
-from facade_core.core.errors import LayoutError
-from facade_core.core.types import Element
-from facade_core.synth import entrances, materials, ornament, railings, shops
-from facade_core.synth.canvas import GAMMA, Canvas, hex_to_linear
-from facade_core.synth.canvas_light import shade_canvas
-from facade_core.synth.facade_plan import FacadePlan, PaintedOpening, plan_facade
-from facade_core.synth.occluders import paint_occluders
-from facade_core.synth.styles import STYLE_BY_NAME, STYLES
-from facade_core.synth.weather import apply_weathering
-from facade_core.synth.windows import (
+from benchmarks.painter import entrances, materials, ornament, railings, shops
+from benchmarks.painter.canvas import GAMMA, Canvas, hex_to_linear
+from benchmarks.painter.canvas_light import shade_canvas
+from benchmarks.painter.facade_plan import FacadePlan, PaintedOpening, plan_facade
+from benchmarks.painter.occluders import paint_occluders
+from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
+from benchmarks.painter.weather import apply_weathering
+from benchmarks.painter.windows import (
     HIGH_FLOOR_SKY_PROBABILITY,
     LOW_FLOOR_SKY_PROBABILITY,
     WindowColours,
     paint_window_tile,
     vary_pane_brightness,
 )
+from facade_core.core.arrays import BoolArray, UInt8Array
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
 
 MIN_FLOOR_HEIGHT_M = 2.4
 MIN_COLUMN_WIDTH_M = 1.5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.painter.canvas import Canvas, hex_to_linear, smooth_noise
+from benchmarks.painter.windows import glass_reflections
 from facade_core.core.arrays import Float32Array
-from facade_core.synth.canvas import Canvas, hex_to_linear, smooth_noise
-from facade_core.synth.windows import glass_reflections
 
 
 def paint_door_tile(

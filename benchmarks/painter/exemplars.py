@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.painter.facade import PaintedFacade, paint_facade
+from benchmarks.painter.facade_plan import GROUND_SHARE
+from benchmarks.painter.styles import STYLE_BY_NAME, STYLES
 from facade_core.core.errors import LayoutError
-from facade_core.synth.facade import PaintedFacade, paint_facade
-from facade_core.synth.facade_plan import GROUND_SHARE
-from facade_core.synth.styles import STYLE_BY_NAME, STYLES
 
 UPPER_FLOOR_HEIGHT_M = 3.2  # mean height of floors above the ground floor
 

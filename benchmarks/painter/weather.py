@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, fractal_noise, smooth_noise
+from benchmarks.painter.canvas import Canvas, fractal_noise, smooth_noise
 
 
 def apply_weathering(

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.painter.styles import FacadeStyle
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
-from facade_core.synth.styles import FacadeStyle
 
 GROUND_SHARE = 1.28  # height of the ground floor in heights of an upper floor
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")

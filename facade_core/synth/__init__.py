@@ -1,1 +1,0 @@
-"""Procedural painter of facades with ground truth: input of the demo, of tests and of training."""
