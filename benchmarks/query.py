@@ -26,7 +26,7 @@ def write_catalogue(folder: Path, rows: int) -> None:
     import pyarrow.parquet as pq
     import shapely
 
-    from catalogs.published.items import COLUMNS, arrow_type
+    from catalogs.published.columns import COLUMNS, arrow_type
 
     published = folder / "published" / "S"
     published.mkdir(parents=True)

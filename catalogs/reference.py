@@ -8,6 +8,7 @@ from pathlib import Path
 from catalogs.block.declared_keys import DeclaredKey, declared_keys
 from catalogs.block.keys import BlockFileSettings
 from catalogs.city.keys import CityOnlyKeys
+from catalogs.published.columns import COLUMNS
 
 _FOLDER = Path(__file__).resolve().parent.parent / "docs" / "reference"
 _WRITTEN_BY = "<!-- `python -m catalogs.reference` writes this page from the declarations in the code. -->"
@@ -47,7 +48,26 @@ def format_block_file_page() -> str:
     )
 
 
-PAGES: Mapping[str, Callable[[], str]] = {"block-file.md": format_block_file_page}
+def format_columns_page() -> str:
+    """Return the page of all columns of items.parquet."""
+    rows = [(f"`{one.name}`", one.type, one.unit, one.label, one.meaning) for one in COLUMNS]
+    head = "| column | type | unit | label | meaning |\n|---|---|---|---|---|\n"
+    return "\n\n".join(
+        (
+            "# Columns of items.parquet",
+            _WRITTEN_BY,
+            "`items.parquet` is a GeoParquet 1.1 file, ordered by `id`. It has one row per facade, failed facades included, "
+            "then one row per unit that was set aside. An empty value is unknown. The label is the column's name in the "
+            "viewer, which shows columns with a label only. The metadata of the file's fields have units and meanings too.",
+            head + "\n".join(map(_format_cells, rows)),
+        )
+    )
+
+
+PAGES: Mapping[str, Callable[[], str]] = {
+    "block-file.md": format_block_file_page,
+    "columns.md": format_columns_page,
+}
 
 
 def write_pages(folder: Path = _FOLDER) -> None:
@@ -65,6 +85,10 @@ def _format_table(keys: Iterable[DeclaredKey]) -> str:
 def _format_row(one: DeclaredKey) -> str:
     pending = "" if one.is_section else one.key.effect or "units whose input it changes"
     cells = (f"`{one.name}`", one.value_type, _format_default(one), one.key.unit, one.key.meaning, pending)
+    return _format_cells(cells)
+
+
+def _format_cells(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
 

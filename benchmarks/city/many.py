@@ -26,7 +26,8 @@ import numpy as np
 from shapely import LineString
 
 from benchmarks.timing import bytes_in, figures
-from catalogs.published.items import ROW_KEYS, write_items
+from catalogs.published.columns import ROW_KEYS
+from catalogs.published.items import write_items
 from catalogs.published.merged_items import ITEMS_FOLDER, merge_run_items
 from catalogs.published.runs import PublishedRun
 from catalogs.query.execution import query

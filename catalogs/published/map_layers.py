@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from catalogs.published.columns import COLUMNS
 from catalogs.published.folders import Folder
-from catalogs.published.items import COLUMNS
 from catalogs.readers.annotations import IS_FACADE_COLUMN
 from facade_core.core.errors import InputError
 

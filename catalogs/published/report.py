@@ -18,8 +18,8 @@ from markupsafe import Markup
 
 from catalogs.features import natural_sort_key, safe_file_stem
 from catalogs.printable_text import escape_invisible
-from catalogs.published.item_row import ItemRow, ReportRow
-from catalogs.published.items import ASSUMED_HEIGHT
+from catalogs.published.columns import ItemRow
+from catalogs.published.facade_values import ASSUMED_HEIGHT
 from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
@@ -81,11 +81,11 @@ class StreetReportPages(NamedTuple):
     """
 
     name: str
-    rows: tuple[Sequence[ReportRow], ...]
+    rows: tuple[Sequence[ItemRow], ...]
     paths: tuple[str, ...]
 
     @property
-    def all_rows(self) -> list[ReportRow]:
+    def all_rows(self) -> list[ItemRow]:
         """Return the rows of all pages."""
         return [row for rows in self.rows for row in rows]
 
@@ -97,7 +97,7 @@ class ReportContent:
     Attributes
     ----------
     summary : facts about the block.
-    rows : rows of the catalogue, with `look_first` as the order of review.
+    rows : rows of the catalogue, with `look_first` added: urgency of a review, the largest first.
     set_aside : rows of the units that were set aside.
     records : facade -> its record.
     streets, viewpoints : records.
@@ -114,7 +114,7 @@ class ReportContent:
     """
 
     summary: Mapping[str, object]
-    rows: Sequence[ReportRow]
+    rows: Sequence[ItemRow]
     set_aside: Sequence[ItemRow]
     records: Mapping[str, FacadeTimings]
     streets: Sequence[Mapping[str, object]]
@@ -218,9 +218,9 @@ def _review_order(row: Mapping[str, object]) -> tuple[float, str]:
     return -float(urgency) if isinstance(urgency, SupportsFloat) else 0.0, str(row["id"])
 
 
-def paginate_facades_by_street(rows: Sequence[ReportRow]) -> list[StreetReportPages]:
+def paginate_facades_by_street(rows: Sequence[ItemRow]) -> list[StreetReportPages]:
     """Group facades by the street that sees them, in natural order, MAX_FACADES_PER_PAGE to a page."""
-    by_street: dict[str, list[ReportRow]] = {}
+    by_street: dict[str, list[ItemRow]] = {}
     for row in rows:
         by_street.setdefault(row["street"] or "", []).append(row)
     found = []
@@ -266,12 +266,12 @@ def _index_entry(street: StreetReportPages) -> dict[str, object]:
     }
 
 
-def _facade_entry(row: ReportRow, record: FacadeTimings, sheets: Sequence[tuple[str, str]]) -> dict[str, object]:
+def _facade_entry(row: ItemRow, record: FacadeTimings, sheets: Sequence[tuple[str, str]]) -> dict[str, object]:
     return {"row": row, "pictures": _picture_links("../../images", sheets), "seconds": record.get("seconds", {})}
 
 
 def _change_entry(
-    row: ReportRow,
+    row: ItemRow,
     record: FacadeTimings,
     sheets: Mapping[str, Sequence[tuple[str, str]]],
     before: Mapping[str, str],

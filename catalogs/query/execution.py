@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published.columns import COLUMNS, arrow_type
 from catalogs.published.folders import Folder, map_concurrently
-from catalogs.published.items import COLUMNS, arrow_type
 from catalogs.published.merged_items import MergedItemsFile, read_merged_items_headers, read_parquet_schema
 from catalogs.published.runs import PublishedRun, find_runs
 from catalogs.published.s3 import S3Path, folder_at, s3_filesystem, translate_bucket_errors
@@ -52,7 +52,7 @@ def query(
 
     Returns
     -------
-    Columns of catalogs.published.items.COLUMNS, then `run`: the run's folder relative to `out`, or its own name if
+    Columns of catalogs.published.columns.COLUMNS, then `run`: the run's folder relative to `out`, or its own name if
     `out` is the run. Integer columns are nullable, times are in UTC, geometry is WKB.
 
     Raises

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.crs import LONLAT
 from catalogs.printable_text import escape_invisible, escape_invisible_json
-from catalogs.published.items import BBOX
+from catalogs.published.columns import BBOX
 from catalogs.query.where import condition_columns
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject

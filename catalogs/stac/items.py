@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import shapely
 
 from catalogs.crs import LONLAT
-from catalogs.published.item_row import ItemRow
-from catalogs.published.items import COLUMNS
+from catalogs.published.columns import COLUMNS, ItemRow
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
 
 if TYPE_CHECKING:

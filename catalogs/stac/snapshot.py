@@ -15,8 +15,8 @@ import shapely
 from catalogs.crs import LONLAT
 from catalogs.features import natural_sort_key, safe_file_stem
 from catalogs.printable_text import escape_invisible_json
+from catalogs.published.columns import ItemRow
 from catalogs.published.folders import F, Folder, file_sizes, join_path
-from catalogs.published.item_row import ItemRow
 from catalogs.published.items import transform_foot_lines
 from catalogs.stac.assets import (
     block_assets,

@@ -30,6 +30,8 @@ FLAGS = {"_FillValue": UNKNOWN, "flag_values": list(range(len(CLASSES))), "flag_
 
 # Classes with a rectangle, in drawing order.
 ELEMENT_CLASSES = ("window", "balcony", "door", "shop")
+# Names of their counts in the journal and the catalogue.
+ELEMENT_PLURALS = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 
 # RGB by class id.
 COLOURS = np.array(

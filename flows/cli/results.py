@@ -42,9 +42,9 @@ class QueryCommand(BboxCommand):
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the columns of the published table below the help."""
-        from catalogs.published.items import COLUMNS
+        from catalogs.published.columns import COLUMNS
 
-        with formatter.section("Columns (catalogs/README.md says what each means)"):
+        with formatter.section("Columns (docs/reference/columns.md says what each means)"):
             formatter.write_text(", ".join(["run", *(column.name for column in COLUMNS)]))
 
 

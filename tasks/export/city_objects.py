@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.arrays import Float64Array, IntArray
 from facade_core.core.json_types import JsonObject
+from facade_core.core.labels import ELEMENT_PLURALS
 from facade_core.core.types import Element
 from tasks.export.models import append_ground_index
 from tasks.publish.published_run import PublishedBlock
@@ -129,7 +130,9 @@ def building_attributes(results: PublishedBlock, building: int, body: ModelPart)
     The measured height ends at the highest point of the roof, without chimneys and other attachments.
     """
     row = {name: column[building] for name, column in results.buildings.items()}
-    facades = [results.records[i] for i in results.select_finished_facades(np.array([building]))]
+    facades: list[Mapping[str, Any] | None] = [
+        results.records[i] for i in results.select_finished_facades(np.array([building]))
+    ]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
@@ -140,7 +143,7 @@ def building_attributes(results: PublishedBlock, building: int, body: ModelPart)
         **_roof_attributes(row),
         **{name: row[what] for name, what in APPEARANCE_ATTRIBUTES.items() if row.get(what)},
         "facades": len(facades),
-        **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},
+        **{key: sum(record[key] for record in facades if record) for key in ELEMENT_PLURALS.values()},
     }
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from catalogs.published.items import COLUMNS, ItemColumn
+from catalogs.published.columns import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
 from facade_core.export.models.features import FeatureTable, MetadataProperty
@@ -17,26 +17,8 @@ from tasks.publish.published_run import PublishedBlock
 # The model has the foot line already.
 OMITTED_COLUMNS = ("geometry",)
 # Columns that other surfaces of a building inherit from its row, and sums over its facades in that row.
-BUILDING_COLUMNS = (
-    "block",
-    "building",
-    "part_of",
-    "levels",
-    "roof_shape",
-    "roof_height_m",
-    "roof_confidence",
-    "code_version",
-)
-SUMMED_COLUMNS = (
-    "windows",
-    "doors",
-    "balconies",
-    "shops",
-    "windows_seen",
-    "doors_seen",
-    "balconies_seen",
-    "shops_seen",
-)
+BUILDING_COLUMNS = tuple(column.name for column in COLUMNS if column.of_building == "same")
+SUMMED_COLUMNS = tuple(column.name for column in COLUMNS if column.of_building == "sum")
 
 
 def build_feature_table(results: PublishedBlock) -> FeatureTable:

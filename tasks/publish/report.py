@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from catalogs.published.item_row import ReportRow
+from catalogs.published.columns import ItemRow
 from catalogs.published.report import ReportContent, ReportExemplar, write_report
 from catalogs.published.snapshot import SnapshotFolder
 from facade_core.atlas.table_schema import TableValues
@@ -45,7 +45,7 @@ def write_block_report(
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades
-    reviewed: list[ReportRow] = [
+    reviewed: list[ItemRow] = [
         {**row, "look_first": review_priority(facades, index, record, row["quality"])}
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
         if row["role"] == WALL_ROLES[WallRole.STREET] or row["status"] == "failed"

@@ -9,7 +9,10 @@ import numpy as np
 from catalogs.block.corrections import Corrections
 from facade_core.core.json_types import JsonObject
 from tasks.stages.facades.record import FacadeRecord
-from tasks.viewing.run_view import APPEARANCE_COLUMNS, RunView
+from tasks.viewing.run_view import RunView
+
+# Columns of a building's roof and materials; older stores lack them.
+APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
 
 
 def read_facade_state(view: RunView, index: int, corrections: Corrections) -> JsonObject:
@@ -36,7 +39,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> Js
     """
     tables, corrections = view.tables, corrections.rename_targets(view.id_by_former_id)
     row = int(tables.facades.building[index])
-    facade, building = tables.facades.id[index], tables.buildings[row]
+    facade, building = tables.facades.id[index], tables.buildings["id"][row]
     chart = int(tables.facades.chart[index])
     width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
     record = view.records[index] or cast(FacadeRecord, {})
@@ -54,10 +57,11 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> Js
         ]
         for what in ("hide", "keep")
     }
-    eaves = corrections.value_correction(building, "height") or float(tables.height[row])
+    eaves = corrections.value_correction(building, "height") or float(tables.buildings["height"][row])
     appearance = {
-        what: corrections.value_correction(building, what) or _to_json_value(column[row])
-        for what, column in tables.appearance.items()
+        what: corrections.value_correction(building, what) or _to_json_value(tables.buildings[what][row])
+        for what in APPEARANCE_COLUMNS
+        if what in tables.buildings
     }
     appearance["roof_height"] = (
         None if appearance.get("roof_shape", "") in ("", "flat") else appearance["roof_height"] or None
@@ -75,7 +79,7 @@ def read_facade_state(view: RunView, index: int, corrections: Corrections) -> Js
         "said": {
             "facade": corrections.value_correction(facade, "facade") is not False,
             "levels": corrections.value_correction(building, "levels") or int(tables.facades.floors[index]),
-            "height": None if tables.height_source[row] == "model" else round(eaves, 2),
+            "height": None if tables.buildings["height_source"][row] == "model" else round(eaves, 2),
             "exemplar": corrections.value_correction(building, "exemplar") or "",
             **dict.fromkeys(APPEARANCE_COLUMNS, "") | appearance,
         },

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.crs import LONLAT, coordinate_transform
+from catalogs.published.columns import BBOX
 from catalogs.published.folders import Folder
-from catalogs.published.items import BBOX
 from catalogs.published.merged_items import read_merged_items_headers
 from catalogs.published.s3 import s3_filesystem
 from catalogs.published.snapshot import snapshot_folder

@@ -6,18 +6,21 @@ import json
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from typing import Any, TypedDict, cast
 
 import icechunk
 import numpy as np
 
+from catalogs.published.columns import SHOWN_COLUMNS, ItemColumn
+from catalogs.published.facade_values import FacadeSource
 from catalogs.published.folders import Folder
-from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.report import facades_to_review
 from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.atlas.table_schema import TableValues
 from facade_core.core.arrays import Float64Array, FloatArray, IntArray
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.json_types import JsonObject
@@ -25,22 +28,15 @@ from facade_core.core.labels import PARSE_COLOURS
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.geometry.chart_packing import ChartPlacements
+from facade_core.geometry.walls import WALL_ROLES
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import list_units_with_rejections
-from tasks.publish.item_rows import facade_item_columns
+from tasks.publish.item_rows import record_finish_time
 from tasks.publish.review import MIN_CHANGE, review_priority
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 from tasks.viewing.outlines import BuildingOutline, outline_buildings
-
-# Columns by which a facade cannot be coloured: names and positions.
-_HIDDEN_COLUMNS = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
-SHOWN_COLUMNS = tuple(column for column in COLUMNS if column.name not in _HIDDEN_COLUMNS)
-
-
-# Columns of a building's roof and materials; older stores lack them.
-APPEARANCE_COLUMNS = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
 
 
 class _StreetLine(TypedDict):
@@ -58,7 +54,8 @@ class _PlanTables:
     Attributes
     ----------
     line : (facades, 2, 2) ends of foot lines, metres.
-    appearance : columns of roof and materials by building.
+    azimuth : (facades,) directions that facades face, clockwise from grid north, degrees.
+    buildings : the plan's table of buildings.
     outlines : outlines of the buildings, those around the block too.
     position, forward, street : columns of the viewpoints.
     views : (n, 2) pairs of viewpoint and visible chart.
@@ -68,10 +65,7 @@ class _PlanTables:
     placement: ChartPlacements
     line: Float64Array
     azimuth: Float64Array
-    buildings: tuple[str, ...]
-    height: FloatArray
-    height_source: tuple[str, ...]
-    appearance: Mapping[str, Sequence[object]]
+    buildings: TableValues
     outlines: Sequence[BuildingOutline]
     streets: tuple[_StreetLine, ...]
     position: Float64Array
@@ -165,13 +159,13 @@ class RunView:
             "changed_from": MIN_CHANGE,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
-            "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN_COLUMNS],
+            "columns": [_describe_column(column) for column in SHOWN_COLUMNS],
             "facades": facades,
             "to_look_at": [row["id"] for row in facades_to_review(facades)],
             "parse_colours": [[colour, name] for name, colour in PARSE_COLOURS.items()],
             "buildings": [
                 {
-                    "id": tables.buildings[outline.building],
+                    "id": tables.buildings["id"][outline.building],
                     "own": outline.is_own,
                     "rings": [np.round(np.array(ring) - corner, 1).tolist() for ring in outline.rings],
                 }
@@ -197,18 +191,28 @@ class RunView:
         tables, facades = self.tables, self.tables.facades
         record = self.records[index]
         street = tables.streets[int(facades.street[index])]
-        row: dict[str, object] = {
-            "id": facades.id[index],
-            "line": _round_to_list(tables.line[index] - corner),
-            "building": tables.buildings[int(facades.building[index])],
-            "street": street["name"] or street["id"],
-            "azimuth_deg": round(float(tables.azimuth[index]), 1),
-            "status": "waiting",
-            **facade_item_columns(facades, index, record, tables.height_source[int(facades.building[index])]),
-        }
+        building_id = tables.buildings["id"][int(facades.building[index])]
+        source = FacadeSource(
+            block=cast(str, self.group.attrs["block"]),
+            facades=facades,
+            index=index,
+            role=WALL_ROLES[int(facades.role[index])],
+            buildings=tables.buildings,
+            street=street["name"] or street["id"],
+            street_id=street["id"],
+            line=tables.line[index],
+            azimuth_deg=float(tables.azimuth[index]),
+            record=record or {"status": "waiting"},
+            is_building_corrected=building_id in self.buildings_with_corrections,
+            updated=record_finish_time(record),
+            poses={},
+            code_version="",
+            config_digest="",
+        )
+        row: dict[str, object] = {column.name: column.fill(source) for column in SHOWN_COLUMNS if column.fill}
+        row |= {"id": facades.id[index], "line": _round_to_list(tables.line[index] - corner)}
         if record:
-            row |= {"status": record["status"], "reason": record.get("reason")}
-            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.buildings_with_corrections)
+            row["reason"] = record.get("reason")
             row["look_first"] = review_priority(facades, index, record, cast(str | None, row["quality"]))
         return {name: _to_python(value) for name, value in row.items() if value is not None}
 
@@ -304,10 +308,7 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
         placement,
         np.stack([start, start + along[:, :2] * charts["size"][facades.chart, :1]], axis=1),
         np.degrees(np.arctan2(normal[:, 0], normal[:, 1])) % 360,
-        buildings["id"],
-        buildings["height"],
-        buildings["height_source"],
-        {name: buildings[name] for name in APPEARANCE_COLUMNS if name in buildings},
+        buildings,
         outline_buildings(charts, read_table(session, "mesh")),
         tuple(
             {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}
@@ -325,5 +326,13 @@ def _round_to_list(values: FloatArray) -> list[Any]:
     return rounded
 
 
+def _describe_column(column: ItemColumn) -> JsonObject:
+    """Return what the page shows of a column; `common` ones come before others."""
+    described: JsonObject = {name: getattr(column, name) for name in ("name", "type", "unit", "label", "meaning")}
+    return described | {"common": column.is_common, "words": dict(column.words)}
+
+
 def _to_python(value: object) -> object:
+    if isinstance(value, datetime):
+        return value.isoformat(timespec="seconds")
     return value.item() if isinstance(value, np.generic) else value

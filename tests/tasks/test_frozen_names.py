@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from catalogs.published.items import COLUMNS
 from facade_core.atlas.arrays import ARRAYS
 from facade_core.atlas.journal import journal_path
 from facade_core.atlas.stored_files import FOLDERS
@@ -24,7 +23,6 @@ def names() -> dict[str, Any]:
     return {
         "arrays": [array.path for array in ARRAYS],
         "code_stages": list(CODE_STAGES),
-        "columns_of_items": [column.name for column in COLUMNS],
         "columns_of_tables": {name: [column.name for column in table.columns] for name, table in TABLES.items()},
         "folders_of_files": list(FOLDERS),
         "journals": [journal_path(stage) for stage in STAGE_NAMES],

@@ -2,7 +2,7 @@
 
 import { ask, blockPage, element, facadeAddress, legend, openBase, picture } from "./elements.js";
 import { changeMap } from "./changes.js";
-import { REMEDIES, STATUS, columnName, isCommon, said } from "./columns.js";
+import { REMEDIES, STATUS, said } from "./columns.js";
 import { smallMap } from "./map.js";
 
 // Facades that the list of those to look at shows.
@@ -54,7 +54,7 @@ export async function facadePage(block, id, number, correct) {
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
     ...remedies(facade),
     texture ? stageFigure(id, texture, details.snapshot, "texture") : null,
-    facts(shownColumns.filter((column) => isCommon(column.name)), facade),
+    facts(shownColumns.filter(({ common }) => common), facade),
     facade.changed === undefined ? null : changeMap(facade, details, block.changed_from),
     element("h3", {}, "How it was made"),
     element("div", { class: "stages" }, ...details.stages.filter((one) => one !== texture).map((one) => stageFigure(id, one, details.snapshot))),
@@ -74,15 +74,15 @@ function stageFigure(id, { stage, title }, snapshot, kind = null) {
 }
 
 function facts(columns, facade) {
-  return element("dl", { class: "facts" }, ...columns.map((column) =>
-    element("div", {}, element("dt", {}, columnName(column.name)), element("dd", {}, said(facade[column.name], column.unit, column.name)))));
+  return element("dl", { class: "facts" }, ...columns.map(({ name, label, unit, words }) =>
+    element("div", {}, element("dt", {}, label), element("dd", {}, said(facade[name], unit, words)))));
 }
 
 function valuesTable(columns, facade) {
   return element("table", {},
     element("thead", {}, element("tr", {}, ...["Name", "Value", "Column", "Meaning"].map((text) => element("th", { scope: "col" }, text)))),
-    element("tbody", {}, ...columns.map(({ name, meaning, unit }) =>
-      element("tr", {}, ...[columnName(name), said(facade[name], unit, name), name, meaning].map((text) => element("td", {}, text))))));
+    element("tbody", {}, ...columns.map(({ name, label, meaning, unit, words }) =>
+      element("tr", {}, ...[label, said(facade[name], unit, words), name, meaning].map((text) => element("td", {}, text))))));
 }
 
 // What is amiss with a facade, and what mends it.

@@ -1,28 +1,6 @@
-// What is known of facades, as people call it: names, units, classes with round limits and their colours.
+// Values of facades in words, and their colours: classes with round limits. The block's map has the columns with labels and units.
 
-// Columns that colour the map, as people call them; further columns are below "more".
-const COMMON = {
-  status: "State", floors: "Floors", height_m: "Height", photo: "Covered by pictures", occluded: "Occluded", quality: "To look at",
-  role: "Side of the street", street: "Street", windows: "Windows", window_to_wall: "Window-to-wall ratio", shops: "Shops", balconies: "Balconies",
-  roof_shape: "Roof shape", changed: "Changed between captures", capture_date: "Date of the picture", corrected: "Corrected by hand",
-};
-const FURTHER = {
-  id: "Facade", building: "Building", part_of: "Part of building", roof_height_m: "Height of the roof", roof_confidence: "Certainty of the roof", width_m: "Width",
-  azimuth_deg: "Faces, from north", floors_low: "Floors, at least", floors_high: "Floors, at most", levels: "Floors by the map",
-  columns: "Columns of windows", windows_low: "Windows, at least", windows_high: "Windows, at most", doors: "Doors", shop_width: "Share of the width with shops",
-  windows_seen: "Windows in pictures", doors_seen: "Doors in pictures", balconies_seen: "Balconies in pictures", shops_seen: "Shops in pictures",
-  window_to_wall_low: "Window-to-wall ratio, at least", window_to_wall_high: "Window-to-wall ratio, at most", masked: "Inpainted behind occluders",
-  privacy: "People and vehicles", shop_names: "Names of shops", inpainted: "Inpainted", synthesised: "From an exemplar", translated: "By the translator",
-  source: "Source of the texture", compared: "Compared between captures", capture_date_before: "Date of the earlier picture",
-  pose_residual_deg: "Pose error by wall lines", pose_apart_m: "Panoramas apart", pose_raised_m: "Panorama raised", variation_types: "Types of elements",
-  variation_levels: "Levels of variation", variation_bytes: "Size of the variation", lattice_rows: "Horizontal lattice lines",
-  lattice_columns: "Vertical lattice lines", layout_score: "Layout score", seconds: "Time spent", updated: "Made", look_first: "To look at first",
-};
 const UNITS = { metres: "m", seconds: "s", degrees: "°", bytes: "bytes" };
-const WORDS = {
-  role: { street: "at a street", side: "at the side", back: "at the back" },
-  corrected: { 0: "no", 1: "yes" },
-};
 // From low to high, readable with any colour vision.
 const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5b3a8c", "#a03030"];
@@ -43,19 +21,19 @@ export const REMEDIES = {
   "rejected-picture": ({ reason }) => `A picture of it was rejected${reason ? `: ${reason}` : "."} Correct that picture or its place, or remove it.`,
 };
 
-export const isCommon = (name) => name in COMMON;
-export const columnName = (name) => COMMON[name] || FURTHER[name] || name.replaceAll("_", " ");
+export const columnLabel = (name, columns) => columns.find((column) => column.name === name)?.label || "";
 
-// Columns by which facades may be coloured: [those that are common, the others].
+// Columns by which facades may be coloured: [those that are common, the state first; the others].
 export function choices(columns) {
-  const names = new Set(["status", "street", ...columns.map(({ name }) => name)]);
-  return [Object.keys(COMMON).filter((name) => names.has(name)), [...names].filter((name) => !(name in COMMON))];
+  const common = columns.filter((column) => column.common);
+  const first = common.filter(({ name }) => name === "status");
+  return [[...first, ...common.filter(({ name }) => name !== "status")], columns.filter((column) => !column.common)];
 }
 
 // A value in words, with its unit.
-export function said(value, unit = "", name = "") {
+export function said(value, unit = "", words = {}) {
   if (value === undefined || value === null) return "–";
-  if (WORDS[name]?.[value]) return WORDS[name][value];
+  if (words[value]) return words[value];
   if (unit === "0 to 1" && typeof value === "number") return `${short(100 * value)}\u00a0%`;
   const text = typeof value === "number" ? short(value) : String(value);
   return unit ? `${text}${unit === "degrees" ? "" : "\u00a0"}${UNITS[unit] || unit}` : text;
@@ -83,10 +61,10 @@ export function colouring(name, facades, columns) {
     const there = new Set(facades.map(({ status }) => status));
     return { of: (facade) => STATUS[facade.status] || UNKNOWN, legend: Object.entries(STATUS).filter(([text]) => there.has(text)).map(([text, colour]) => [colour, text]) };
   }
-  const column = columns.find((one) => one.name === name) || { type: "string", unit: "" };
+  const column = columns.find((one) => one.name === name) || { type: "string", unit: "", words: {} };
   const values = facades.map((facade) => facade[name]).filter((value) => value !== undefined);
   const unknown = values.length < facades.length ? [[UNKNOWN, "unknown"]] : [];
-  if (values.length && values.every((value) => typeof value === "number") && !WORDS[name]) {
+  if (values.length && values.every((value) => typeof value === "number") && !Object.keys(column.words).length) {
     const whole = column.type.startsWith("int");
     const share = column.unit === "0 to 1" ? 100 : 1;
     const [low, high] = values.reduce(([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
@@ -104,6 +82,6 @@ export function colouring(name, facades, columns) {
   const others = counts.size > common.length ? [[UNKNOWN, unknown.length ? "other or unknown" : "other"]] : unknown;
   return {
     of: (facade) => (common.includes(facade[name]) ? GROUPS[common.indexOf(facade[name])] : UNKNOWN),
-    legend: [...common.map((value, i) => [GROUPS[i], said(value, "", name)]), ...others],
+    legend: [...common.map((value, i) => [GROUPS[i], said(value, "", column.words)]), ...others],
   };
 }

@@ -1,7 +1,7 @@
 // The page with the map of all blocks: what colours facades, what is looked for, and the list of facades that are shown.
 
 import { STATES } from "./city.js";
-import { choices, colouring, columnName, said } from "./columns.js";
+import { choices, colouring, columnLabel, said } from "./columns.js";
 import { element, legend } from "./elements.js";
 import { BlockMap, boxOf, unite } from "./map.js";
 
@@ -19,7 +19,7 @@ export class MapPage {
       choose: open, view: (numbers) => this.look(numbers), colour: (facade) => this.scheme.of(facade),
       strong: (index, number) => !this.changedOnly || this.changed(number, index),
     });
-    this.select = element("select", { id: "coloured-by", onchange: () => this.colourBy(this.select.value) }, element("option", { value: "status" }, columnName("status")));
+    this.select = element("select", { id: "coloured-by", onchange: () => this.colourBy(this.select.value) });
     this.filter = element("input", { id: "filter", type: "search", placeholder: "street, building, facade, block", autocomplete: "off", oninput: () => this.typed() });
     this.only = element("input", { id: "changed-only", type: "checkbox", onchange: () => this.showChanged() });
     this.onlyLabel = element("span", { hidden: true }, this.only, element("label", { for: "changed-only" }, " changed between two captures"));
@@ -97,9 +97,9 @@ export class MapPage {
   }
 
   fillChoices() {
-    if (this.select.options.length > 1) return;
+    if (this.select.options.length) return;
     const [common, more] = choices(this.columns);
-    const option = (name) => element("option", { value: name, selected: name === this.column }, columnName(name));
+    const option = ({ name, label }) => element("option", { value: name, selected: name === this.column }, label);
     this.select.replaceChildren(...common.map(option), element("optgroup", { label: "more" }, ...more.map(option)));
   }
 
@@ -128,9 +128,9 @@ export class MapPage {
     const detailed = this.maps().length > 0;
     const parts = [];
     if (!this.city.single) parts.push(element("div", { class: "legend-row" }, element("span", {}, "Blocks:"), legend(states.map(([colour, text, count]) => [colour, `${count} ${text}`]))));
-    if (detailed) parts.push(element("div", { class: "legend-row" }, element("span", {}, `Facades by ${columnName(this.column).toLowerCase()}:`), legend(this.scheme.legend)));
+    if (detailed) parts.push(element("div", { class: "legend-row" }, element("span", {}, `Facades by ${columnLabel(this.column, this.columns).toLowerCase()}:`), legend(this.scheme.legend)));
     this.legend.replaceChildren(...parts);
-    this.heads.forEach((head, i) => { head.textContent = (detailed || this.city.single ? ["Facade", "Street", columnName(this.column)] : ["Block", "State", "Facades"])[i]; });
+    this.heads.forEach((head, i) => { head.textContent = (detailed || this.city.single ? ["Facade", "Street", columnLabel(this.column, this.columns)] : ["Block", "State", "Facades"])[i]; });
     this.list();
   }
 
@@ -150,11 +150,11 @@ export class MapPage {
     }
     const found = this.matching();
     if (this.changedOnly) found.sort((a, b) => b.facade.changed - a.facade.changed);
-    const unit = this.columns.find(({ name }) => name === this.column)?.unit;
+    const { unit, words } = this.columns.find(({ name }) => name === this.column) || {};
     const focused = this.rows.contains(document.activeElement) ? document.activeElement.getAttribute("href") : null;
     this.rows.replaceChildren(...found.slice(0, LISTED).map(({ number, facade }) => element("tr", {},
       element("td", {}, element("a", { href: this.address(number, facade.id) }, facade.id)), element("td", {}, facade.street),
-      element("td", { class: typeof facade[this.column] === "number" ? "number" : "" }, said(facade[this.column], unit, this.column)))));
+      element("td", { class: typeof facade[this.column] === "number" ? "number" : "" }, said(facade[this.column], unit, words)))));
     if (focused) [...this.rows.querySelectorAll("a")].find((link) => link.getAttribute("href") === focused)?.focus();
     const all = this.maps().reduce((sum, [, block]) => sum + block.facades.length, 0);
     this.count.textContent = `${found.length} of ${all} facades${this.city.single ? "" : " shown"}${found.length > LISTED ? `, the first ${LISTED} listed` : ""}`;

@@ -9,95 +9,61 @@ from facade_core.facade.variation.hierarchy import Hierarchy
 
 
 class FacadeRecord(Record, total=False):
-    """Record of a facade.
+    """Record of a facade: fields that code reads by name.
+
+    Fields that only the catalogue reads are those of `catalogs.published.columns.COLUMNS`.
 
     Attributes
     ----------
     source : pictures or exemplar that the facade is made from.
-    capture_date : day of the newest picture.
     corrected : whether somebody corrected it.
     facade : False for a wall that is said to be no facade.
-    changed : share that changed since the earlier capture, of what both show.
-    compared : share of the facade that both captures show.
-    capture_date_before : day of the earlier capture.
     change_map : changed cells.
     before_file : stored picture of the facade at the earlier capture.
     before_digest : its digest.
     elements : label, x0, y0, x1, y1, confidence.
     lattice : rows and columns, pixels.
-    windows_seen : windows that pictures show.
-    shop_width : share of the width with shops.
-    window_to_wall : share of the facade that is windows.
-    window_to_wall_low : lower bound, of facades from pictures.
     occluded : occluded share.
     masked : boxes of masked objects, pixels.
     repeated_foot : share of the height at the foot that is hidden, and repeats storeys above.
     pictured_colour : lit colour of the wall, 0..255, as its photo or panoramas show it; none where they show too little.
     common_exposure : whether it has the exposure that all panoramas with common ground have.
     tone_slope : slopes at black of the tone curve that brought it to the exposure of its building; none of 1.
-    privacy : setting by which masked objects were stored.
     looked : whether faces and plates were looked for.
-    shop_names : names read over shops; None if they were not looked for.
     cut_kept : of photos: share of the rectified picture that was cut out.
     cut_found : whether a facade was found there.
     stretched : how many times wider, for its height, the wall is than the cut.
     cut_notes : what of the photo was left out, in words.
     provenance : share of texels of each provenance.
+    variation_levels : levels of the variation hierarchy.
     variation_file : stored file of the variations.
     variation_digest : its digest.
     """
 
     source: str
-    capture_date: str | None
     corrected: bool
     facade: bool
-    changed: float | None
-    compared: float
-    capture_date_before: str | None
     change_map: list[str]
     before_file: str
     before_digest: str
     floors: int
-    columns: int
     elements: list[tuple[str, float, float, float, float, float]]
     lattice: dict[str, list[int]]
-    windows: int
-    doors: int
-    balconies: int
-    shops: int
-    windows_seen: int
-    doors_seen: int
-    balconies_seen: int
-    shops_seen: int
-    shop_width: float
-    window_to_wall: float
-    window_to_wall_low: float
-    window_to_wall_high: float
-    windows_low: int
-    windows_high: int
-    floors_low: int
-    floors_high: int
     occluded: float
     masked: list[list[int]]
-    masked_share: float
     repeated_foot: float
     pictured_colour: list[float]
     common_exposure: bool
     tone_slope: list[float]
-    privacy: str
     looked: bool
-    shop_names: str | None
     cut_kept: float
     cut_found: bool
     stretched: float
     cut_notes: list[str]
     provenance: list[float]
-    variation_types: int
     variation_levels: int
-    variation_bytes: int
     variation_file: str
     variation_digest: str
-    layout_score: float | None
 
 
 def facade_file_digests(unit: int, record: Record) -> dict[str, str]:

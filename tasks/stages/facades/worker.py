@@ -23,7 +23,7 @@ from facade_core.atlas.stored_files import (
 )
 from facade_core.core.arrays import AnyArray, Float64Array, UInt8Array
 from facade_core.core.errors import FacadeError, ImageError
-from facade_core.core.labels import FacadeClass
+from facade_core.core.labels import ELEMENT_PLURALS, FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
@@ -61,8 +61,7 @@ if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
 
 
-# The classes that are counted, and what `facade_core.parsing.confidence.FacadeStatistics` has, as the catalogue names them.
-_COUNT_NAMES = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
+# What `facade_core.parsing.confidence.FacadeStatistics` has, as the catalogue names it.
 _ESTIMATED = ("window_to_wall", "windows", "floors")
 
 
@@ -353,7 +352,7 @@ def _summarize(result: Facade) -> dict[str, object]:
     """Return the record fields of a facade for the catalogue and the report."""
     pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, int] = {}
-    for name, plural in _COUNT_NAMES.items():
+    for name, plural in ELEMENT_PLURALS.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
         counts[f"{plural}_seen"] = sum(box_coverage(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)

@@ -14,10 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, from_wkb, from_wkt
 
-import catalogs
 from catalogs.features import natural_sort_key
-from catalogs.published.item_row import ItemRow
-from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, ItemColumn, write_items
+from catalogs.published.columns import BBOX, COLUMNS, ROW_KEYS, ItemColumn
+from catalogs.published.items import write_items
 from facade_core.core.errors import InputError
 
 
@@ -41,10 +40,6 @@ def row(number: int, **changes: Any) -> dict[str, Any]:
         "config_digest": "ab",
     }
     return dict.fromkeys(ROW_KEYS) | known | changes
-
-
-def test_the_typed_row_has_the_columns() -> None:
-    assert tuple(ItemRow.__annotations__) == ROW_KEYS
 
 
 def test_round_trip(tmp_path: Path) -> None:
@@ -192,10 +187,3 @@ def test_missing_columns_and_twins_are_refused(tmp_path: Path) -> None:
         write_items(tmp_path / "items.parquet", [short], "EPSG:32635")
     with pytest.raises(InputError, match="facade w12-f1 has two rows"):
         write_items(tmp_path / "items.parquet", [row(1), row(1)], "EPSG:32635")
-
-
-def test_the_readme_documents_every_column() -> None:
-    assert catalogs.__file__
-    readme = (Path(catalogs.__file__).parent / "README.md").read_text(encoding="utf-8")
-    table = readme.partition("| column |")[2].partition("\n\n")[0].splitlines()[2:]
-    assert table == [f"| `{c.name}` | {c.type} | {c.unit} | {c.meaning} |" for c in COLUMNS]

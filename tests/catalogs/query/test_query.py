@@ -17,7 +17,8 @@ from click.testing import CliRunner
 from shapely import LineString
 
 import catalogs
-from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
+from catalogs.published.columns import COLUMNS, ROW_KEYS
+from catalogs.published.items import write_items
 from catalogs.query.execution import query
 from catalogs.query.formats import format_items
 from catalogs.query.where import combine_conditions, parse_since

@@ -25,7 +25,8 @@ from shapely import LineString
 
 import catalogs
 from catalogs.features import safe_file_stem
-from catalogs.published.items import ROW_KEYS, write_items
+from catalogs.published.columns import ROW_KEYS
+from catalogs.published.items import write_items
 from catalogs.published.snapshot import SnapshotFolder
 from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog

@@ -23,7 +23,7 @@ import trimesh
 from PIL import Image
 from pyproj import Transformer
 
-from catalogs.published.items import COLUMNS
+from catalogs.published.columns import COLUMNS
 from facade_core.core.errors import InputError, StoreError
 from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import command_line

@@ -46,7 +46,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
             assert sum(stage.title.startswith("Photo") for stage in declared) == 1, "what was cut out is shown"
             photos += 1
         files |= set(names)
-        building = view.tables.buildings[int(view.tables.facades.building[index])]
+        building = view.tables.buildings["id"][int(view.tables.facades.building[index])]
         item = report.parents[1] / "stac" / "facades" / safe_file_stem(building) / f"{safe_file_stem(facade)}.json"
         assets = json.loads(item.read_text())["assets"]
         assert set(assets) == {stage.name for stage in declared}

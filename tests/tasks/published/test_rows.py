@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import pytest
 
-from tasks.publish.item_rows import _facade_pose_columns
+from catalogs.published.facade_values import FacadeSource, PanoramaPose, largest_pose_value
 
-POSED = {
-    name: dict(zip(("pose_residual_deg", "pose_apart_m", "pose_raised_m"), values, strict=True))
-    for name, values in {
-        "a.jpg": (0.4, None, 0.3),
-        "Rue, north.jpg": (1.2, 0.02, -1.1),
-        "b.jpg": (None, 0.05, 0.0),
-    }.items()
+POSES = {
+    "a.jpg": PanoramaPose(0.4, None, 0.3),
+    "Rue, north.jpg": PanoramaPose(1.2, 0.02, -1.1),
+    "b.jpg": PanoramaPose(None, 0.05, 0.0),
 }
 
 
@@ -28,4 +28,5 @@ POSED = {
     ],
 )
 def test_the_largest_counts_whatever_commas_names_have(source: str | None, told: tuple[float | None, ...]) -> None:
-    assert tuple(_facade_pose_columns({"source": source}, POSED).values()) == told
+    facade = cast(FacadeSource, SimpleNamespace(record={"source": source}, poses=POSES))
+    assert tuple(largest_pose_value(name)(facade) for name in PanoramaPose._fields) == told

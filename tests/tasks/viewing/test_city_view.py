@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import shapely
 
-from catalogs.published.items import ROW_KEYS, write_items
+from catalogs.published.columns import ROW_KEYS
+from catalogs.published.items import write_items
 from catalogs.published.merged_items import merge_run_items
 from catalogs.published.runs import PublishedRun
 from flows.lock import is_locked, lock_folder
