@@ -236,11 +236,8 @@ def _read_facade_rows(items: Folder) -> list[dict[str, object]]:
     from pyarrow import BufferReader
 
     table = BufferReader(items.read_bytes())
-    published = pq.read_schema(table).names  # earlier versions published fewer columns
-    columns = [name for name in FACADE_COLUMNS if name in published]
-    table.seek(0)
-    rows = pq.read_table(table, columns=["kind", *columns]).to_pylist()
-    facades = [{name: row[name] for name in columns} for row in rows if row["kind"] == "facade"]
+    rows = pq.read_table(table, columns=["kind", *FACADE_COLUMNS]).to_pylist()
+    facades = [{name: row[name] for name in FACADE_COLUMNS} for row in rows if row["kind"] == "facade"]
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 

@@ -254,13 +254,6 @@ def _append_lines(path: Path, added: str) -> None:
         os.replace(draft, path)
 
 
-def migrate_corrections_to_city(city: Path, folder: Path) -> None:
-    """Move corrections that an older version wrote per block to the city's file."""
-    for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
-        _append_lines(corrections_file(city), read_regular(path).decode("utf-8-sig"))
-        path.unlink()
-
-
 @contextmanager
 def _lock_folder(folder: Path) -> Iterator[None]:
     """Hold an exclusive lock on a folder, so that concurrent additions are not lost."""

@@ -130,9 +130,8 @@ def read_file_list(folder: Folder) -> FileList | None:
             "predecessor": content["predecessor"],
             "tags": list(map(str, content["tags"])),
             "files": {str(name): (int(size), str(digest)) for name, (size, digest) in content["files"].items()},
-            # missing in snapshots of older versions
-            "made": {str(name): str(digest) for name, digest in content.get("made", {}).items()},
-            "failed": {str(what): str(why) for what, why in content.get("failed", {}).items()},
+            "made": {str(name): str(digest) for name, digest in content["made"].items()},
+            "failed": {str(what): str(why) for what, why in content["failed"].items()},
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None

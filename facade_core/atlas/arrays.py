@@ -164,7 +164,6 @@ def clear_rasters(
     arrays = [
         group[array.path]
         for array in (STAGE_ARRAYS[stage] if stage else (*BASE_ARRAYS, *STREET_ARRAYS, *SURFACE_ARRAYS))
-        if array.path in group  # a store of an earlier version lacks some until its plan is written
     ]
     for chart in charts:
         layout = TexelLayout.of_charts(placement, [chart])

@@ -162,15 +162,12 @@ class Atlas:
         chart = {name: column[row] for name, column in self.tables["charts"].items() if np.ndim(column)}
         page, top, left, height, width = (int(chart[name]) for name in ("page", "y", "x", "height", "width"))
         window = {"page": page, "y": slice(top, top + height), "x": slice(left, left + width)}
-        # older stores lack some arrays
         on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE_DIMS]
         rasters = {
-            name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs")
-            for folder, name in on_pages
-            if name in self.tree[folder]
+            name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs") for folder, name in on_pages
         }
         frame = self.tree["atlas"].attrs
-        density = float(chart.get("texels_per_metre", frame["texels_per_metre"]))
+        density = float(chart["texels_per_metre"])
         down, right = ((np.arange(size) + 0.5) / density for size in (height, width))
         v, u = xr.DataArray(down, dims="y"), xr.DataArray(right, dims="x")
         if chunks := rasters["colour"].chunksizes:
@@ -246,7 +243,7 @@ def open_atlas(
 
 
 def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str, object]) -> xr.Dataset:
-    """Add the declared attributes of the arrays and the CRS; older stores lack some of them."""
+    """Add the declared attributes of the arrays and the CRS."""
     declared = {array.path: array.attrs for array in ARRAYS}
     if group in TABLES:
         placed = {True: {"grid_mapping": "crs"}, False: {}}

@@ -183,9 +183,8 @@ def create_root(session: icechunk.Session) -> StoreGroup:
 
 
 def read_format(group: StoreGroup) -> int | None:
-    """Return the format of a store; old stores keep it in their attribute `made_for`."""
-    made_for = group.attrs.get("made_for")
-    store_format = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
+    """Return the format of a store; None where it is not stated."""
+    store_format = group.attrs.get("format")
     return store_format if isinstance(store_format, int) else None
 
 

@@ -57,20 +57,13 @@ def read_table(session: icechunk.Session, name: str) -> TableValues:
     return TABLES[name].read_columns(open_table(session, name).load())
 
 
-def placement_from_table(charts: TableValues, texels_per_metre: float) -> ChartPlacements:
-    """Return the placement in a table of charts; in older stores all charts have the atlas density."""
-    density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
-    pages = int(charts["page"].max(initial=-1)) + 1
-    return _from_columns(ChartPlacements, {**charts, "pages": pages, "texels_per_metre": density})
+def placement_from_table(charts: TableValues) -> ChartPlacements:
+    """Return the placement in a table of charts."""
+    return _from_columns(ChartPlacements, {**charts, "pages": int(charts["page"].max(initial=-1)) + 1})
 
 
 def _facades_from_table(values: TableValues) -> Facades:
-    """Return the facades of a table; in older stores buildings are whole and on the ground, and exemplars' roofs stay."""
-    nowhere = np.zeros(len(values["id"]), bool)
-    return _from_columns(
-        Facades,
-        {"raised": nowhere, "house": values["building"].astype(np.int64), "roofed": nowhere} | dict(values),
-    )
+    return _from_columns(Facades, values)
 
 
 def _from_columns(kind: type[T], values: TableValues) -> T:
@@ -177,7 +170,7 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
     """Return the plan of tables."""
     charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
     streets, buildings = tables["streets"], tables["buildings"]
-    placement = placement_from_table(charts, texels_per_metre)
+    placement = placement_from_table(charts)
     spec = AtlasSpec(placement.pages, texels_per_metre, charts["page_size"], charts["chunk"], charts["gutter"])
     scene = Scene(
         _mesh_from_table(mesh),
@@ -222,8 +215,8 @@ def _plan_from_tables(tables: Mapping[str, TableValues], texels_per_metre: float
         wave=streets["wave"],
         ids=charts["id"],
         view_digests=cameras["look"],
-        painted_digests=cameras.get("painted", cameras["look"]),  # stores of before have one digest
-        in_core=charts.get("own", np.ones(len(charts["id"]), bool)),
+        painted_digests=cameras["painted"],
+        in_core=charts["own"],
         street_density=charts.get("street_texels_per_metre", placement.texels_per_metre),
     )
 
@@ -244,9 +237,7 @@ def _lens_columns(poses: Sequence[Pose]) -> dict[str, Float64Array]:
 
 
 def _finishes_from_table(buildings: TableValues) -> tuple[BuildingFinish, ...]:
-    """Return the stated finishes of buildings; none in older stores."""
-    if "wall_colour" not in buildings:
-        return ()
+    """Return the stated finishes of buildings."""
     columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
     return tuple(
         BuildingFinish(_parse_colour(wall_colour), _parse_colour(roof_colour), wall or None, roof or None)

@@ -14,7 +14,7 @@ import yaml
 
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.building_corrections import apply_corrections_to_block, building_ids_by_correction
-from catalogs.block.corrections import Corrections, migrate_corrections_to_city, read_corrections
+from catalogs.block.corrections import Corrections, read_corrections
 from catalogs.block.extract import write_city_part_file
 from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, CityPartIds
@@ -94,7 +94,6 @@ def partition_city_file(
     file = BlockFileErrorContext(path)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
-    migrate_corrections_to_city(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
     whole = CityIndex(build_block(keys, file))
     cuts = partition_indexed_city(whole, city_keys.block_size)

@@ -299,7 +299,7 @@ def _read_tables(session: icechunk.Session) -> _PlanTables:
         read_table(session, name) for name in ("charts", "viewpoints", "streets", "buildings")
     )
     facades = read_facades(session)
-    placement = placement_from_table(charts, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
+    placement = placement_from_table(charts)
     start = charts["origin"][facades.chart, :2]
     along = charts["axis_u"][facades.chart]
     normal = np.cross(charts["axis_v"][facades.chart], along)  # v points down, so v x u points outward

@@ -118,7 +118,7 @@ class StoredFacade:
         """Return the variation hierarchy."""
         record = self.record
         if record is None or "variation_file" not in record:
-            raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
+            raise StoreError("this facade has no stored variations; run the block again")
         return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
     def reconstruct_level(self, level: int) -> UInt8Array:

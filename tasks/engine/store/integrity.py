@@ -173,5 +173,5 @@ def _read_plan_tables(session: icechunk.Session) -> None:
             for _, array in table.arrays():
                 array[...]
     for name in sorted(restored):
-        if name not in optional or name in group:  # a block may have no exemplars, and an old store no files
+        if name not in optional or name in group:  # a block may have no exemplars
             dict(group[name].attrs)

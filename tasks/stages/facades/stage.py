@@ -257,8 +257,7 @@ def choose_facade_exemplars(
     -------
     chosen : (index, name) by facade; empty if no exemplar could be prepared.
     """
-    # exemplars of an older version lack the quality, and are pending
-    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "quality" in r]
+    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done"]
     facades = plan.facades
     if not usable or not len(facades):
         return {}
