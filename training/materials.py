@@ -12,7 +12,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.regular_files import MAX_MODEL_BYTES, read_regular
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
 from facade_core.street.materials.grain_file import save_examples
-from tasks.engine.progress import begin_stage, report_progress
+from training.progress import track_progress
 
 # Picture in materials/, its width in metres, and the size of structure that is not grain, metres.
 GRAIN_PHOTOS: dict[str, tuple[str, float, float | None]] = {
@@ -32,13 +32,11 @@ def learn_grain_examples(data: Path, out: Path) -> Path:
     """Learn grain examples from the CC0 pictures in `data`/materials, and write materials.npz into `out`."""
     examples: dict[str, GrainExample] = {}
     sources = {}
-    begin_stage("examples", len(EXAMPLE_NAMES))
-    for name in EXAMPLE_NAMES:
+    for name in track_progress("examples", EXAMPLE_NAMES, len(EXAMPLE_NAMES)):
         file, width, structure = GRAIN_PHOTOS[name]
         image, digest = read_picture_and_digest(data / "materials" / file)
         examples[name] = learn_grain(image, width, structure=structure)
         sources[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
-        report_progress("examples", 1)
     path = out / "materials.npz"
     save_examples(examples, path, sources=sources)
     return path

@@ -24,10 +24,10 @@ from facade_core.facade.variation.window_types import (
     describe_group,
     save_window_metric,
 )
-from tasks.engine.progress import begin_stage, report_progress
 from training.datasets.facades import ECP, read_dataset
 from training.datasets.layouts import read_layouts
 from training.datasets.window_states import Box, read_window_states
+from training.progress import track_progress
 
 if TYPE_CHECKING:
     from sklearn.linear_model import LogisticRegression
@@ -66,13 +66,10 @@ def train_window_metric(data: Path, out: Path) -> Path:
     from threadpoolctl import threadpool_limits
 
     marked = read_window_states()
-    begin_stage("facades", len(marked) + len(_PAINTED_SEEDS) * len(STYLES))
+    total = len(marked) + len(_PAINTED_SEEDS) * len(STYLES)
     with threadpool_limits(1, user_api="blas"):
-        groups = []
-        for facade in _facades(data, marked):
-            groups += list(_window_groups(*facade))
-            report_progress("facades", 1)
-        metric = _fit(groups)
+        facades = track_progress("facades", _facades(data, marked), total)
+        metric = _fit([group for facade in facades for group in _window_groups(*facade)])
     path = out / "window_types.json"
     save_window_metric(metric, path, facades=len(marked), windows=sum(len(windows) for windows in marked.values()))
     return path

@@ -51,7 +51,7 @@ def weights_by_size(layouts: Sequence[LayoutRecord], model: LayoutModel) -> dict
             start = dataclasses.replace(
                 model, densities=fit_densities(statistics, draw), weights=np.full(len(TERMS), len(TERMS) ** -0.5)
             )
-            weights.append(learn_weights(start, chosen, draw, lambda step, done, total: None))
+            weights.append(learn_weights(start, chosen, draw))
         deviation = np.std(weights, axis=0)
         found[str(size)] = {
             "mean": dict(zip(TERMS, np.mean(weights, axis=0).round(3).tolist(), strict=True)),

@@ -9,6 +9,7 @@ import torch
 
 from facade_core.facade.layout.network.raster import CHANNELS, RASTER
 from facade_core.facade.layout.network.windows import load_layout_network
+from tests.training.progress import listening
 from training.layout.network import LayoutNetwork
 from training.layout.network_export import save_layout_network
 from training.layout.network_training import NetworkSchedule, train_layout_network
@@ -20,11 +21,10 @@ LAYOUT = (
 
 
 def test_a_trained_network_is_exported_with_equal_outputs(tmp_path):
-    steps = []
-    weights = train_layout_network(
-        [LAYOUT], [LAYOUT], NetworkSchedule(2, 2), seed=1, report=lambda done, total: steps.append((done, total))
-    )
-    assert steps == [(1, 2), (2, 2)]
+    events = []
+    with listening(events.append):
+        weights = train_layout_network([LAYOUT], [LAYOUT], NetworkSchedule(2, 2), seed=1)
+    assert [(event.finished, event.total) for event in events] == [(0, 2), (1, 2), (2, 2)]
     save_layout_network(weights, tmp_path / "layout_network.onnx", training_set=["a"], seed=1)
     network = LayoutNetwork()
     network.load_state_dict(weights)

@@ -12,6 +12,7 @@ import torch
 
 from facade_core.parsing import network
 from facade_core.parsing.segmenter import parse
+from tests.training.progress import interrupt_at, listening
 from training.datasets.facades import ANY_CLASS
 from training.parser import network_export, network_training
 from training.parser.network import ParserNetwork
@@ -72,18 +73,14 @@ def test_equal_seeds_give_equal_weights_and_steps_change_them(start, weights):
 def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights, tmp_path, monkeypatch):
     monkeypatch.setattr(network_training, "_SAVE_INTERVAL", 1)
     state = tmp_path / "run" / "network.state"
-
-    def interrupt(name, done, total):
-        if done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(start, state=state, progress=interrupt)
+    with pytest.raises(KeyboardInterrupt), listening(interrupt_at(2)):
+        train(start, state=state)
     with pytest.raises(ModelFileError, match="2 of 4 steps"):
         network_training.read_finished_weights(state)
-    told = []
-    resumed = train(start, state=state, progress=lambda *step: told.append(step))
-    assert told == [("network", 2, 4), ("network", 3, 4)]
+    events = []
+    with listening(events.append):
+        resumed = train(start, state=state)
+    assert [(event.stage, event.finished, event.total) for event in events] == [("network", n, 4) for n in (2, 3, 4)]
     assert all(torch.equal(weights[name], resumed[name]) for name in weights)
     assert all(
         torch.equal(weights[name], value) for name, value in network_training.read_finished_weights(state).items()
@@ -107,18 +104,14 @@ def test_the_state_of_another_run_is_refused(start, tmp_path):
 def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path, monkeypatch):
     monkeypatch.setattr(network_training, "_SAVE_INTERVAL", 1)
     state, long = tmp_path / "network.state", TrainingSchedule(10, {"facades": 2})
-
-    def interrupt(name, done, total):
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(start, long, state=state, progress=interrupt)
+    with pytest.raises(KeyboardInterrupt), listening(interrupt_at(3)):
+        train(start, long, state=state)
     with pytest.raises(ModelFileError, match="another training run"):
         train(start, TrainingSchedule(3, {"facades": 2}), state=state)  # there the rate would have fallen
-    told = []
-    train(start, TrainingSchedule(8, {"facades": 2}), state=state, progress=lambda *step: told.append(step))
-    assert told[0] == ("network", 3, 8)
+    events = []
+    with listening(events.append):
+        train(start, TrainingSchedule(8, {"facades": 2}), state=state)
+    assert (events[0].finished, events[0].total) == (3, 8)
 
 
 def test_a_plateau_does_not_depend_on_the_number_of_steps():

@@ -15,6 +15,7 @@ import torch
 from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.street.translator.colour_grid import NETWORK_HEIGHT, apply_colour_grid
 from facade_core.street.translator.equirectangular_taps import gather_taps
+from tests.training.progress import interrupt_at, listening
 from training.translator import network_training as training
 from training.translator.crops import RealPicture, TrainingRendering
 from training.translator.kernel_distance import image_features, kernel_distance
@@ -41,15 +42,8 @@ def domains(seed: int = 0) -> TrainingDomains:
 
 def test_an_interrupted_run_ends_in_the_same_weights(tmp_path: Path) -> None:
     whole = train_generator(domains(), RECIPE, seed=1)
-    stopped = {"yes": False}
-
-    def stop(_stage: str, done: int, _total: int) -> None:
-        if done == 3 and not stopped["yes"]:
-            stopped["yes"] = True
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train_generator(domains(), RECIPE, seed=1, state=tmp_path / "s", progress=stop)
+    with pytest.raises(KeyboardInterrupt), listening(interrupt_at(3)):
+        train_generator(domains(), RECIPE, seed=1, state=tmp_path / "s")
     again = train_generator(domains(), RECIPE, seed=1, state=tmp_path / "s")
     assert again.distances == whole.distances
     assert all(torch.equal(again.weights[name], value) for name, value in whole.weights.items())

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from facade_core.core.errors import InputError, ModelFileError
-from training.translator import network_training as training
+from training import torch_files
 from training.translator.network_training import RECIPE
 from training.translator.street_renderings import render_procedural_street, render_run_sequences
 from training.translator.train import (
@@ -20,7 +20,7 @@ from training.translator.train import (
 
 
 def test_without_torch_it_ends_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "find_spec", lambda name: None)
+    monkeypatch.setattr(torch_files, "find_spec", lambda name: None)
     places = PictureSplitPrefixes(("nowhere",))
     with pytest.raises(ModelFileError, match="make train-setup"):
         train_translator(

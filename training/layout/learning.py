@@ -49,14 +49,15 @@ from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
 from facade_core.facade.layout.scores import door_bin, layout_score_terms, measure_layout_from_elements
 from facade_core.facade.layout.statistics import LABEL_COUNT, PATTERNS
+from tasks.engine.progress import begin_stage, report_progress
 from training.layout import cases as training_cases
 from training.layout.ranking_examples import (
     Layout,
-    Progress,
     choose_thresholds,
     make_ranking_examples,
     train_ranking,
 )
+from training.progress import track_progress
 
 # Share of the elements that Eq. 20 removes.
 _REMOVED_SHARE = 0.1
@@ -78,7 +79,6 @@ def learn_layout_model(
     names: Sequence[str],
     metric: Sequence[Layout] = (),
     seed: int = 0,
-    progress: Progress | None = None,
 ) -> LayoutModel:
     """Learn densities, policies, weights and ranking trees from whole layouts.
 
@@ -87,7 +87,6 @@ def learn_layout_model(
     layouts : (elements, domain) pairs.
     names : names of the layouts, stored with the model.
     metric : layouts in metres, for walls without any observation.
-    progress : called with step, done and total.
 
     Raises
     ------
@@ -96,12 +95,11 @@ def learn_layout_model(
     """
     from dataclasses import replace
 
-    report = progress or (lambda step, done, total: None)
     layouts = [([e for e in elements if e.label in ELEMENT_CLASSES], domain) for elements, domain in layouts]
     used = [(elements, domain) for elements, domain in layouts if len(elements) >= 4]
     if len(used) < 10:
         raise LayoutError(f"{len(used)} layouts with elements: too few to learn from; give at least ten")
-    report("densities", 0, 1)
+    begin_stage("densities", 1)
     model = LayoutModel(
         fit_densities([measure_layout_from_elements(elements, domain) for elements, domain in used], seed),
         np.full(len(TERMS), len(TERMS) ** -0.5),
@@ -125,14 +123,14 @@ def learn_layout_model(
         np.ones(LABEL_COUNT),
         tuple(names),
     )
-    report("densities", 1, 1)
-    model = replace(model, policies=learn_policies(model, used, seed, report))
-    model = replace(model, weights=learn_weights(model, used, seed, report))
-    shown = make_ranking_examples(model, used, seed, report)
-    report("trees", 0, 3)
+    report_progress("densities", 1)
+    model = replace(model, policies=learn_policies(model, used, seed))
+    model = replace(model, weights=learn_weights(model, used, seed))
+    shown = make_ranking_examples(model, used, seed)
+    begin_stage("trees", 3)
     model = replace(model, trees=train_ranking(shown, seed=seed))
-    report("trees", 1, 3)
-    return replace(model, min_probability=choose_thresholds(shown, seed=seed, progress=report))
+    report_progress("trees", 1)
+    return replace(model, min_probability=choose_thresholds(shown, seed=seed))
 
 
 def fit_densities(
@@ -209,7 +207,7 @@ def _compatibility_table(types: Int64Array) -> Float64Array:
     return np.where(share < 1, np.log(np.maximum(1 - share, np.exp(MIN_LOG_DENSITY))), MIN_LOG_DENSITY)
 
 
-def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> Float64Array:
+def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int) -> Float64Array:
     """Optimise policies for some of the database's facades and keep the most different ones.
 
     Returns
@@ -219,7 +217,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
     rng = np.random.default_rng([seed, 1])
     chosen = rng.permutation(len(layouts))[:_POLICY_FACADES]
     found = []
-    for count, k in enumerate(chosen.tolist()):
+    for count, k in enumerate(track_progress("policies", chosen.tolist(), len(chosen))):
         elements, domain = layouts[k]
         seen, region = training_cases.hide_part(
             training_cases.CASE_KINDS[count % len(training_cases.CASE_KINDS)], elements, domain, rng
@@ -231,7 +229,6 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
             first = sample_policies(POLICY_POPULATION, rng)
             used, _, scores = evolve_policy_candidates(first, start, model, 4, 2, seed)
             found.append(used[scores.argmax()])
-        progress("policies", count + 1, len(chosen))
     policies = np.array(found)
     kept = [0]
     while len(kept) < POLICY_POPULATION:  # add the policy farthest from those kept
@@ -240,7 +237,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
     return policies[kept].reshape(POLICY_POPULATION, POLICY_LENGTH)
 
 
-def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> Float64Array:
+def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int) -> Float64Array:
     """Learn the weights of the ten terms by contrastive divergence.
 
     Whole layouts are compared with completions of them after 10 % of their elements were removed. Weights stay
@@ -260,10 +257,12 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
     positive = np.array([layout_score_terms(elements, domain, model) for elements, domain in layouts])
     scale = positive.std(axis=0) + 1e-3
     weights = model.weights
+    begin_stage("weights", _PASSES * len(layouts))
     for turn in range(_PASSES):
         current = replace(model, weights=weights)
         gradient = np.zeros(len(TERMS))
         for k, (elements, domain) in enumerate(layouts):
+            report_progress("weights", 1)
             keep = rng.uniform(size=len(elements)) >= _REMOVED_SHARE
             seen = [e for e, kept in zip(elements, keep, strict=True) if kept]
             if not seen:
@@ -276,7 +275,6 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
                 Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)
             ]
             gradient += (positive[k] - layout_score_terms(completed, domain, current)) / scale
-            progress("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
         weights = np.maximum(weights + _LEARNING_RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
         weights = weights / np.linalg.norm(weights)
     return weights

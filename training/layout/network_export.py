@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from facade_core.core.model_file import write_model
 from facade_core.facade.layout.network.raster import CHANNELS, RASTER
 from facade_core.facade.layout.network.windows import load_layout_network
+from training.torch_files import encode_onnx
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -32,15 +32,6 @@ def save_layout_network(weights: Mapping[str, Tensor], path: Path, *, training_s
     network = LayoutNetwork()
     network.load_state_dict(weights)
     network.eval()
-    content = io.BytesIO()
-    torch.onnx.export(
-        network,
-        (torch.zeros(1, CHANNELS, *RASTER),),
-        content,
-        input_names=["layout"],
-        output_names=["raw"],
-        opset_version=17,
-        dynamo=False,
-    )
-    write_model(content.getvalue(), path, {"seed": seed, "training_set": list(training_set)})
+    content = encode_onnx(network, {"layout": torch.zeros(1, CHANNELS, *RASTER)}, ["raw"])
+    write_model(content, path, {"seed": seed, "training_set": list(training_set)})
     load_layout_network(path)

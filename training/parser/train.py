@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import extend_model_record, read_model_record
 from facade_core.parsing import confidence, network
 from facade_core.parsing.segmenter import parse
-from tasks.engine.progress import begin_stage, report_progress
 from tasks.publish.catalogue_facts import FACADE_MODELS
 from training.datasets.corrected_facades import MIN_FACADES, CorrectedFacade, label_corrected_facade
 from training.datasets.facades import (
@@ -28,6 +27,7 @@ from training.datasets.occluder_boxes import read_occluder_boxes
 from training.parser import network_export, network_training
 from training.parser.network_training import TrainingSchedule
 from training.parser.sets import paint_labelled_facades, paint_random_occluders, relabel_occluders
+from training.progress import track_progress
 
 Sets = dict[str, list[LabelledFacade]]
 
@@ -76,7 +76,6 @@ def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: Training
         seed=seed,
         state=out / "network.state",
         paint_occluders=paint_random_occluders,
-        progress=training_progress_callback(),
     )
     path = out / "network.onnx"
     network_export.save_network(weights, path, training_set=_photo_names(sets), seed=seed)
@@ -86,14 +85,10 @@ def train_shipped_parser(data: Path, out: Path, *, seed: int, schedule: Training
 
 def calibrate_parser_confidence(model: Path, photos: Sequence[LabelledFacade]) -> None:
     """Calibrate a network's confidence on photos, and write the result into its record."""
-    report = training_progress_callback()
-    observed = []
-    for number, photo in enumerate(photos):
-        report("certainty", number, len(photos))
-        observed.append(
-            confidence.compare_parse_with_truth(parse(photo.image, model=model), photo.labels, photo.possible)
-        )
-    report("certainty", len(photos), len(photos))
+    observed = [
+        confidence.compare_parse_with_truth(parse(photo.image, model=model), photo.labels, photo.possible)
+        for photo in track_progress("certainty", photos, len(photos))
+    ]
     extend_model_record(model, certainty=confidence.fit_calibration(observed))
 
 
@@ -132,7 +127,6 @@ def fine_tune_benchmark_parser(data: Path, out: Path, name: str, *, seed: int) -
         seed=seed,
         state=state,
         start=start,
-        progress=training_progress_callback(),
     )
     path = out / f"{name}.onnx"
     seen = [*read_model_record(out / "network.onnx")["training_set"], *_photo_names({name: facades})]
@@ -158,13 +152,8 @@ def fine_tune_on_corrections(
     ------
     InputError : fewer than MIN_FACADES are usable, or the result does not beat the shipped network; no file is left.
     """
-    report = training_progress_callback()
-    photos = []
-    for number, facade in enumerate(facades):
-        report("corrections", number, len(facades))
-        photos.append(label_corrected_facade(facade))
-    report("corrections", len(facades), len(facades))
-    usable = [photo for photo in photos if photo is not None]
+    labelled = map(label_corrected_facade, track_progress("corrections", facades, len(facades)))
+    usable = [photo for photo in labelled if photo is not None]
     if len(usable) < MIN_FACADES:
         raise InputError(
             f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {MIN_FACADES}"
@@ -177,7 +166,6 @@ def fine_tune_on_corrections(
         seed=seed,
         state=out / "network.state",
         start=network_export.read_weights(network.SHIPPED_NETWORK),
-        progress=report,
     )
     shipped = read_model_record(network.SHIPPED_NETWORK)
     path = out / "network.onnx"
@@ -207,10 +195,12 @@ def parser_pixel_accuracy(photos: Sequence[LabelledFacade], model: Path) -> floa
     return right / max(told, 1)
 
 
-def _model_card(photos: Sequence[LabelledFacade], course: TrainingSchedule, seed: int, figures: str) -> str:
+def _model_card(photos: Sequence[LabelledFacade], schedule: TrainingSchedule, seed: int, figures: str) -> str:
     runs = Counter(photo.name.partition("/")[0] for photo in photos)
     rows = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
-    return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=rows, figures=figures)
+    return _CARD.format(
+        steps=schedule.steps, views=schedule.per_step["corrected"], seed=seed, told=rows, figures=figures
+    )
 
 
 _CARD = """# Model card: network.onnx, a facade parser that learnt from corrections
@@ -227,17 +217,3 @@ shipped parser's sets allow together. How sure it may be was measured of the shi
 
 def _photo_names(sets: Sets) -> list[str]:
     return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
-
-
-def training_progress_callback() -> Callable[[str, int, int], None]:
-    """Return a callback that reports a training run as stages and units."""
-    reached: dict[str, int] = {}
-
-    def progress(step: str, done: int, total: int) -> None:
-        if step not in reached:
-            begin_stage(step, total, earlier=done)
-        else:
-            report_progress(step, done - reached[step])
-        reached[step] = done
-
-    return progress

