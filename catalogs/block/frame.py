@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from catalogs.block.block_file import BlockFileErrorContext
 from catalogs.block.keys import BlockFileSettings
-from catalogs.buildings.axis_mistakes import has_swapped_corners
 from catalogs.buildings.extents import Bounds, BuildingSource
 from catalogs.crs import (
     LONLAT,
@@ -18,7 +17,6 @@ from catalogs.crs import (
     parse_metric_crs,
     project_lonlat_box,
 )
-from catalogs.features import Footprints
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -38,24 +36,12 @@ def choose_frame(
     else:
         stated = sources[0].crs
         assert stated is not None, "sources have frames once they are read"
-        if stated == LONLAT and isinstance(sources[0], Footprints) and not keys.area:
-            _check_corners(sources[0], middle, file)
         frame = file.call_reader("crs", choose_block_crs, stated, *middle)
         notes = _frame_notes(frame, stated, keys.buildings.crs, *(middle if stated == LONLAT else ()))
         if (given := parse_crs(stated)) != frame:
             notes += note_outside_area_of_use(given, *middle)
     notes += note_outside_area_of_use(frame, *middle)
     return frame, project_lonlat_box(keys.area, frame) if keys.area else None, notes
-
-
-def _check_corners(source: Footprints, middle: tuple[float, float], file: BlockFileErrorContext) -> None:
-    """Raise BlockFileError where buildings have right angles only once longitude and latitude are swapped."""
-    if has_swapped_corners([footprint.outline for footprint in source.items]):
-        raise file.make_error(
-            "buildings.path",
-            f"longitude and latitude look swapped (longitude {middle[0]:.4f}, latitude {middle[1]:.4f}): the corners of the "
-            "buildings are right angles the other way round only; write longitude first, or give crs and area if this is right",
-        )
 
 
 def _frame_notes(frame: CRS, stated: str, given: str | None, *middle: float) -> tuple[str, ...]:

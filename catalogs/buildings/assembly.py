@@ -17,9 +17,8 @@ from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models, split_off_solids
 from catalogs.buildings.part_files import attach_parts
 from catalogs.buildings.parts import PartCandidate, host_outline_indices, split_buildings_into_parts
-from catalogs.buildings.repeated_outlines import find_overlapping_outlines, find_repeated_outlines
+from catalogs.buildings.repeated_outlines import find_repeated_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
-from catalogs.buildings.sunken_corners import raise_sunken_corners
 from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, format_reason_notes, natural_sort_key
 from catalogs.reader_errors import fault_reason
@@ -40,7 +39,6 @@ MAX_NEIGHBOUR_OVERLAP = 0.05
 
 
 ASSUMED_FLOOR_M = 3.0  # m; ranks levels among heights
-_OVERLAPPING_REASON = "buildings that overlap another of their file by over half, both kept; take one out"
 REPEATED_REASON = "buildings with the outline of another in their file, the highest kept"
 
 
@@ -232,11 +230,7 @@ def _drop_repeated_outlines(
     heights = [one.height or ASSUMED_FLOOR_M * (one.levels or 0.0) for one, _, _ in pieces]
     repeated = find_repeated_outlines([outline for _, _, outline in pieces], kinds, heights).tolist()
     reasons[REPEATED_REASON] += [id for (_, id, _), drop in zip(pieces, repeated, strict=True) if drop]
-    kept = [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
-    kinds = [kind for kind, drop in zip(kinds, repeated, strict=True) if not drop]
-    for index in find_overlapping_outlines([outline for _, _, outline in kept], kinds):
-        reasons[_OVERLAPPING_REASON].append(kept[index][1])
-    return kept
+    return [piece for piece, drop in zip(pieces, repeated, strict=True) if not drop]
 
 
 def _model_candidates(
@@ -256,9 +250,6 @@ def _model_candidates(
         elif outline.area < MIN_FOOTPRINT_M2:
             reasons[f"models that cover under {MIN_FOOTPRINT_M2:g} m2 set aside"].append(model.id)
         else:
-            shell, raised = raise_sunken_corners(shell)
-            if raised:
-                reasons["models with single roof corners far below the others, raised to these"].append(model.id)
             low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
             base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
             levels = max(1, int(model.levels)) if model.levels else None

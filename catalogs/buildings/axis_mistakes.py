@@ -1,4 +1,4 @@
-"""Coordinates that make sense once their axes are swapped, or the number of their zone is taken off."""
+"""Coordinates that make sense once their axes are swapped, or are of another frame."""
 
 from __future__ import annotations
 
@@ -6,27 +6,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 
 from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.arrays import BoolArray, Float64Array
 
 if TYPE_CHECKING:
     from pyproj import CRS
-    from shapely.geometry.base import BaseGeometry
 
 AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
 NEARBY_DEG = 0.5  # swapped coordinates of one place agree with those of its other files
-_MAX_OUTLINES = 2000  # whose corners are compared
-_MIN_RIGHT_SHARE = 0.6
-_MAX_RIGHT_COSINE = 0.06
-_WEB_MERCATOR = "EPSG:3857"
 _MAX_SIZE_DEG = 0.05  # median size of a building in degrees
 _MAX_LOCAL_COORDINATE = 20_000.0  # m; of a model in a frame of its own
 _MAX_ORIGIN_ERROR_DEG = 0.2  # of latitude, for 20 km
-_ZONE_STEP = 1e6  # number of a zone in front of an easting
-# Zones of ETRS89 / UTM whose eastings begin with the number of the zone.
-_PREFIXED_UTM = {31: "EPSG:5649", 32: "EPSG:4647", 33: "EPSG:5650"}
 
 
 def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
@@ -44,31 +35,14 @@ def axis_mistake(frame: CRS, boxes: Float64Array) -> str | None:
     middle = np.column_stack([boxes[:, [0, 2]].mean(axis=1), boxes[:, [1, 3]].mean(axis=1)])
     if not len(middle):
         return None
-    if not frame.is_geographic and (other := _unit_mistake(frame, boxes, middle)):
-        return other
+    x, y = np.median(middle, axis=0).tolist()
+    if not frame.is_geographic and looks_like_degrees(boxes):
+        return f"coordinates (as in {x:.7g}, {y:.7g}) look like degrees; name their frame, such as EPSG:4326"
     if _is_in_use(frame, middle).any():
         return None
-    x, y = np.median(middle, axis=0).tolist()
     if _is_in_use(frame, middle[:, ::-1]).all():
         axes = ("longitude", "latitude") if frame.is_geographic else ("x", "y")
         return f"{axes[0]} and {axes[1]} look swapped (the first number is {x:.7g}, the second {y:.7g}); write {axes[0]} first"
-    if frame.is_geographic:
-        return None
-    if frame.to_string() != _WEB_MERCATOR and _lies_in_area_of_use(frame, *_from_web_mercator(middle)):
-        return f"coordinates (as in {x:.0f}, {y:.0f}) look like Web Mercator; name their frame, EPSG:3857"
-    zone = int(x // _ZONE_STEP)
-    for own in range(0, 70):
-        shifted = middle + np.array([(own - zone) * _ZONE_STEP, 0.0])
-        if own != zone and _is_in_use(frame, shifted).all():
-            return _zone_mistake(frame, x, zone, own)
-    return None
-
-
-def _unit_mistake(frame: CRS, boxes: Float64Array, middle: Float64Array) -> str | None:
-    """Return the mistake of degrees in the frame of a map; None without it."""
-    x, y = np.median(middle, axis=0).tolist()
-    if looks_like_degrees(boxes):
-        return f"coordinates (as in {x:.7g}, {y:.7g}) look like degrees; name their frame, such as EPSG:4326"
     return None
 
 
@@ -78,32 +52,6 @@ def looks_like_degrees(boxes: Float64Array) -> bool:
         return False
     sizes = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)
     return bool((np.abs(boxes) <= (180.0, 90.0, 180.0, 90.0)).all() and np.median(sizes) < _MAX_SIZE_DEG)
-
-
-def has_swapped_corners(outlines: Sequence[BaseGeometry]) -> bool:
-    """Return True where outlines in degrees have right angles once their axes are swapped, and not as they are.
-
-    Buildings along the meridians show nothing.
-    """
-    rings = shapely.get_exterior_ring(shapely.get_parts(np.array(outlines, object)[:_MAX_OUTLINES]))
-    points = [shapely.get_coordinates(ring) for ring in rings if ring is not None and not ring.is_empty]
-    if not points or not all(np.abs(one).max() <= 90.0 for one in points):
-        return False
-    stated, swapped = (_right_angle_share([one[:, order] for one in points]) for order in ([0, 1], [1, 0]))
-    return swapped > _MIN_RIGHT_SHARE and stated < swapped / 2
-
-
-def _right_angle_share(rings: Sequence[Float64Array]) -> float:
-    """Return the share of the corners of rings in degrees that are right angles, by the length of their sides."""
-    right = total = 0.0
-    for ring in rings:
-        sides = np.diff(ring, axis=0) * (np.cos(np.radians(ring[0, 1])), 1.0)
-        lengths = np.hypot(sides[:, 0], sides[:, 1])
-        pairs = lengths * np.roll(lengths, -1)
-        cosines = np.abs((sides * np.roll(sides, -1, axis=0)).sum(axis=1)) / np.maximum(pairs, 1e-30)
-        weights = np.minimum(lengths, np.roll(lengths, -1))
-        right, total = right + float(weights[cosines < _MAX_RIGHT_COSINE].sum()), total + float(weights.sum())
-    return right / total if total else 0.0
 
 
 def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ...]:
@@ -127,10 +75,6 @@ def note_local_coordinates(frame: CRS, extent: Sequence[float]) -> tuple[str, ..
     )
 
 
-def _from_web_mercator(points: Float64Array) -> tuple[Float64Array, Float64Array]:
-    return coordinate_transform(_WEB_MERCATOR, LONLAT)(points[:, 0], points[:, 1])
-
-
 def _lies_in_area_of_use(frame: CRS, longitude: Float64Array, latitude: Float64Array) -> bool:
     """Return True where all places, degrees, are in the area of use of a CRS that has one."""
     return frame.area_of_use is not None and bool(_area_of_use_mask(frame, longitude, latitude, 0.0).all())
@@ -151,20 +95,6 @@ def swapped_places(first: Float64Array, second: Float64Array) -> bool:
     """Return True where two boxes (west, south, east, north), degrees, meet once the axes of one are swapped."""
     west, south, east, north = second[[1, 0, 3, 2]] + np.array([-1, -1, 1, 1]) * NEARBY_DEG
     return bool(first[0] <= east and first[2] >= west and first[1] <= north and first[3] >= south)
-
-
-def _zone_mistake(frame: CRS, x: float, zone: int, own: int) -> str:
-    if own == 0:
-        known = _PREFIXED_UTM.get(zone) if "UTM zone" in frame.name else None
-        named = f", such as {known}" if known else ""
-        return (
-            f"eastings begin with the number of a zone, {zone} (as in {x:.0f}), which {frame.to_string()} ({frame.name}) "
-            f"does not have; name the frame that has it{named}, or take it off"
-        )
-    return (
-        f"eastings of {frame.to_string()} ({frame.name}) begin with the number of its zone, {own}, and these (as in {x:.0f}) "
-        "do not; name the frame without it, or put it in front"
-    )
 
 
 def _is_in_use(frame: CRS, points: Float64Array) -> BoolArray:

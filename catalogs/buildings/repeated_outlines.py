@@ -12,7 +12,6 @@ from facade_core.core.arrays import BoolArray, Int64Array
 
 MIN_COMMON_SHARE = 0.98  # area share of both outlines
 MAX_BOUNDS_OFFSET_M = 0.5  # m between the bounds of equal outlines
-_MIN_OVERLAP_SHARE = 0.6  # of the area that two outlines cover together
 
 
 def find_repeated_outlines(
@@ -48,25 +47,3 @@ def find_repeated_outlines(
         equal = near[common >= MIN_COMMON_SHARE * np.maximum(areas[near], areas[index])]
         repeated[equal] = decided[equal] = True
     return repeated
-
-
-def find_overlapping_outlines(outlines: Sequence[BaseGeometry], kinds: Sequence[Hashable]) -> list[int]:
-    """Return the indices of outlines that cover nearly the same as an earlier one of their kind.
-
-    Parameters
-    ----------
-    outlines : n outlines in metres.
-    kinds : (n,) kinds, such as the lower end: different ones are never compared.
-    """
-    if len(outlines) < 2:
-        return []
-    shapes = np.array(outlines, dtype=object)
-    areas = shapely.area(shapes)
-    later, earlier = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    ratio = np.minimum(areas[later], areas[earlier]) / np.maximum(areas[later], areas[earlier])
-    alike = (earlier < later) & (ratio >= _MIN_OVERLAP_SHARE)
-    later, earlier = later[alike], earlier[alike]
-    common = shapely.area(shapely.intersection(shapes[later], shapes[earlier]))
-    overlaps = common >= _MIN_OVERLAP_SHARE * (areas[later] + areas[earlier] - common)
-    pairs = zip(later[overlaps].tolist(), earlier[overlaps].tolist(), strict=True)
-    return sorted({one for one, other in pairs if kinds[one] == kinds[other]})

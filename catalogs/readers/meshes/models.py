@@ -19,7 +19,6 @@ from catalogs.readers.meshes.obj import read_obj_surfaces
 from catalogs.readers.meshes.plain import read_plain_mesh
 from catalogs.readers.meshes.plausible_models import (
     check_earth_centred,
-    note_rounded_coordinates,
     select_plausible_models,
 )
 from catalogs.readers.meshes.surface_names import merge_surface_names
@@ -64,15 +63,13 @@ def read_mesh_buildings(path: Path, lod: str | None = None, keys: SourceKeys = N
     frame = None if (keys.crs or crs) is None else parse_crs(keys.crs or crs or "")
     if kind in UP_AXIS_SUFFIXES:
         stated_up, unit = read_header_comments(path)
-        remarks += note_rounded_coordinates(surfaces, path.name, unit or 1.0)
         if unit not in (None, 1.0) and (frame is None or frame.axis_info[0].unit_conversion_factor == 1.0):
             surfaces = [replace(one, corners=one.corners * unit) for one in surfaces]
             remarks.append(Remark(path.name, f"mesh files whose comments state units of {unit} m, converted", None))
         surfaces, turned = turn_up(surfaces, keys.up, path.name, stated_up)
         remarks += turned
-    else:
-        remarks += note_rounded_coordinates(surfaces, path.name)
-        remarks += note_sideways_gltf(surfaces, path.name) if kind != ".npz" else []
+    elif kind != ".npz":
+        remarks += note_sideways_gltf(surfaces, path.name)
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     check_earth_centred(surfaces, path)

@@ -20,40 +20,12 @@ _OTHER_OBJECT = re.compile(
     r"|forest|.*\bosm_(?:roads?|paths?|water|forest|vegetation|railways?)\w*)[\W_\d]*",
     re.IGNORECASE,
 )
-# Medians of all models, metres: beyond them no street of buildings is.
-_MAX_MEDIAN_HEIGHT_M = 400.0
-_MAX_MEDIAN_LENGTH_M = 200.0
-_MIN_LENGTH_M = 1.0
+_MAX_MEDIAN_HEIGHT_M = 400.0  # of all models: no street of buildings is higher
+_MIN_LENGTH_M = 1.0  # of the largest model
 _EARTH_RADII_M = (6_340_000.0, 6_390_000.0)
 _MAX_HEIGHT_M = 20_000.0  # m; of z in a frame of a map
-_MIN_ROUNDING_M = 0.1  # m; smaller steps show in no picture
-_MAX_SINGLE = 1e30
 FLAT_REASON = "models without height (ground, streets, water) set aside"
 OTHER_OBJECT_REASON = "models named as terrain, streets or trees set aside; rename those that are buildings"
-
-
-def note_rounded_coordinates(surfaces: Sequence[MeshSurface], name: str, metres_per_unit: float = 1.0) -> list[Remark]:
-    """Return a remark where large coordinates were rounded to numbers of single precision.
-
-    Parameters
-    ----------
-    surfaces : surfaces of the file, as stored.
-    name : name of the file.
-    metres_per_unit : unit of the coordinates.
-    """
-    points = [one.corners.reshape(-1, 3) for one in surfaces if len(one.corners)]
-    largest = np.max([np.zeros(3), *(np.nan_to_num(np.abs(one)).max(axis=0) for one in points)], axis=0)
-    step = float(np.spacing(np.minimum(largest, _MAX_SINGLE).astype(np.float32)).max())
-    # coordinates of the other axes show that the numbers are not whole by choice
-    metres = step * metres_per_unit
-    with np.errstate(over="ignore"):  # larger numbers are no single precision either
-        is_single = all((one.astype(np.float32) == one).all() for one in points)
-    if metres < _MIN_ROUNDING_M or not is_single:
-        return []
-    if not any((one % step != 0).any() for one in points):
-        return []
-    reason = f"mesh files whose large coordinates are rounded to {metres:g} m, as single precision does; export the model near"
-    return [Remark(name, f"{reason} its origin, and give buildings.offset", None)]
 
 
 def check_earth_centred(surfaces: Sequence[MeshSurface], path: Path) -> None:
@@ -104,13 +76,9 @@ def select_plausible_models(
 
 def _check_unit(sizes: Float64Array, path: Path) -> None:
     """Raise InputError where models of sizes (n, 3) are of another unit than metres."""
-    length, height = float(np.median(sizes[:, :2].max(axis=1))), float(np.median(sizes[:, 2]))
-    if height > _MAX_MEDIAN_HEIGHT_M and length > _MAX_MEDIAN_LENGTH_M:
-        unit = "millimetres" if height > 10 * _MAX_MEDIAN_HEIGHT_M else "centimetres or inches"
+    height, longest = float(np.median(sizes[:, 2])), float(sizes.max())
+    if height > _MAX_MEDIAN_HEIGHT_M or longest < _MIN_LENGTH_M:
         raise InputError(
-            f"{path}: its models are {length:.0f} m long and {height:.0f} m high, as in {unit}; export it in metres"
-        )
-    if sizes.max() < _MIN_LENGTH_M:
-        raise InputError(
-            f"{path}: its largest model is {sizes.max():.3g} m long, as in kilometres or another unit; export it in metres"
+            f"{path}: its models are {height:.3g} m high (median) and up to {longest:.3g} m long, as in another unit; "
+            "export it in metres"
         )

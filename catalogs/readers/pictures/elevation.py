@@ -33,10 +33,6 @@ MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
 _MARGIN_CELLS = 2  # cells around the block, for interpolation at its border
 _HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, declared or not
-# Codes of unknown heights that files do not declare, and the gap to the next height.
-_UNKNOWN_CODES = (0.0, 9999.0, -999.0, 999.0)
-_CODE_GAP_M = 50.0
-_MAX_MIXED_SHARE = 0.1  # cells between code and heights, of those with the code
 _MAX_MEDIAN_SLOPE = 2.0  # metres of height a metre; over that of tree tops in a surface model
 # Units of a band by the words of their names; of other names they are metres.
 _METRES_BY_UNIT_WORD = {
@@ -180,7 +176,6 @@ def _read_around(
         source = np.ma.filled(found.astype(np.float32), np.nan)
         source = (source * np.float32(raster.scales[0]) + np.float32(raster.offsets[0])) * np.float32(unit)
         source[~((source > _HEIGHT_RANGE_M[0]) & (source < _HEIGHT_RANGE_M[1]))] = np.nan
-    _mask_codes(source)
 
     west, north = cells[0] + (first[0] * step, last[1] * step)
     heights = np.full((height, width), np.nan, np.float32)
@@ -250,19 +245,6 @@ def _check_slope(heights: Float32Array, step: float, path: Path) -> None:
             f"{path}: half of its cells rise more than {median:.2g} m a metre, so its heights cannot be metres; state "
             "their unit, e.g. gdal_translate -a_scale 0.01 for centimetres"
         )
-
-
-def _mask_codes(heights: Float32Array) -> None:
-    """Replace the usual codes of unknown heights with NaN where no other height is near one; changed in place.
-
-    Cells at the border of unknown places are averages of the code and heights, and are few.
-    """
-    known = heights[np.isfinite(heights)]
-    for code in _UNKNOWN_CODES:
-        near = np.abs(known - code) < _CODE_GAP_M
-        count = int((known == code).sum())
-        if count > 0 and near.sum() < len(known) and near.sum() - count <= _MAX_MIXED_SHARE * count:
-            heights[np.abs(heights - code) < _CODE_GAP_M] = np.nan
 
 
 def _find_damaged_place(raster: DatasetReader, window: Window) -> str | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, date, datetime
 
@@ -50,27 +49,9 @@ _SEXAGESIMAL = re.compile(
     r"\s*(?:(\d+(?:[.,]\d+)?)\s*(?:'|′|’|m|min|:)?\s*(?:(\d+(?:[.,]\d+)?)\s*(?:\"|″|”|''|s|sec)?)?)?\s*([NSEW])?\s*",
     re.IGNORECASE,
 )
-# Names of fields that look like a height, or like an angle or an accuracy.
-_HEIGHT_LIKE = re.compile(r"alt|elev|height|hgt|höhe|hoehe|haut|(?:^|_)(?:ele|h|z)(?:$|_)|geoid|ellips")
-_ANGLE_LIKE = re.compile(
-    r"head|azim|yaw|bearing|compass|course|(?:^|_)(?:cog|track|direction|dir|rotation|rot|orientation|quat\w*|q[wxyz])(?:$|_)"
-    r"|kappa|omega|phi$|pitch|tilt|incl|roll|bank|img_?direction"
-)
-_ACCURACY_LIKE = re.compile(
-    r"accur|precis|sigma|std|(?:^|_)(?:[hvp]?dop|[hvxyz]?acc|rms\w*|sd\w*)(?:$|_)|gpsdop|uncert|error"
-)
-_HEIGHT_REASON = (
-    "fields of {file} that look like heights, not used; call the one that is surveyed z, with its unit (z_m, z_ft)"
-)
-_OTHER_REASON = (
-    "fields of {file} that look like headings, tilts or accuracies, not used; call those meant heading, pitch, roll"
-)
-_RADIANS_REASON = (
-    "headings of {file} taken as degrees, and all are within 6.3; where they are radians, call the field heading_rad"
-)
-_GON_REASON = (
-    "headings of {file} taken as degrees, and some are from 360 to 400; where they are gon (400 to a turn), call the field "
-    "heading_gon"
+_UNUSED_REASON = (
+    "fields of {file} with numbers that are not used; call those meant z (with its unit: z_m, z_ft), heading, "
+    "pitch or roll"
 )
 _DATE_REASON = "dates of {file} not understood, read without; write the day as 2024-05-17"
 _DATE = re.compile(
@@ -153,24 +134,20 @@ def _unit_factor(name: str, key: str, crs: str | None) -> float:
 
 
 def find_unused_fields(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
-    """Return a remark on each field that looks like a height, angle or accuracy, and counts for no record."""
-    counts: Counter[str] = Counter()
+    """Return a remark on each field that holds numbers and counts for no record; sizes of pictures are none."""
+    names: dict[str, None] = {}
     used = set()
     for record in records:
         used |= {find_field(record, key) for key in FIELD_NAMES}
-        counts.update(name for name, content in record.items() if _is_stated(content))
-    remarks = []
-    plain_names = {field_name(name) for name in counts}
-    for name in counts:
-        plain = field_name(name)
-        if name in used or plain == "exif_gps" or (plain == "height" and "width" in plain_names):  # size of the picture
-            continue
-        shown = escape_invisible(name)[:_MAX_NAME_LENGTH]
-        if _ACCURACY_LIKE.search(plain) or _ANGLE_LIKE.search(plain):
-            remarks.append(Remark(shown, _OTHER_REASON.format(file=file), None))
-        elif _HEIGHT_LIKE.search(plain):
-            remarks.append(Remark(shown, _HEIGHT_REASON.format(file=file), None))
-    return tuple(remarks)
+        names.update(dict.fromkeys(name for name, content in record.items() if _is_number(content)))
+    unused = [name for name in names if name not in used]
+    plain = {field_name(name) for name in unused}
+    sizes = {"width", "height"} if "width" in plain else set()
+    return tuple(
+        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _UNUSED_REASON.format(file=file), None)
+        for name in unused
+        if field_name(name) not in sizes
+    )
 
 
 def parse_capture_day(value: object) -> str | None:
@@ -210,38 +187,6 @@ def find_unread_days(file: str, records: Iterable[JsonObject]) -> tuple[Remark, 
     )
 
 
-def find_likely_units(file: str, records: Iterable[JsonObject]) -> tuple[Remark, ...]:
-    """Return a remark where all headings are without a unit and small enough to be radians, or gon by their range.
-
-    Parameters
-    ----------
-    file : name of the file in the remark.
-    records : records of the file.
-    """
-    names: dict[str, None] = {}
-    headings = []
-    for record in records:
-        name = find_field(record, "heading")
-        value = read_field(record, "heading", None) if name is not None else None
-        if name is None or _UNIT.search(name.strip().lower()) or not isinstance(value, str | int | float):
-            continue
-        try:
-            headings.append(float(value))
-        except (ValueError, OverflowError):
-            continue
-        names[name] = None
-    if headings and min(headings) >= 0 and 360 < max(headings) <= 400:
-        return tuple(
-            Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _GON_REASON.format(file=file), None) for name in names
-        )
-    likely = [heading for heading in headings if abs(heading) <= 2 * math.pi]
-    if len(likely) < max(2, len(headings)) or all(heading.is_integer() for heading in headings):
-        return ()
-    return tuple(
-        Remark(escape_invisible(name)[:_MAX_NAME_LENGTH], _RADIANS_REASON.format(file=file), None) for name in names
-    )
-
-
 def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str, tuple[str, ...]]:
     """Return the substitute values of fields that only some records state, by record.
 
@@ -276,3 +221,12 @@ def find_empty_fields(file: str, records: Mapping[str, JsonObject]) -> dict[str,
 
 def _is_stated(content: object) -> bool:
     return content is not None and content != ""
+
+
+def _is_number(content: object) -> bool:
+    if isinstance(content, bool) or not isinstance(content, str | int | float):
+        return False
+    try:
+        return math.isfinite(float(content))
+    except (ValueError, OverflowError):
+        return False

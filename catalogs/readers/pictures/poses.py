@@ -15,7 +15,6 @@ from catalogs.readers.pictures.pose_fields import (
     FIELD_NAMES,
     find_empty_fields,
     find_field,
-    find_likely_units,
     find_unread_days,
     find_unused_fields,
     parse_capture_day,
@@ -30,12 +29,10 @@ from facade_core.core.regular_files import read_regular, require_regular
 # Bytes; parsed JSON of nested lists takes twenty times its size.
 MAX_FILE_BYTES = 40_000_000
 _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
-# Tilts of all panoramas of a file, degrees, that show another convention, and the least panoramas that show it.
-_MAX_TILT_DEG = 10.0
-_MIN_TILTED = 2
-_NADIR_REASON = "pitches of {file} are all near 90: taken from straight down, as Metashape counts, and 90 taken off"
-_UPSIDE_DOWN_REASON = (
-    "rolls of {file} are all near 180, which turns the panoramas upside down; leave roll out if they are upright"
+_MAX_TILT_DEG = 45.0
+_TILT_REASON = (
+    "panoramas that {file} tilts by over 45 degrees; pitch is 0 at the horizon (Metashape counts from straight down), roll 0 "
+    "upright"
 )
 
 
@@ -114,27 +111,13 @@ def read_poses_file(path: Path) -> PosesFile:
             poses[name] = f"{path.name}: {to_single_line(name[:80])}: {to_single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
-    remarks = [
-        remark
-        for find in (find_unused_fields, find_likely_units, find_unread_days)
-        for remark in find(path.name, stated.values())
+    remarks = [remark for find in (find_unused_fields, find_unread_days) for remark in find(path.name, stated.values())]
+    remarks += [
+        Remark(name, _TILT_REASON.format(file=path.name), None)
+        for name, pose in poses.items()
+        if isinstance(pose, SourcePose) and max(abs(pose.pitch), abs(pose.roll)) > _MAX_TILT_DEG
     ]
-    poses, tilted = _level_tilts(path.name, poses)
-    return PosesFile(poses, (*remarks, *tilted))
-
-
-def _level_tilts(file: str, poses: dict[str, SourcePose | str]) -> tuple[dict[str, SourcePose | str], list[Remark]]:
-    """Return poses whose pitch is 0 at the horizon, and remarks on tilts that no panorama is taken with."""
-    found = {name: pose for name, pose in poses.items() if isinstance(pose, SourcePose)}
-    if len(found) < _MIN_TILTED:
-        return poses, []
-    remarks = []
-    if all(abs(pose.pitch - 90.0) < _MAX_TILT_DEG for pose in found.values()):
-        poses = poses | {name: replace(pose, pitch=pose.pitch - 90.0) for name, pose in found.items()}
-        remarks.append(Remark("pitch", _NADIR_REASON.format(file=file), None))
-    if all(abs(abs(pose.roll) - 180.0) < _MAX_TILT_DEG for pose in found.values()):
-        remarks.append(Remark("roll", _UPSIDE_DOWN_REASON.format(file=file), None))
-    return poses, remarks
+    return PosesFile(poses, tuple(remarks))
 
 
 def _parse_pose(record: JsonObject, crs: str | None) -> SourcePose:

@@ -22,19 +22,16 @@ from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.gdal_files import check_vector_file
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.source_keys import NO_SOURCE_KEYS, SourceKeys
-from catalogs.readers.vectors.absolute_heights import (
-    ignore_other_heights,
-    mark_gutter_heights,
-    note_roof_heights,
-    subtract_ground_heights,
-)
 from catalogs.readers.vectors.column_names import match_known_columns
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assumed_units, tags_from_records
 from catalogs.readers.vectors.cut_downloads import note_cut_download
-from catalogs.readers.vectors.height_like_columns import find_height_like_columns, is_height_like_name
+from catalogs.readers.vectors.doubtful_heights import (
+    find_doubtful_heights,
+    ignore_measured_minima,
+    mark_gutter_heights,
+)
 from catalogs.readers.vectors.height_units import column_units
 from catalogs.readers.vectors.ids import assign_ids
-from catalogs.readers.vectors.likely_feet import find_likely_feet
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
 from catalogs.readers.vectors.shapefile_text import RAW_ENCODING, decode_field_names, decode_shapefile_table
 from catalogs.readers.vectors.solids import convert_surface_wkb
@@ -184,33 +181,17 @@ def _read_table(
         remarks.append(Remark(", ".join(in_frame_units), f"{reason} e.g. height_m", None))
     if with_numbers:
         mark_gutter_heights(tags, columns)
-        remarks += ignore_other_heights(tags, columns, path.name)
-        remarks += subtract_ground_heights(tags, path.name)
-        remarks += note_roof_heights(tags, geometries, path.name)
+        remarks += ignore_measured_minima(tags, columns, path.name)
+        remarks += find_doubtful_heights(tags, columns, units, path.name)
     if path.suffix.lower() in (".geojson", ".json"):
         remarks += note_cut_download(path, len(rows))
-    if with_numbers and not _states_height_unit(known):
-        remarks += find_likely_feet(
-            path.name,
-            geometries,
-            keys.crs or crs,
-            tags,
-            columns,
-            units,
-            has_cut_names=_has_truncated_names(path),
-        )
     if with_numbers and _HEIGHT_TAGS.isdisjoint(chain.from_iterable(tags)):
-        likely = find_height_like_columns(rows.drop(columns=list(columns.values()), errors="ignore"))
-        reason = f"columns of {path.name} that look like heights; rename the right one to height, height_ft or levels"
-        remarks += [Remark(name, reason, None) for name in likely]
+        unread = rows.drop(columns=list(columns.values()), errors="ignore").select_dtypes("number")
+        reason = (
+            f"columns of {path.name} with numbers that are not read; rename heights to height or height_ft, storeys"
+        )
+        remarks += [Remark(str(name), f"{reason} to levels", None) for name in unread]
     return LayerFeatures(crs, ids, geometries, tags, renamed, layer, others, remarks)
-
-
-def _states_height_unit(crs: CRS | str | None) -> bool:
-    """Return True for a frame with a vertical part, which states the unit of heights."""
-    from pyproj import CRS
-
-    return crs is not None and CRS.from_user_input(crs).is_compound
 
 
 def _scale_heights(geometries: ObjectArray, unit: float) -> ObjectArray | None:
@@ -272,7 +253,7 @@ def _read_layer(path: Path, layer: str, with_numbers: bool) -> tuple[GeoDataFram
     numbers = [
         name
         for (name, raw), kind in zip(fields.items(), info["dtypes"], strict=True)
-        if with_numbers and (str(kind).startswith(("int", "uint", "float")) or is_height_like_name(name))
+        if with_numbers and str(kind).startswith(("int", "uint", "float"))
     ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
@@ -336,11 +317,7 @@ def _read_parquet(path: Path, with_numbers: bool) -> tuple[GeoDataFrame, dict[st
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
     columns = match_known_columns(schema.names, has_truncated_names=False)
     numbers = [
-        field.name
-        for field in schema
-        if pyarrow.types.is_integer(field.type)
-        or pyarrow.types.is_floating(field.type)
-        or (pyarrow.types.is_string(field.type) and is_height_like_name(field.name))
+        field.name for field in schema if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
     ]
     wanted = {*columns.values(), *(numbers if with_numbers else ()), json.loads(geo)["primary_column"]}
     unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)

@@ -14,30 +14,20 @@ from pyproj import CRS
 from catalogs.block.reader import read_block
 from catalogs.buildings.axis_mistakes import (
     axis_mistake,
-    has_swapped_corners,
     looks_like_degrees,
     note_local_coordinates,
     swapped_places,
 )
 from catalogs.buildings.extents import locate_boxes
-from catalogs.crs import LONLAT, coordinate_transform, note_outside_area_of_use
+from catalogs.crs import note_outside_area_of_use
 from facade_core.core.errors import BlockFileError, InputError
 
 
 @pytest.mark.parametrize(
     ("crs", "x", "y", "mistake"),
     [
-        ("EPSG:25832", 32_384_000, 5_500_000, "begin with the number of a zone, 32 (as in 32384005), which EPSG:25832"),
-        ("EPSG:25832", 32_384_000, 5_500_000, "such as EPSG:4647, or take it off"),
-        ("EPSG:25833", 33_384_000, 5_500_000, "such as EPSG:5650, or take it off"),
-        ("EPSG:32632", 32_384_000, 5_500_000, "such as EPSG:4647"),
-        ("EPSG:4647", 384_000, 5_500_000, "begin with the number of its zone, 32, and these (as in 384005) do not"),
-        ("EPSG:31467", 500_000, 5_500_000, "begin with the number of its zone, 3, and"),
-        ("EPSG:3879", 497_000, 6_671_000, "begin with the number of its zone, 25, and"),
-        ("EPSG:2177", 500_000, 5_800_000, "begin with the number of its zone, 6, and"),
         ("EPSG:32635", 6_671_000, 385_000, "x and y look swapped (the first number is 6671005, the second 385005)"),
         ("EPSG:28992", 487_000, 121_000, "x and y look swapped"),
-        ("EPSG:32635", 2_775_000, 8_437_000, "look like Web Mercator; name their frame, EPSG:3857"),
         ("EPSG:4326", 35.0, 139.0, "longitude and latitude look swapped"),
         ("EPSG:4258", 60.16, 24.93, "longitude and latitude look swapped"),
     ],
@@ -46,7 +36,7 @@ def test_mistakes_are_named(crs: str, x: float, y: float, mistake: str) -> None:
     size = 0.001 if CRS(crs).is_geographic else 10
     boxes = np.array([[x, y, x + size, y + size]])
     assert mistake in str(axis_mistake(CRS(crs), boxes))
-    with pytest.raises(InputError, match=r"look swapped|number of|Web Mercator"):
+    with pytest.raises(InputError, match="look swapped"):
         locate_boxes(crs, boxes)
 
 
@@ -114,19 +104,9 @@ def test_latlon_swapped(data: Path) -> None:
         read_block(folder / "block.yaml")
 
 
-@pytest.mark.parametrize(("turn", "is_told"), [(30.0, True), (0.0, False)])
-def test_right_angles_tell_the_order_of_degrees(turn: float, is_told: bool) -> None:
-    to_degrees = coordinate_transform("EPSG:3067", LONLAT)
-    houses = [
-        shapely.affinity.rotate(shapely.box(385_000 + x, 6_672_000, 385_012 + x, 6_672_010), turn) for x in (0, 30)
-    ]
-    right = [shapely.transform(one, to_degrees, interleaved=False) for one in houses]
-    swapped = [shapely.transform(one, lambda xy: xy[:, ::-1]) for one in right]
-    assert not has_swapped_corners(right)
-    assert has_swapped_corners(swapped) == is_told
-    assert not has_swapped_corners([])
-    assert looks_like_degrees(shapely.bounds(np.array(right)))
-    assert not looks_like_degrees(shapely.bounds(np.array(houses)))
+def test_degrees_are_told_by_range_and_size() -> None:
+    assert looks_like_degrees(np.array([[24.93, 60.16, 24.9302, 60.1601]]))
+    assert not looks_like_degrees(np.array([[385_000.0, 6_672_000, 385_012, 6_672_010]]))
     assert not looks_like_degrees(np.empty((0, 4)))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -40,17 +39,6 @@ def test_the_highest_of_equal_outlines_is_kept_with_a_note() -> None:
 def test_stacked_buildings_are_kept(keys: dict[str, Any]) -> None:
     found = assemble(footprint("a"), footprint("b", **keys))
     assert not any("outline of another" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(
-    ("east", "keys", "is_noted"), [(1.5, {}, True), (6.0, {}, False), (12.0, {}, False), (1.5, {"base": 9.0}, False)]
-)
-def test_buildings_of_two_sources_in_one_file_are_noted(east: float, keys: dict[str, Any], is_noted: bool) -> None:
-    other = replace(footprint("b", **keys), outline=shapely.affinity.translate(BOX, east))
-    found = assemble(footprint("a"), other)
-    assert [one.id for one in found.items] == ["a", "b"]
-    noted = [note for note in found.notes if note.startswith("buildings that overlap another")]
-    assert [note.rpartition(": ")[2] for note in noted] == (["1 (b)"] if is_noted else [])
 
 
 def test_neighbours_are_different() -> None:

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-
-import numpy as np
 
 from catalogs.crs import LONLAT
-from catalogs.features import Remark
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import short_message, to_single_line
 from catalogs.readers.pictures.cameras.camera_file import (
@@ -21,7 +17,7 @@ from catalogs.readers.pictures.cameras.camera_file import (
     rotation_from_heading,
     rotation_from_omega_phi_kappa,
 )
-from catalogs.readers.pictures.pose_fields import find_likely_units, read_field
+from catalogs.readers.pictures.pose_fields import read_field
 from catalogs.readers.pictures.pose_records import PoseRecord, csv_records
 from facade_core.core.errors import InputError
 from facade_core.core.json_types import JsonObject
@@ -41,17 +37,6 @@ _COEFFICIENTS = ("k1", "k2", "k3", "p1", "p2")
 _DIAGONAL_35MM = math.hypot(36, 24)
 _MIN_FOCAL_PX = 100.0
 _HINT = "give file, x, y, z (or lon, lat), omega, phi, kappa (or heading, pitch, roll) and focal_px"
-_RADIANS_REASON = (
-    "omega, phi and kappa of {file} taken as degrees, and all are within 6.3; where they are radians, call them omega_rad, "
-    "phi_rad, kappa_rad"
-)
-
-_GON_REASON = (
-    "omega, phi and kappa of {file} taken as degrees, but they look like gon (100 to a quarter turn); if they are, call them "
-    "omega_gon, phi_gon, kappa_gon"
-)
-_MAX_TILT_GON = 5.0
-_MIN_GON_SHARE = 0.8  # of the pictures
 
 
 def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
@@ -77,40 +62,21 @@ def read_camera_table(name: str, text: str, crs: str | None) -> CameraFile:
         raise InputError(f"{name} has more than {MAX_ROWS} rows; give those of this block")
     cameras: dict[str, SourceCamera | str] = {}
     is_geographic = False
-    unmarked: list[tuple[float, float, float]] = []
     for picture, record in records:
         if picture in cameras:
             cameras[picture] = f"{name} gives {picture} twice; remove one"
             continue
         try:
-            camera, uses_lonlat = _camera(record, crs, unmarked)
+            camera, uses_lonlat = _camera(record, crs)
         except (ValueError, TypeError, OverflowError) as error:
             cameras[picture] = f"{name}: {to_single_line(picture[:80])}: {short_message(error)}; mend that entry"
         else:
             cameras[picture] = camera
             is_geographic |= uses_lonlat
-    remarks = list(find_likely_units(name, [record for _, record in records if isinstance(record, dict)]))
-    if reason := describe_unit_doubt(unmarked):
-        remarks.append(Remark("omega, phi, kappa", reason.format(file=name), None))
-    return CameraFile(name, cameras, crs=LONLAT if is_geographic else crs, remarks=tuple(remarks))
+    return CameraFile(name, cameras, crs=LONLAT if is_geographic else crs)
 
 
-def describe_unit_doubt(turns: Sequence[tuple[float, float, float]]) -> str | None:
-    """Return the doubt about the unit of omega, phi and kappa that state none; None where they may be degrees."""
-    if len(turns) < 2:
-        return None
-    values = np.array(turns)
-    if (np.abs(values) <= 2 * math.pi).all() and (values % 1.0 != 0).any(axis=1).all():
-        return _RADIANS_REASON
-    # upright pictures: a quarter turn is 100 gon
-    quarters = np.round(values[:, 0] / 100)
-    near = (np.abs(values[:, 0] - 100 * quarters) <= _MAX_TILT_GON) & (quarters % 4 % 2 == 1)
-    return _GON_REASON if near.mean() >= _MIN_GON_SHARE or (np.abs(values) > 360).any() else None
-
-
-def _camera(
-    record: PoseRecord, crs: str | None, unmarked: list[tuple[float, float, float]]
-) -> tuple[SourceCamera, bool]:
+def _camera(record: PoseRecord, crs: str | None) -> tuple[SourceCamera, bool]:
     """Return the camera of a row, and whether its position is longitude and latitude."""
     if isinstance(record, Exception):
         raise record
@@ -122,8 +88,6 @@ def _camera(
     angles = {found[1]: (found[2] or "", record[key]) for key in record if (found := _ANGLE.match(key.strip().lower()))}
     if len(angles) == 3:
         turns = [_angle(which, *angles[which]) for which in ("omega", "phi", "kappa")]
-        if not any(unit for unit, _ in angles.values()):
-            unmarked.append((turns[0], turns[1], turns[2]))
         rotation = rotation_from_omega_phi_kappa(*turns)
     else:
         heading, pitch, roll = (_number(read_field(record, key, crs), key) for key in ("heading", "pitch", "roll"))

@@ -13,8 +13,10 @@ from catalogs.features import BuildingModels
 from catalogs.readers.meshes.models import read_mesh_buildings
 from catalogs.readers.meshes.obj import VERTEX_COLOUR_REASON
 from catalogs.readers.meshes.plain import PICTURE_REASON, STL_COLOURS_REASON, UNREAD_COLOURS_REASON
+from catalogs.readers.source_keys import SourceKeys
 
 RED, GREY = (180, 60, 50), (90, 90, 95)
+Z_UP = SourceKeys(up="z")
 
 
 def box(x: float = 0.0) -> trimesh.Trimesh:
@@ -44,7 +46,7 @@ def read_reasons(found: BuildingModels) -> dict[str, list[str]]:
 def test_colours_of_vertices_are_those_of_walls_and_roof(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "row.ply"
     trimesh.util.concatenate([paint_faces(box()), paint_faces(box(30))]).export(path, encoding=encoding)
-    found = read_mesh_buildings(path)
+    found = read_mesh_buildings(path, keys=Z_UP)
     assert [(one.finish.wall_colour, one.finish.roof_colour) for one in found.items] == [(RED, GREY)] * 2
     assert found.remarks == ()
 
@@ -53,7 +55,7 @@ def test_colours_of_faces(tmp_path: Path) -> None:
     mesh = box()
     mesh.visual.face_colors = np.array([(*RED, 255)] * 12, np.uint8)
     mesh.export(tmp_path / "a.ply")
-    (model,) = read_mesh_buildings(tmp_path / "a.ply").items
+    (model,) = read_mesh_buildings(tmp_path / "a.ply", keys=Z_UP).items
     assert (model.finish.wall_colour, model.finish.roof_colour) == (RED, RED)
 
 
@@ -61,7 +63,7 @@ def test_white_is_no_colour(tmp_path: Path) -> None:
     mesh = box()
     mesh.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
     mesh.export(tmp_path / "a.ply")
-    found = read_mesh_buildings(tmp_path / "a.ply")
+    found = read_mesh_buildings(tmp_path / "a.ply", keys=Z_UP)
     assert found.items[0].finish.wall_colour is None
     assert found.remarks == ()
 
@@ -74,7 +76,7 @@ def test_colours_of_a_photograph_are_counted_in_steps(tmp_path: Path) -> None:
         np.uint8
     )
     mesh.export(tmp_path / "a.ply")
-    found = read_mesh_buildings(tmp_path / "a.ply")
+    found = read_mesh_buildings(tmp_path / "a.ply", keys=Z_UP)
     np.testing.assert_allclose(found.items[0].finish.wall_colour, (176, 80, 48), atol=6)
     assert len(found.items) == 1
 
@@ -92,19 +94,19 @@ def test_pictures_and_other_colours_are_noted(tmp_path: Path) -> None:
         )
 
     write("property uchar diffuse_red\nproperty uchar diffuse_green\nproperty uchar diffuse_blue\n", "200 10 10")
-    assert read_reasons(read_mesh_buildings(path)) == {UNREAD_COLOURS_REASON: ["a.ply"]}
+    assert read_reasons(read_mesh_buildings(path, keys=Z_UP)) == {UNREAD_COLOURS_REASON: ["a.ply"]}
     write("property float s\nproperty float t\n", "0.5 0.5")
-    assert read_reasons(read_mesh_buildings(path)) == {PICTURE_REASON: ["a.ply"]}
+    assert read_reasons(read_mesh_buildings(path, keys=Z_UP)) == {PICTURE_REASON: ["a.ply"]}
 
 
 def test_colours_of_stl_are_noted(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     box().export(path)
-    assert read_reasons(read_mesh_buildings(path)) == {}
+    assert read_reasons(read_mesh_buildings(path, keys=Z_UP)) == {}
     content = bytearray(path.read_bytes())
     struct.pack_into("<H", content, 84 + 48, 0x8000 | 31 << 10)
     path.write_bytes(content)
-    assert read_reasons(read_mesh_buildings(path)) == {STL_COLOURS_REASON: ["a.stl"]}
+    assert read_reasons(read_mesh_buildings(path, keys=Z_UP)) == {STL_COLOURS_REASON: ["a.stl"]}
 
 
 def test_colours_of_obj_vertices_are_noted(tmp_path: Path) -> None:
@@ -112,4 +114,4 @@ def test_colours_of_obj_vertices_are_noted(tmp_path: Path) -> None:
     box().export(path)
     lines = path.read_text().splitlines()
     path.write_text("\n".join(f"{line} 0.7 0.2 0.2" if line.startswith("v ") else line for line in lines))
-    assert read_reasons(read_mesh_buildings(path)) == {VERTEX_COLOUR_REASON: ["a.obj"]}
+    assert read_reasons(read_mesh_buildings(path, keys=Z_UP)) == {VERTEX_COLOUR_REASON: ["a.obj"]}

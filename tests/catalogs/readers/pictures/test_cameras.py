@@ -13,7 +13,6 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from catalogs.readers.pictures.cameras.camera_file import rotation_from_heading, rotation_from_omega_phi_kappa
-from catalogs.readers.pictures.cameras.camera_tables import describe_unit_doubt
 from catalogs.readers.pictures.cameras.cameras import read_cameras
 from catalogs.readers.pictures.cameras.colmap import read_colmap
 from catalogs.readers.pictures.panoramas import PosedPanoramas
@@ -298,12 +297,6 @@ def test_axes_of_opengl_are_refused(tmp_path: Path, pictures: Path) -> None:
 
 def test_degrees_and_radians_are_told_apart(tmp_path: Path, pictures: Path) -> None:
     poses = {name: replace(pose, lens=TABLE_LENS) for name, pose in POSES.items()}
-    as_radians = {
-        n: replace(p, heading=np.radians(p.heading), pitch=np.radians(p.pitch), roll=np.radians(p.roll))
-        for n, p in poses.items()
-    }
-    found = read(pictures, table(tmp_path / "poses.csv", as_radians, **CALIBRATION))
-    assert any("where they are radians, call the field heading_rad" in one.reason for one in found.remarks)
     with pytest.raises(InputError, match=r"are no degrees; where they are radians, call the fields heading_rad"):
         read(pictures, table(tmp_path / "poses.csv", poses, "heading_rad,pitch_rad,roll_rad", **CALIBRATION))
     shots = json.loads(write_opensfm(tmp_path / "r.json", POSES).read_text())
@@ -420,19 +413,3 @@ def test_local_frames_come_from_the_same_cameras() -> None:
     np.testing.assert_allclose(
         rotation @ (local - centre), scale * camera_from_world(pose) @ (point - camera_position(pose))
     )
-
-
-@pytest.mark.parametrize(
-    ("turns", "word"),
-    [
-        ([(100.0, 1.0, 30.0), (99.0, 0.5, 380.0)], "gon"),
-        ([(100.5, 0.0, 20.0), (101.0, 0.0, 20.0)], "gon"),
-        ([(1.57, 0.01, 0.5), (1.6, 0.02, 0.4)], "radians"),
-        ([(90.0, 0.0, 20.0), (88.0, 1.0, 300.0)], None),
-        ([(0.5, 1.0, 120.0), (-0.3, 0.4, 95.0)], None),
-        ([(100.0, 0.0, 10.0)], None),
-    ],
-)
-def test_doubts_about_the_unit_of_angles(turns: list[tuple[float, float, float]], word: str | None) -> None:
-    found = describe_unit_doubt(turns)
-    assert found is None if word is None else word in str(found)

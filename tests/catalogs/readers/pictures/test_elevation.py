@@ -228,15 +228,6 @@ def test_damaged_cells_are_named_by_their_place(compress: str, tmp_path: Path) -
     assert np.isfinite(read_elevation(path, UTM, (WEST + 300, NORTH - 100, WEST + 400, NORTH - 50)).heights).any()
 
 
-@pytest.mark.parametrize("code", [0, 9999, -999])
-def test_codes_of_unknown_heights_are_nan(tmp_path: Path, code: float) -> None:
-    heights = np.full((200, 200), 400.0, np.float32)
-    heights[120:130, 60:80] = code
-    found = read_elevation(write(tmp_path / "t.tif", heights), UTM, BOX)
-    assert np.nanmin(found.heights) == np.nanmax(found.heights) == 400
-    assert np.isnan(found.heights).any()
-
-
 def test_the_level_of_the_sea_is_a_height(tmp_path: Path) -> None:
     heights = np.linspace(0, 40, 200, dtype=np.float32)[None].repeat(200, axis=0)
     heights[:, :60] = 0

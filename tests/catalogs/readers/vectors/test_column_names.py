@@ -64,8 +64,8 @@ def test_ground_of_other_maps(tmp_path: Path) -> None:
     assert found.items[0].base == 20.0
 
 
-@pytest.mark.parametrize("columns", [{"o_kote": 182.0}, {"wysokosc_bud": "12,5 m"}, {"Höhe_über_Grund": "12"}])
-def test_unknown_columns_named_like_heights_are_named(tmp_path: Path, columns: dict[str, Any]) -> None:
+@pytest.mark.parametrize("columns", [{"o_kote": 182.0}, {"wysokosc_bud": 12.5, "Höhe_über_Grund": 12}])
+def test_unknown_columns_of_numbers_are_named(tmp_path: Path, columns: dict[str, Any]) -> None:
     found = read_vector_footprints(outline(tmp_path / "b.gpkg", columns))
     assert [remark.id for remark in found.remarks] == list(columns)
 
@@ -130,8 +130,3 @@ def test_widths_of_streets_that_are_no_length_are_noted(tmp_path: Path) -> None:
     geopandas.GeoDataFrame(columns, geometry=lines, crs="EPSG:32635").to_file(tmp_path / "s.gpkg")
     found = read_vector_centrelines(tmp_path / "s.gpkg")
     assert [remark.id for remark in found.remarks] == ["1 (6-8 m)"]
-
-
-def test_relative_heights_are_no_latitudes(tmp_path: Path) -> None:
-    found = read_vector_footprints(outline(tmp_path / "b.gpkg", {"height_relative_top": 9.5, "latitude": 60.1}))
-    assert [remark.id for remark in found.remarks] == ["height_relative_top"]

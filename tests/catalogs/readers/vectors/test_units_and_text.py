@@ -22,6 +22,7 @@ from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.pictures.poses import read_poses_file
 from catalogs.readers.pictures.source_poses import SourcePose
 from catalogs.readers.source_keys import SourceKeys
+from catalogs.readers.vectors.doubtful_heights import ignore_measured_minima, mark_gutter_heights
 from catalogs.readers.vectors.vector_files import read_vector_footprints
 from facade_core.core.errors import InputError
 
@@ -88,42 +89,46 @@ def test_a_model_in_a_given_foot_frame(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "named"),
     [
-        ({"roofhgt7": 12.5, "shape_area": 120.0, "objectid": 7}, ["roofhgt7"]),
-        ({"wert": 12.5, "shape_area": 120.0, "kod": 7}, ["wert"]),
+        ({"roofhgt7": 12.5, "shape_area": 120.0, "objectid": 7}, ["roofhgt7", "shape_area"]),
         ({"hoyde": 12, "elev_top": 30}, ["hoyde", "elev_top"]),
         ({"height": None, "dachhoehe": 12.0}, ["dachhoehe"]),
         ({"height": 9.0, "elev_top": 30.0}, []),
         ({"levels": 4, "elev_top": 30.0}, []),
-        ({"kod": 7, "elev_top": 99999.0}, []),
     ],
 )
-def test_columns_that_look_like_heights_are_named(tmp_path: Path, columns: dict[str, Any], named: list[str]) -> None:
+def test_unread_columns_of_numbers_are_named(tmp_path: Path, columns: dict[str, Any], named: list[str]) -> None:
     found = read_vector_footprints(outlines(tmp_path / "b.gpkg", "EPSG:32618", **columns))
     assert [remark.id for remark in found.remarks] == named
-    assert all("b.gpkg that look like heights" in remark.reason for remark in found.remarks)
+    assert all("b.gpkg with numbers that are not read" in remark.reason for remark in found.remarks)
 
 
 @pytest.mark.parametrize(
-    ("heights", "levels", "remedy"),
+    ("columns", "doubt"),
     [
-        ([125.0, 90.0, 75.0], [4, 3, 2], "height_dm"),
-        ([4.0, 3.0, 5.0], [4, 3, 5], "levels where it counts storeys"),
-        ([900.0, 850.0, 750.0], None, "height_cm or height_mm"),
-        ([2.0, 3.0, 4.0], None, "levels"),
-        ([12.0, 9.0, 6.0], [4, 3, 2], None),
-        ([12.0, 9.0, 6.0], None, None),
-        ([2.4, 3.0, 4.0], None, None),
+        ({"height": [125.0, 90.0, 75.0], "levels": [4, 3, 2]}, "31.2 a storey; call the column by its unit"),
+        ({"height": [42.0, 31.0, 21.0], "levels": [4, 3, 2]}, "10.5 a storey; call the column by its unit (height_ft"),
+        ({"height": [42.0, 31.0, 21.0], "osm_id": [1, 2, 3], "levels": [4, 3, 2]}, "10.5 a storey"),
+        ({"height": [4.0, 3.0, 5.0], "levels": [4, 3, 5]}, "1.0 a storey; call the column by its unit"),
+        ({"height": [900.0, 850.0, 750.0]}, "850 on the median; call the column by its unit (height_ft, height_cm"),
+        ({"height": [182.0, 179.0, 177.0], "ground_z": [170.0, 170.5, 170.0]}, "just above the heights of the ground"),
+        ({"height": [12.0, 9.0, 6.0], "ground_z": [170.0, 170.5, 170.0]}, None),
+        ({"height": [12.0, 9.0, 6.0], "levels": [4, 3, 2]}, None),
+        ({"height": [12.0, 9.0, 6.0]}, None),
+        ({"height_ft": [42.0, 31.0, 21.0]}, None),
+        ({"height_m": [42.0, 31.0, 21.0], "levels": [4, 3, 2]}, None),
+        ({"height": ["42 m", "31 m", "21 m"]}, None),
     ],
 )
-def test_heights_of_another_unit_are_noted(
-    tmp_path: Path, heights: list[float], levels: list[int] | None, remedy: str | None
+def test_heights_that_contradict_others_are_noted(
+    tmp_path: Path, columns: dict[str, list[Any]], doubt: str | None
 ) -> None:
-    columns = {"height": heights} | ({} if levels is None else {"levels": levels})
     boxes = [shapely.box(x, 0, x + 12, 10) for x in (0, 20, 40)]
     geopandas.GeoDataFrame(columns, geometry=boxes, crs="EPSG:32635").to_file(tmp_path / "b.gpkg")
-    remarks = read_vector_footprints(tmp_path / "b.gpkg").remarks
-    assert bool(remarks) == (remedy is not None)
-    assert all(str(remedy) in remark.reason for remark in remarks)
+    found = read_vector_footprints(tmp_path / "b.gpkg")
+    assert bool(found.remarks) == (doubt is not None)
+    assert all(str(doubt) in remark.reason for remark in found.remarks)
+    if doubt is not None:  # noted, not changed
+        assert [item.height for item in found.items] == columns["height"]
 
 
 def street(folder: Path, name: bytes, page: str | None = None, driver: int = 0) -> Path:
@@ -315,41 +320,6 @@ def test_a_camera_in_a_foot_frame(tmp_path: Path) -> None:
     assert found.z == pytest.approx(30.48, abs=0.001)
 
 
-def likely_feet(path: Path, columns: dict[str, list[Any]], crs: str, place: tuple[float, float]) -> list[str]:
-    boxes = [shapely.box(x, y, x + 1e-4, y + 1e-4) for x, y in (place, (place[0] + 2e-4, place[1]))]
-    geopandas.GeoDataFrame(columns, geometry=boxes, crs="EPSG:4326").to_crs(crs).to_file(path)
-    return [remark.reason for remark in read_vector_footprints(path).remarks if "taken in metres" in remark.reason]
-
-
-@pytest.mark.parametrize(
-    ("columns", "place", "words"),
-    [
-        ({"height": [42.0, 63.0], "levels": [4, 6]}, (24.95, 60.17), "10.5 a storey, which looks like feet"),
-        ({"height": [42.0, 63.0], "osm_id": [1, 2], "levels": [4, 6]}, (24.95, 60.17), "which looks like feet"),
-        ({"height": [12.8, 19.2], "levels": [4, 6]}, (-73.98, 40.75), None),
-        ({"height": [42.0, 63.0], "osm_id": [1, 2]}, (-73.98, 40.75), None),
-        ({"height": [42.0, 63.0]}, (-73.98, 40.75), "as no unit is stated"),
-        ({"height": [42.0, 63.0]}, (24.95, 60.17), None),
-        ({"height_m": [42.0, 63.0]}, (-73.98, 40.75), None),
-        ({"height_ft": [42.0, 63.0]}, (-73.98, 40.75), None),
-        ({"height": ["42 m", "63 m"]}, (-73.98, 40.75), None),
-        ({"height": [42.0, 63.0], "is_underground": [False, False]}, (-73.98, 40.75), None),
-    ],
-)
-def test_heights_that_may_be_feet_are_named(
-    tmp_path: Path, columns: dict[str, list[Any]], place: tuple[float, float], words: str | None
-) -> None:
-    found = likely_feet(tmp_path / "a.gpkg", columns, "EPSG:4326", place)
-    assert (len(found) == 1 and words in found[0]) if words else not found
-
-
-def test_a_unit_that_a_shapefile_cuts_off_is_named(tmp_path: Path) -> None:
-    columns = {"bldg_height_ft": [42.0, 63.0], "osm_id": [1, 2]}
-    found = likely_feet(tmp_path / "a.shp", columns, "EPSG:4326", (24.95, 60.17))
-    assert len(found) == 1
-    assert "cut off" in found[0]
-
-
 @pytest.mark.parametrize("code", [999, 9999.0, -9999, "99999"])
 def test_codes_of_unknown_heights_are_no_heights(tmp_path: Path, code: Any) -> None:
     boxes = [shapely.box(x, 60, x + 1e-4, 60.0001) for x in (24.0, 24.0002)]
@@ -358,3 +328,19 @@ def test_codes_of_unknown_heights_are_no_heights(tmp_path: Path, code: Any) -> N
     found = read_vector_footprints(tmp_path / "a.gpkg")
     assert [item.height for item in found.items] == [9.0, None]
     assert "heights not understood and ignored" in {remark.reason for remark in found.remarks}
+
+
+def test_least_heights_of_roofs_are_no_lower_ends() -> None:
+    tags = [{"height": "12", "min_height": "10"}, {"height": "9"}]
+    assert ignore_measured_minima(tags, {"height": "height", "min_height": "min_height"}, "b.gpkg") == []
+    (remark,) = ignore_measured_minima(tags, {"avg_height": "AVG_HEIGHT", "min_height": "MIN_HEIGHT"}, "b.gpkg")
+    assert tags == [{"height": "12"}, {"height": "9"}]
+    assert (remark.id, "least heights of b.gpkg" in remark.reason) == ("1 buildings", True)
+
+
+def test_heights_of_the_french_map_reach_to_the_gutter() -> None:
+    tags = [{"height": "9"}, {}]
+    mark_gutter_heights(tags, {"hauteur": "HAUTEUR"})
+    assert tags == [{"height": "9"}, {}]
+    mark_gutter_heights(tags, {"hauteur": "HAUTEUR", "z_min_sol": "Z_MIN_SOL"})
+    assert tags == [{"height:eaves": "9"}, {}]
